@@ -18,11 +18,12 @@ from fnmatch import fnmatchcase
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, cast, get_args
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from proofmass.errors import InputError, suggest
+from proofmass.recorded import RecordedColumn
 from proofmass.sim.protocol import Rod
 from proofmass.strict import Kind, Strict
 from proofmass.units import si_unit
@@ -35,12 +36,61 @@ def known_unit(unit: str) -> str:
     return unit
 
 
+class ProfileTable(Strict):
+    """``profile = { file = .. }``: a drive that follows the rows of a CSV file beside the sidecar.
+
+    Either its `value` is given, or its `rate`, which is integrated from the drive's ``from`` on;
+    `time` is the first column if it is left out.  A column is a name, or a table, see
+    `proofmass.recorded.RecordedColumn`.
+    """
+
+    file: str
+    time: RecordedColumn | None = None
+    value: RecordedColumn | None = None
+    rate: RecordedColumn | None = None
+    interpolation: Literal["spline", "linear"] = "spline"
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> "ProfileTable":
+        if (self.value is None) == (self.rate is None):
+            raise ValueError("give either value or rate: the column that the drive follows")
+        if self.value is not None and self.interpolation == "linear":
+            raise ValueError(
+                "interpolation = 'linear' goes with rate: a value that is straight between rows "
+                "has a rate that jumps at each of them; leave it out"
+            )
+        return self
+
+    @property
+    def given(self) -> tuple[str, RecordedColumn]:
+        """What is given, ``value`` or ``rate``, and its column."""
+        if self.value is not None:
+            return "value", self.value
+        return "rate", cast(RecordedColumn, self.rate)
+
+
+def form_of(profile: Any) -> str:
+    """The form in which a profile is given."""
+    if isinstance(profile, dict | ProfileTable):
+        return ProfileTable.__name__
+    return "str" if isinstance(profile, str) else "tuple"
+
+
+Profile = Annotated[
+    Annotated[str, Tag("str")]
+    | Annotated[tuple[str, str, str], Tag("tuple")]
+    | Annotated[ProfileTable, Tag(ProfileTable.__name__)],
+    Discriminator(form_of),
+]
+
+
 class DriveTable(Strict):
     """``[drive]``, or one of several ``[[drive]]``: a joint that is moved, and how.
 
     One of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and ``period`` (a swing
-    to and fro); ``profile`` with ``until``, a function of the reference's module, or three columns
-    of a recorded reference (value, rate, acceleration).  The first drive leads.  Another with
+    to and fro); ``profile`` with ``until``, a function of the reference's module; ``profile`` as
+    three columns of a recorded reference (value, rate, acceleration), or as a table that names a
+    file, see `ProfileTable`.  The first drive leads.  Another with
     ``from`` and ``to`` keeps its proportion to the first one's progress (`to` may equal
     `from`: it is held); one with a joint alone takes its row of the first one's profile.
     """
@@ -50,7 +100,7 @@ class DriveTable(Strict):
     to: float | None = None
     rate: float | None = None
     period: float | None = Field(None, gt=0)
-    profile: str | tuple[str, str, str] | None = None
+    profile: Profile | None = None
     until: float | None = Field(None, gt=0)
     parameters: dict[str, float] = Field({})
 
@@ -58,10 +108,12 @@ class DriveTable(Strict):
     @classmethod
     def _named(cls, profile: Any) -> Any:
         columns = isinstance(profile, list | tuple) and [type(c) for c in profile] == [str] * 3
-        if profile is not None and not isinstance(profile, str) and not columns:
+        known = profile is None or columns or isinstance(profile, str | dict | ProfileTable)
+        if not known:
             raise ValueError(
                 f"{profile!r} is neither the name of a function of the reference's module "
-                f"nor three columns of a recorded curve: [value, rate, acceleration]"
+                f"nor three columns of a recorded curve, [value, rate, acceleration], nor a table "
+                f'with a file, {{ file = "motor.csv", rate = "omega2" }}'
             )
         return profile
 
@@ -80,6 +132,9 @@ class DriveTable(Strict):
             raise ValueError("a profile needs until = the last time [s]")
         if self.to == self.start:
             raise ValueError("to must differ from 'from'")
+        followed = isinstance(self.profile, ProfileTable) and self.profile.given[0]
+        if followed == "value" and "start" in self.model_fields_set:
+            raise ValueError("from goes with the rate of a profile; its value has a start")
         if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
             raise ValueError("rate must be non-zero and lead from 'from' to 'to'")
 
@@ -410,6 +465,12 @@ class Case(Strict):
     def recorded(self) -> bool:
         """Whether the reference is a recorded curve."""
         return self.reference.endswith(".csv")
+
+    @property
+    def profile_files(self) -> tuple[Path, ...]:
+        """The files that drives follow."""
+        tables = [d.profile for d in self.drive if isinstance(d.profile, ProfileTable)]
+        return tuple(self.file.parent / table.file for table in tables)
 
     def require_model(self) -> None:
         """Raise InputError if there is no such file."""

@@ -7,7 +7,7 @@ which change the first tolerance would be used up.
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case
+from proofmass.case import Case, DriveTable, ProfileTable
 from proofmass.compare import Comparison, check_branch, compare, run_reference, scale_of, time_of
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
@@ -25,7 +25,7 @@ from proofmass.sim.contents import mass, size
 from proofmass.sim.elements import Number, Source, changed_rods, source_of, written
 from proofmass.sim.numbers import Sizes, numbers_of
 from proofmass.sim.protocol import BadModel, Curves
-from proofmass.solve import plan, run_here
+from proofmass.solve import prescribed_run, run_here
 from proofmass.strict import Kind
 
 ENOUGH = 24
@@ -129,9 +129,9 @@ def numbers(case: Case) -> list[Number]:
 
 def prescribed(case: Case, kind: Kind) -> Curves:
     """The motion that a run prescribes, without any channel."""
-    x = grid(case, kind)
-    run = plan(case, kind, case.run[kind].solvers[0])
-    return Curves(x, {}, drive=run.motion(x) if case.drive and kind != "equilibrium" else None)
+    run = prescribed_run(case, kind)
+    moved = case.drive and kind != "equilibrium"
+    return Curves(run.x, {}, drive=run.motion(run.x) if moved else None)
 
 
 sources = lru_cache(8)(source_of)
@@ -181,9 +181,20 @@ def mutant(case: Case, changes: Changes, folder: Path) -> Case:
         else run
         for kind, run in case.run.items()
     }
-    return case.model_copy(
-        update={"file": folder / case.file.name, "model": file.name, "rod": rods, "run": runs}
-    )
+    changed = {"file": folder / case.file.name, "model": file.name, "rod": rods, "run": runs}
+    return case.model_copy(update={**changed, "drive": tuple(map(whole_path(case), case.drive))})
+
+
+def whole_path(case: Case) -> Callable[[DriveTable], DriveTable]:
+    """What names the file that a drive follows by its whole path, for a sidecar elsewhere."""
+
+    def named(drive: DriveTable) -> DriveTable:
+        if not isinstance(drive.profile, ProfileTable):
+            return drive
+        file = str((case.file.parent / drive.profile.file).absolute())
+        return drive.model_copy(update={"profile": drive.profile.model_copy(update={"file": file})})
+
+    return named
 
 
 def with_changes(

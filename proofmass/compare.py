@@ -75,7 +75,8 @@ class Comparison:
         For each parameter the smallest change that the tolerance would catch. A parameter that
         could change by 10 % is left out, such as one that the channel does not depend on.
     outcome : str
-        agrees, differs, unchecked, unsupported, diverged, crashed, timed out or out of memory.
+        agrees, differs, undecided, unchecked, unsupported, diverged, crashed, timed out or out of
+        memory.
     message : str
         The tolerance's reason when it agrees; otherwise what is wrong.
     seconds, steps, violation
@@ -83,6 +84,9 @@ class Comparison:
     error_later : float
         Largest absolute difference after the first tenth of dynamics [its unit]: the start pose
         is often in another equilibrium of a soft loop than the motion; NaN in other runs.
+    uncertainty : float
+        What the curve may be off by at most for a reason that is no error of what is judged, such
+        as the interpolation of recorded rows [its unit]; 0 where there is none.
     """
 
     case: str
@@ -102,6 +106,7 @@ class Comparison:
     steps: int = 0
     violation: float = NAN
     error_later: float = NAN
+    uncertainty: float = 0.0
 
     @property
     def relative_to_range(self) -> float:
@@ -234,6 +239,7 @@ def one(
         )
     error = np.abs(curves.channels[name] - truth) / factor
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
+    unsure = curves.uncertainty.get(name, np.zeros_like(error)) / factor
     rms = float(np.sqrt(np.mean(error**2)))
     found: dict[str, Any] = {
         "error_max": float(error[worst]),
@@ -244,9 +250,14 @@ def one(
         if run == "dynamics"
         else NAN,
         "detectable": detectable,
+        "uncertainty": float(unsure.max(initial=0.0)),
     }
     why = tolerance.why if tolerance else ""
     outcome, message = verdict(float(error[worst]), allowed, unit, why)
+    if np.isfinite(error).all() and allowed > 0:
+        least, most = float((error - unsure).max()), float((error + unsure).max())
+        if least <= allowed < most:
+            outcome, message = Outcome.UNDECIDED, undecided(found["uncertainty"], allowed, unit)
     return Comparison(**place, **found, outcome=outcome, message=message)
 
 
@@ -330,6 +341,19 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome,
             f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
         )
     return Outcome.DIFFERS, f"{error / allowed:.3g} x the allowed error"
+
+
+def undecided(uncertainty: float, allowed: float, unit: str) -> str:
+    """Why a curve neither agrees nor differs.
+
+    >>> undecided(2e-3, 1e-3, "m").partition(";")[0]
+    'its curve is known to 0.002 m alone, where 0.001 m is allowed: too coarse to tell'
+    """
+    return (
+        f"its curve is known to {uncertainty:.3g} {unit} alone, where {allowed:.3g} {unit} is "
+        "allowed: too coarse to tell; give more rows, rows at the samples of the run, or a wider "
+        "tolerance"
+    )
 
 
 def changeable(case: Case) -> dict[str, float]:

@@ -30,6 +30,7 @@ from proofmass.files import read_text, write_whole
 from proofmass.fingerprint import digest, recorded_bytes, sources_with, versions
 from proofmass.reference import reads_model
 from proofmass.sim.numbers import KINDS
+from proofmass.solve import with_computing_solvers
 from proofmass.terminal import finite
 from proofmass.worker import stopping
 
@@ -120,6 +121,14 @@ def coverage_of(
     """
     key = key_of(case)
     file = file_of(case, key, folder)
+    case, others = with_computing_solvers(case)
+    if not case.run:
+        raise InputError(
+            case.file,
+            "run",
+            f"{', '.join(others)}: no number of the model acts on curves that are recorded; a run "
+            "needs an engine that computes",
+        )
     kept = read_kept(file)
     if kept.coverage is not None:
         return kept.coverage

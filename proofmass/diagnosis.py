@@ -33,7 +33,7 @@ from proofmass.analytic.remember import Memory, memory_in_use
 from proofmass.case import Case
 from proofmass.changed import mutant, numbers
 from proofmass.compare import allowed_error, changeable
-from proofmass.engines import engine_of
+from proofmass.engines import computes, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text
 from proofmass.outcome import FAILURES
@@ -434,7 +434,7 @@ def find_causes(
     if there.differing:
         found += [*factors(there), *offsets(there), *other_quantities(there), *shifts(there)]
         found += [*other_modes(there), *parameters(there, begin + SECONDS)]
-        if thorough:
+        if thorough and computes(solver):
             best = max((c.score for c in found if c.free <= 1), default=0)
             found += numbers_of_model(there, best)
         shorter = [*finer(there, run, solver)]
@@ -463,7 +463,7 @@ def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
         words.append("other assembly modes")
     if there.parameters:
         words.append("each parameter, and pairs of them")
-    if thorough and there.curves.seconds <= AGAIN * there.stride:
+    if thorough and computes(there.solver) and there.curves.seconds <= AGAIN * there.stride:
         words.append(f"numbers of the model in {MODEL_SECONDS:g} s")
     return tuple(words)
 
@@ -618,7 +618,7 @@ def finer(there: Residuals, run: Kind, solver: str) -> Iterator[tuple[Explanatio
     The run is made again, if it was short.
     """
     case = there.case
-    if there.curves.seconds > AGAIN:
+    if there.curves.seconds > AGAIN or not computes(solver):
         return
     if step := step_of(run, there.curves):
         words = f"a time step of {number(step / 2)} s instead of {number(step)} s"

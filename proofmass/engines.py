@@ -53,6 +53,23 @@ def own_engines() -> tuple[str, ...]:
     return tuple(name for name, entry in found().items() if distribution(entry) == OWN)
 
 
+def default_engines() -> tuple[str, ...]:
+    """The engines of this distribution that a sidecar has if it names none: all that compute."""
+    return tuple(filter(computes, own_engines()))
+
+
+def computes(solver: str) -> bool:
+    """Whether a solver's engine computes its curves; of one that cannot be loaded the run says why.
+
+    >>> computes("mujoco:default"), computes("recorded:rig")
+    (True, False)
+    """
+    try:
+        return engine_of(solver).computes
+    except NoEngine:
+        return True
+
+
 @cache
 def engine_of(name: str) -> Engine:
     """An engine by its name, or by that of a solver.

@@ -15,6 +15,7 @@ from proofmass.command import answering, counting, errors, not_one_case
 from proofmass.coverage import Coverage, coverage_of
 from proofmass.coverage_search import Finding
 from proofmass.sim.numbers import SHARE
+from proofmass.solve import with_computing_solvers
 from proofmass.terminal import console, finite, not_checked, own_numbers
 from proofmass.units import si_unit
 from proofmass.wording import number, pretty, spoken
@@ -76,6 +77,10 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
     yield ""
     yield "Who checks what"
     yield from checks(found)
+    for solver in with_computing_solvers(case)[1]:
+        yield from wrapped(
+            f"{spoken(solver)}: curves that are recorded; no number of the model acts on them", "  "
+        )
     if found.differing:
         yield from wrapped(f"differ already, and are asked nothing: {', '.join(found.differing)}")
     yield ""

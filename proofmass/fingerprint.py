@@ -13,8 +13,9 @@ import numpy as np
 import proofmass
 from proofmass import analytic, sim
 from proofmass.case import Case
-from proofmass.engines import brought_by, engine_of
+from proofmass.engines import brought_by, computes, engine_of
 from proofmass.reference import compiled
+from proofmass.sim.protocol import FILE
 
 
 def digest(data: bytes) -> str:
@@ -39,10 +40,15 @@ def saved(model: mujoco.MjModel) -> bytes:
 
 
 def recorded_bytes(case: Case) -> str:
-    """Digest of the reference's file, if it is a recorded curve."""
-    if not case.recorded:
+    """Digest of the recorded files: the reference's, those that drives follow, those of engines."""
+    files = [case.file.parent / case.reference] if case.recorded else []
+    files += case.profile_files
+    for solver, settings in case.settings.items():
+        names = engine_of(solver).settings.marked(FILE) if not computes(solver) else []
+        files += [case.file.parent / str(settings[name]) for name in names if name in settings]
+    if not files:
         return ""
-    return digest((case.file.parent / case.reference).read_bytes())
+    return digest(b"".join(file.read_bytes() for file in files))
 
 
 @cache

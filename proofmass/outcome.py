@@ -30,6 +30,10 @@ class Outcome(StrEnum):
 
     AGREES = "agrees", "every sample is as near to the reference as the tolerance asks for"
     DIFFERS = "differs", "a sample is further from the reference than the tolerance allows"
+    UNDECIDED = (
+        "undecided",
+        "the curve is not known closely enough to tell whether it is within the tolerance",
+    )
     UNCHECKED = "unchecked", "no tolerance covers the channel of this solver"
     UNSUPPORTED = "unsupported", "the engine does not deliver the channel in this run"
     DIVERGED = "diverged", "the engine lost the motion, or found no pose"
@@ -44,7 +48,7 @@ class Outcome(StrEnum):
     NO_START = "no start", "the model cannot be put into its start pose"
 
 
-CHECKED = (Outcome.AGREES, Outcome.DIFFERS)
+CHECKED = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED)
 """Outcomes of channels that were held against a tolerance."""
 OPEN = (Outcome.UNCHECKED, Outcome.UNSUPPORTED)
 """Outcomes of channels that were not checked."""

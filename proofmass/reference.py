@@ -5,22 +5,27 @@ import inspect
 import re
 from functools import lru_cache
 from types import ModuleType
+from typing import cast
 
 import numpy as np
 from mujoco import MjModel
 
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
-from proofmass.case import Case
+from proofmass.case import Case, ProfileTable
 from proofmass.drive import FunctionLaw, InProportion, Samples, State, Steady, Swing
 from proofmass.errors import InputError, suggest
+from proofmass.profile import SampledLaw, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
+from proofmass.sim.contents import joints
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, BadRod, Curves
 from proofmass.strict import Kind
 from proofmass.units import same_quantity, si_unit
 
-DriveLaw = InProportion | FunctionLaw | Samples | Steady | Swing
+DriveLaw = InProportion | FunctionLaw | SampledLaw | Samples | Steady | Swing
+DRIVE, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
+"""Names of what laws ask of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
 read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
@@ -66,6 +71,8 @@ def grid(case: Case, kind: Kind) -> Array:
         return np.linspace(0.0, run.until or min(rod.length for rod in case.rods), n)
     if leader is None or not leader.steady:
         end = run.until or (leader.until or leader.period if leader else None)
+        if end is None and leader and isinstance(leader.profile, ProfileTable):
+            end = float(sampled_law(case, 0).times[-1])
         return np.linspace(0.0, end or 0.0, n)
     first, last = leader.start, float(leader.to or 0.0)
     if kind == "sweep":
@@ -83,6 +90,8 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
     drive, truth, leader = case.drive[k], module_of(case), case.drive[0]
     if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
+    if isinstance(drive.profile, ProfileTable):
+        return sampled_law(case, k)
     if drive.profile is not None or drive.to is None:
         if isinstance(truth, Recorded):
             key = case.drive_key(k, "profile")
@@ -115,6 +124,18 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
     if drive.period:
         return Swing(drive.start, drive.to, drive.period)
     return Steady(drive.start, drive.speed, x_is_time=kind == "dynamics")
+
+
+def sampled_law(case: Case, k: int) -> SampledLaw:
+    """The law of drive number k, which follows the rows of a file."""
+    drive = case.drive[k]
+    unit = joints(compiled(case)).get(drive.joint) or "rad"
+    try:
+        return law_of_profile(
+            case.file.parent, cast(ProfileTable, drive.profile), drive.start, unit
+        )
+    except ValueError as error:
+        raise InputError(case.file, case.drive_key(k, "profile"), str(error)) from None
 
 
 def evaluate(case: Case, kind: Kind, x: Array, state: State | None, **changed: float) -> Curves:
@@ -155,14 +176,30 @@ def quantities(
 ) -> dict[str, Array]:
     """All that the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
 
-    `kind`, `x` and `state` are those of `evaluate`.
+    What the drives were asked for is known beside it, see `asked_of_drives`.  `kind`, `x` and
+    `state` are those of `evaluate`.
     """
     truth = module_of(case)
     if not isinstance(truth, Recorded):
-        return call(case, kind, truth, x, state, parameters, key)
-    if parameters:
+        known = call(case, kind, truth, x, state, parameters, key)
+    elif parameters:
         raise InputError(case.file, key, "the reference is a recorded curve, which has none")
-    return {name: values[: np.size(x)] for name, values in truth.columns.items()}
+    else:
+        known = {name: values[: np.size(x)] for name, values in truth.columns.items()}
+    return {**known, **asked_of_drives(case, kind, x)}
+
+
+def asked_of_drives(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
+    """What the laws ask of the drives: ``drive.JOINT``, ``drive.JOINT.rate``, ``.acceleration``.
+
+    A channel that equals one of them is held against the law, and not against the state that the
+    drive really had.
+    """
+    return {
+        f"{DRIVE}{drive.joint}{part}": np.broadcast_to(values, np.shape(x))
+        for drive, law in zip(case.drive, laws(case, kind), strict=True)
+        for part, values in zip(DRIVE_PARTS, law(np.asarray(x, float)), strict=True)
+    }
 
 
 def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
@@ -173,7 +210,7 @@ def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
             level = channel.scale * channel.equals + channel.shift
             wanted[name] = np.full(np.shape(x), level * channel.factor)
             continue
-        if isinstance(truth, Recorded):
+        if isinstance(truth, Recorded) and not channel.equals.startswith(DRIVE):
             column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
         elif channel.equals not in known:
             raise InputError(
@@ -262,7 +299,8 @@ def compiled(case: Case) -> MjModel:
 def identity(case: Case) -> tuple[str | int, ...]:
     """What tells a case from others whose reference has other curves: its keys, and its files."""
     asked = case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump_json()
-    files = [case.model_path, *([case.file.parent / case.reference] if case.recorded else [])]
+    files = [case.model_path, *case.profile_files]
+    files += [case.file.parent / case.reference] if case.recorded else []
     return asked, *(file.stat().st_mtime_ns for file in files)
 
 

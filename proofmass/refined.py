@@ -9,6 +9,7 @@ import numpy as np
 
 from proofmass.case import Case, Refine
 from proofmass.compare import Comparison, one, reference_for, verdict
+from proofmass.engines import computes
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
@@ -112,7 +113,7 @@ def refinements(case: Case) -> Iterator[Finer]:
     """The runs that ``[refine]`` asks for, solver by solver; none without it."""
     if refine := case.refine:
         run = refine.sampled(case.run[refine.run])
-        for solver in run.solvers:
+        for solver in filter(computes, run.solvers):
             study = RefinementStudy(case, refine, solver)
             for n in refine.segments:
                 rods = {

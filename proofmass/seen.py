@@ -8,7 +8,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded
-from proofmass.reference import channels, compiled, module_of, quantities
+from proofmass.reference import DRIVE, channels, compiled, module_of, quantities
 from proofmass.sim.protocol import Curves
 
 
@@ -106,6 +106,10 @@ def unit(case: Case, view: View, key: str, name: str) -> str:
     if name in [d.joint for d in case.drive]:
         slides = compiled(case).joint(name).type == mujoco.mjtJoint.mjJNT_SLIDE
         return "m" if slides else "rad"
+    if name.startswith(DRIVE):
+        joint, _, part = name.removeprefix(DRIVE).partition(".")
+        own = "m" if compiled(case).joint(joint).type == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+        return own + {"rate": "/s", "acceleration": "/s^2"}.get(part, "")
     if isinstance(truth, Recorded):
         return truth.units[name]
     told = next((c.unit for c in case.channels.values() if c.equals == name), getattr(view, given))

@@ -12,14 +12,14 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
-from proofmass.case import Case, Tolerance
-from proofmass.engines import NoEngine, engine_names, engine_of, own_engines
+from proofmass.case import Case, ProfileTable, Tolerance
+from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
 from proofmass.reference import compiled, knows_inertia, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.protocol import AccuracyLimit
-from proofmass.solve import plan
+from proofmass.solve import prescribed_run
 from proofmass.strict import Kind, Strict
 from proofmass.units import FORCES, KINDS, si_unit
 from proofmass.validate import delivered_unit, first_samples
@@ -77,7 +77,7 @@ def fill_runs(table: TomlTable) -> TomlTable:
         return table
     recorded = str(table.get("reference", "")).endswith(".csv")
     own = {} if recorded else {"n": SAMPLES}
-    there = list(own_engines())
+    there = list(default_engines())
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
     defaults: TomlTable = {
         "sweep": {**own, "solvers": there},
@@ -166,7 +166,7 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
 def quantities_of(case: Case) -> list[str]:
     """The names of what the reference knows."""
     kind = next(iter(case.run))
-    few = first_samples(case, plan(case, kind, case.run[kind].solvers[0]))
+    few = first_samples(case, prescribed_run(case, kind))
     return list(quantities(case, kind, few.x, few.drive, case.parameters))
 
 
@@ -336,7 +336,8 @@ def in_line(value: Any) -> Any:
     return [in_line(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-TYPES = ("int", "float", "str", "tuple[float, ...]")  # which pydantic adds to where an error is
+TYPES = ("int", "float", "str", "tuple", "tuple[float, ...]", ProfileTable.__name__)
+"""What pydantic adds to where an error is."""
 
 
 def load_case(file: Path | str) -> Case:

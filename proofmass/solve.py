@@ -1,5 +1,6 @@
 """Run a case in a simulator: ``solve(case, kind, solver) -> Curves``."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,11 +8,23 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.drive import check_driven
-from proofmass.engines import NoEngine, engine_names, engine_of
+from proofmass.engines import NoEngine, computes, engine_names, engine_of
 from proofmass.errors import InputError, suggest
+from proofmass.profile import SampledLaw
 from proofmass.reference import compiled, grid, laws
 from proofmass.sim.contents import joints
-from proofmass.sim.protocol import BadModel, BadSetting, Curves, Diverged, Drive, Run, Unsupported
+from proofmass.sim.protocol import (
+    BY_CHANNEL,
+    BY_JOINT,
+    FILE,
+    BadModel,
+    BadSetting,
+    Curves,
+    Diverged,
+    Drive,
+    Run,
+    Unsupported,
+)
 from proofmass.strict import Kind
 from proofmass.worker import Crashed, isolated
 
@@ -45,16 +58,51 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
         raise InputError(
             case.file, f"run.{kind}.solvers", f'{solver!r} needs a table [settings."{solver}"]'
         )
-    if settings:
-        try:
-            engine_of(engine).check_settings(settings)
-        except NoEngine as error:
+    table = f'settings."{solver}"' if variant else f"settings.{solver}"
+    try:
+        of = engine_of(engine)
+        for key in of.settings.marked(FILE):
+            if isinstance(name := settings.get(key), str):
+                settings[key] = str(case.file.parent / name)
+        of.check_settings(settings)
+    except NoEngine as error:
+        if settings:
             raise InputError(case.file, f"run.{kind}.solvers", str(error)) from None
-        except BadSetting as error:
-            key, why = error.args
-            table = f'"{solver}"' if variant else solver
-            raise InputError(case.file, f"settings.{table}.{key}", why) from None
+        return settings  # the run says why
+    except BadSetting as error:
+        key, why = error.args
+        raise InputError(case.file, f"{table}.{key}", why) from None
+    for mark, what, there in (
+        (BY_CHANNEL, "channel", [*case.channels]),
+        (BY_JOINT, "driven joint", [drive.joint for drive in case.drive]),
+    ):
+        for key in of.settings.marked(mark):
+            for name in settings.get(key, ()):
+                if name not in there:
+                    raise InputError(
+                        case.file,
+                        f"{table}.{key}.{name}",
+                        f"no {what} {name!r}; {suggest(name, there)}",
+                    )
     return settings
+
+
+def with_computing_solvers(case: Case) -> tuple[Case, tuple[str, ...]]:
+    """The case with the solvers alone that compute their curves, and the others.
+
+    A run that has no such solver is left out.
+    """
+    others = dict.fromkeys(
+        solver for run in case.run.values() for solver in run.solvers if not computes(solver)
+    )
+    if not others:
+        return case, ()
+    runs = {
+        kind: run.model_copy(update={"solvers": left})
+        for kind, run in case.run.items()
+        if (left := tuple(solver for solver in run.solvers if solver not in others))
+    }
+    return case.model_copy(update={"run": runs}), tuple(others)
 
 
 def plan(case: Case, kind: Kind, solver: str) -> Run:
@@ -63,14 +111,24 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
     Raises
     ------
     InputError
-        See `settings_of`; also where a law cannot be evaluated, is not finite, or leads a joint out
-        of its range.
+        See `settings_of` and `prescribed_run`.
     """
     settings = settings_of(case, kind, solver)
+    return replace(prescribed_run(case, kind), settings=settings)
+
+
+def prescribed_run(case: Case, kind: Kind) -> Run:
+    """The same for any simulator: a run without settings.
+
+    Raises
+    ------
+    InputError
+        A law cannot be evaluated, is not finite, or leads a joint out of its range.
+    """
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
-    own = case.rods, case.run[kind].inertia
-    run = Run(kind, grid(case, kind), channels, drives, case.start, settings, *own)
+    x, inertia = grid(case, kind), case.run[kind].inertia
+    run = Run(kind, x, channels, drives, case.start, rods=case.rods, inertia=inertia)
     try:
         check_drives(case, run)
     except (InputError, MemoryError):
@@ -98,6 +156,15 @@ def check_drives(case: Case, run: Run) -> None:
         if drive.joint not in units:  # the engines say which joints there are
             continue
         values, unit = motion[0], units[drive.joint]
+        if isinstance(drive.law, SampledLaw) and not drive.law.covers(run.x):
+            first, last = drive.law.times[[0, -1]]
+            raise InputError(
+                case.file,
+                case.drive_key(k, "profile"),
+                f"{drive.law.file} goes from {first:.6g} to {last:.6g} s, the run from "
+                f"{run.x[0]:.6g} to {run.x[-1]:.6g} s; nothing is extrapolated: give more rows, or "
+                "an until within them",
+            )
         largest = [float(np.abs(part).max()) for part in motion]
         if not (np.isfinite(largest).all() and largest[1] < FASTEST):
             raise InputError(
@@ -164,6 +231,15 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
         raise InputError(
             case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
         ) from None
+    notes = [
+        f"drive {drive.joint}: {drive.law.words}"
+        for drive in run.drives
+        if isinstance(drive.law, SampledLaw)
+    ]
+    if notes:
+        curves = replace(curves, notes=(*curves.notes, *notes))
+    if run.drives and curves.drive is None and kind != "equilibrium":
+        return replace(curves, drive=run.motion(curves.x), by_law=True)
     check_driven(run, curves)
     return curves
 
@@ -174,7 +250,7 @@ def simulate(engine: str, model: Path, run: Run) -> Curves:
         return engine_of(engine).simulate(model, run)
     except NoEngine as error:
         raise Crashed(str(error)) from error
-    except (BadModel, Unsupported, Diverged, MemoryError):
+    except (BadModel, InputError, Unsupported, Diverged, MemoryError):
         raise
     except Exception as error:
         raise Crashed(f"{type(error).__name__}: {error}") from error

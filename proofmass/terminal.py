@@ -283,6 +283,8 @@ def failures(result: Result, link: Callable[[Comparison], str] | None = None) ->
             yield Text(f"  {link(c)}", style="dim")
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
+    for line in notes(result):
+        yield Text(f"· {line}", style="dim")
     for case in result.cases:
         if case.unmatched:
             yield Text(f"· {case.name}: {not_checked(case)}", style="dim")
@@ -331,6 +333,16 @@ def nearest(judged: list[Comparison]) -> str:
         f"largest error {number(largest.relative_to_range)} of the range ({place(largest)}); "
         f"nearest to its limit {of_allowed(limit)} of what is allowed ({place(limit)})"
     )
+
+
+def notes(result: Result) -> Iterator[str]:
+    """What is said of curves; what is the same for several solvers of a case is said once."""
+    told: dict[tuple[str, str], list[str]] = {}
+    for (name, run, solver), curves in result.curves.items():
+        for note in curves.notes:
+            told.setdefault((name, note), []).append(f"{run} {solver}")
+    for (name, note), of in told.items():
+        yield f"{name} {of[0]}: {note}" if len(of) == 1 else f"{name}: {note}"
 
 
 def finite_or(value: float, otherwise: float) -> float:

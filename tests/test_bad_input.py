@@ -349,7 +349,7 @@ MEASURELESS = {
 CURVES = {
     "x falls": (r"\n0\.0077[^,]*", "\n0.0001", ["line", "t does not rise"]),
     "no unit": (r"r1 \[m\]", "r1", ["column 'r1'", "name [unit]"]),
-    "unknown unit": (r"r1 \[m\]", "r1 [furlog]", ["r1 [furlog]", "unknown unit"]),
+    "unknown unit": (r"r1 \[m\]", "r1 [furlog]", ["column 'r1'", "unknown unit 'furlog'"]),
     "no number": (r"\n0,0,", "\n0,zero,", ["line 4, theta2", "'zero'"]),
     "not finite": (r"\n0,0,", "\n0,nan,", ["line 4, theta2", "not finite"]),
     "wrong unit": (r"r1 \[m\]", "r1 [rad]", ["channels.r1.equals", "rad"]),

@@ -211,7 +211,7 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
         case, "sweep", Curves(x, other.channels), truth
     )  # a free motion: nothing to evaluate with
 
-    def evaluated(case, x, state, mode):
+    def evaluated(case, x, state, run, mode):
         if mode != -1:  # a mode that is not there at these poses hides no other
             raise InputError(case.file, "", "")
         return other

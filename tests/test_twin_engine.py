@@ -124,8 +124,10 @@ def run(*words: object) -> str:
 
 
 def test_engines_are_listed_without_being_imported(site: Path) -> None:
-    assert engine_names() == ["mujoco", "pymunk", "bare", "broken", "foreign", "twin", "wrong"]
-    assert engines.own_engines() == ("mujoco", "pymunk")  # whose looks do not change
+    others = ["bare", "broken", "foreign", "twin", "wrong"]
+    assert engine_names() == ["mujoco", "pymunk", "recorded", *others]
+    assert engines.own_engines() == ("mujoco", "pymunk", "recorded")  # whose looks do not change
+    assert engines.default_engines() == ("mujoco", "pymunk")
 
 
 def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_path: Path) -> None:

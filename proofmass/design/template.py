@@ -12,13 +12,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from proofmass.analytic.balancer import Balancer, balancer
 from proofmass.analytic.balancer.model import preloaded
-from proofmass.engines import own_engines
+from proofmass.engines import default_engines
 from proofmass.files import write_whole
 
 GRAVITY = 9.81  # [m/s^2] gives the weight at the tip its mass; statics knows the weight alone
 LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
 OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no winding gets so far
-SOLVERS = own_engines()
+SOLVERS = default_engines()
 
 
 @dataclass(frozen=True)

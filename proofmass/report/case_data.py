@@ -18,6 +18,7 @@ from proofmass import terminal
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import Comparison, scale_of
+from proofmass.engines import computes
 from proofmass.outcome import LOST, Outcome
 from proofmass.report.data import Shown, drive_units, inputs, readable
 from proofmass.report.style import Look
@@ -93,7 +94,7 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
         "label": spoken(solver),
         "dash": list(look.dash[1]),
         "marker": CSS.get(look.marker, "cross"),
-        "variant": ":" in solver,
+        "variant": ":" in solver and computes(solver),
     }
 
 

@@ -89,7 +89,11 @@ def columns(view: Shown) -> Iterator[tuple[str, str, dict[str, Array]]]:
             zip(view.case.drive, drive_units(view.case), strict=True)
         ):
             for order, (suffix, per) in enumerate(ORDERS):
-                moved = {s: c.drive[order][row] for s, c in view.curves.items() if c.drive}
+                moved = {
+                    s: c.drive[order][row]
+                    for s, c in view.curves.items()
+                    if c.drive and not c.by_law
+                }
                 if moved:
                     yield f"{drive.joint} drive{suffix}", f"{unit}{per}", moved
     for name in view.channels:

@@ -12,7 +12,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import ComparedCurves, Comparison, reference_for
 from proofmass.outcome import LOST, Outcome
-from proofmass.reference import compiled, evaluate, grid, laws
+from proofmass.reference import DRIVE, DRIVE_PARTS, compiled, evaluate, grid, laws
 from proofmass.refined import RefinedRow
 from proofmass.report.jumps import Jumps, of_reference, of_solver
 from proofmass.report.words import KINDS
@@ -229,7 +229,8 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
     """Drives that are not plain from the axis: the law, and how each solver's drive really moved.
 
     One steady drive is the axis itself; of several steady ones the positions are enough.  At rest
-    they are held.  Rates and accelerations are left out where no solver's run has any.
+    they are held.  Rates and accelerations are left out where no solver's run has any.  So is
+    what a channel has, and solvers whose run tells of no drive.
     """
     case, found = view.case, {}
     if (
@@ -239,6 +240,7 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
         or (case.leader.steady and len(case.drive) == 1)
     ):
         return {}
+    equal = {case.channels[name].equals for name in view.channels}
     prescribed = zip(case.drive, laws(case, view.kind), drive_units(case), strict=True)
     for row, (drive, law, unit) in enumerate(prescribed):
         names = (
@@ -248,9 +250,11 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
         )
         for k, (suffix, u) in enumerate(names[: 1 if case.leader.steady else 3]):
             moved = {
-                s: c.drive[k][row] for s, c in view.curves.items() if c.drive and k <= c.derivatives
+                s: c.drive[k][row]
+                for s, c in view.curves.items()
+                if c.drive and not c.by_law and k <= c.derivatives
             }
-            if moved:
+            if moved and f"{DRIVE}{drive.joint}{DRIVE_PARTS[k]}" not in equal:
                 found[f"{drive.joint}{suffix}"] = np.asarray(law(view.longest.x)[k]), moved, u
     return found
 

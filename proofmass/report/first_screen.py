@@ -71,10 +71,13 @@ def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> 
     """The verdict in few words."""
     judged = [c for c in rows if c.outcome in CHECKED]
     differs = sum(c.outcome == Outcome.DIFFERS for c in rows)
+    coarse = sum(c.outcome == Outcome.UNDECIDED for c in rows)
     lost = dict.fromkeys(c.outcome for c in rows if c.outcome in LOST)
     words = []
     if differs:
         words.append(f"Differs: {differs} of {len(judged)} checked curves")
+    if coarse:
+        words.append(f"Undecided: {coarse} of {len(judged)} checked curves")
     if lost:
         solvers = {(c.run, c.solver) for c in rows if c.outcome in LOST}
         words.append(f"{len(solvers)} run{'s' * (len(solvers) > 1)} {listed(map(str, lost))}")
@@ -114,7 +117,7 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
     outcomes = {c.outcome for c in rows}
     if faults or not rows:
         return ["Mend the input: the message above names the file and the key."]
-    if Outcome.DIFFERS not in outcomes and not outcomes & set(LOST):
+    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *LOST}:
         if state == "bad":
             return ["Give the case a [[tolerance]] that covers a channel, or say unchecked = true."]
         if Outcome.AGREES not in outcomes:
@@ -124,6 +127,11 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
             *defaults(rows),
         ]
     words = []
+    if Outcome.UNDECIDED in outcomes:
+        words.append(
+            "Record more rows of a curve that is undecided, or rows at the samples of the run: "
+            "what lies between its rows is not known as closely as its tolerance asks for."
+        )
     if any(c.outcome == Outcome.DIFFERS and c.run != "dynamics" for c in rows):
         words.append(
             "Hold the lengths, masses and signs of the model against the parameters of the case: "

@@ -331,7 +331,12 @@ def shortened(sentences: Iterable[str]) -> list[str]:
 
 def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tuple[str, str]:
     """The sign and the word of a case's state: of the worst outcome."""
-    order = (Outcome.DIFFERS, *LOST, *((Outcome.AGREES,) if state == "good" else ()))
+    order = (
+        Outcome.DIFFERS,
+        Outcome.UNDECIDED,
+        *LOST,
+        *((Outcome.AGREES,) if state == "good" else ()),
+    )
     there = {c.outcome for c in rows}
     for outcome in order:
         if outcome in there:

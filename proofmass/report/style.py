@@ -151,7 +151,7 @@ def hatches(engines: Iterable[str]) -> dict[str, str]:
     """A hatch for every engine, its own for those of this distribution.
 
     >>> hatches(["pymunk", "adams"])
-    {'pymunk': '////', 'adams': '....'}
+    {'pymunk': '////', 'adams': 'xxxx'}
     """
     own = own_engines()
     other = sorted(set(engines) - set(own))

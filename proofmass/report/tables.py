@@ -273,13 +273,17 @@ def costs(view: Shown) -> list[dict[str, str]]:
             continue
         c, curves = own[0], view.curves.get(solver)
         settings = curves.settings if curves else {}
+        told = [f"{k} {plain(v)}" for k, v in settings.items()]
         rows.append(
             {
                 "solver": solver,
                 "seconds": number(c.seconds),
                 "violation": number(c.violation),
                 "steps": str(c.steps) if c.steps else "—",
-                "settings": ", ".join(f"{k} {plain(v)}" for k, v in settings.items()) or "—",
+                "settings": "; ".join(
+                    filter(None, (", ".join(told), *(curves.notes if curves else ())))
+                )
+                or "—",
                 "note": c.message if c.outcome in LOST else "",
             }
         )

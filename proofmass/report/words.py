@@ -64,6 +64,7 @@ RUNS = {
 SYMBOLS: dict[str, str] = {
     Outcome.AGREES: "✓",
     Outcome.DIFFERS: "✗",
+    Outcome.UNDECIDED: "?",
     Outcome.UNCHECKED: "○",
     Outcome.UNSUPPORTED: "–",
     **dict.fromkeys(LOST, "⚠"),
@@ -169,7 +170,7 @@ def headline(
 def clean(rows: list[Comparison]) -> bool:
     """Whether something was checked, and all of it agrees."""
     outcomes = {c.outcome for c in rows}
-    return Outcome.AGREES in outcomes and not outcomes & {Outcome.DIFFERS, *LOST}
+    return Outcome.AGREES in outcomes and not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *LOST}
 
 
 def plain(rows: list[Comparison]) -> bool:
@@ -212,6 +213,11 @@ def told(solver: str, rows: list[Comparison], where: str) -> str:
         return (
             f"{name} differs{where} on {listed(c.channel for c in bad)}"
             f" (worst {worst.channel}: {worst.message})"
+        )
+    if coarse := [c for c in rows if c.outcome == Outcome.UNDECIDED]:
+        return (
+            f"{name} is undecided{where} on {listed(c.channel for c in coarse)} "
+            "(known too coarsely to tell)"
         )
     agreed = sum(c.outcome == Outcome.AGREES for c in rows)
     return f"{name} agrees{where}" + (

@@ -95,12 +95,25 @@ Number = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, lt=2**31)]
 Switch = Annotated[bool, Field(strict=True)]
 Numbers = Annotated[tuple[Number, ...], BeforeValidator(_spelled)]
+FILE, BY_CHANNEL, BY_JOINT = "file", "by channel", "by joint"
+"""Marks of settings: names of files from the sidecar's folder; tables by channel, by joint."""
+FileName = Annotated[str, FILE]
+"""A file.  A sidecar names it from its own folder; an engine is given the whole path."""
 
 
 class EngineSettings(BaseModel):
-    """What can be set in an engine, with types and ranges; each engine states its own."""
+    """What can be set in an engine, with types and ranges; each engine states its own.
+
+    A setting that is the name of a file is a `FileName`.  A table whose keys are names of channels
+    or of driven joints is annotated with `BY_CHANNEL` or `BY_JOINT`: the names are then checked.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def marked(cls, mark: str) -> list[str]:
+        """The settings that are annotated with a mark."""
+        return [name for name, field in cls.model_fields.items() if mark in field.metadata]
 
     @classmethod
     def read(cls, settings: Mapping[str, Any]) -> Self:
@@ -120,8 +133,12 @@ class EngineSettings(BaseModel):
             return cls(**settings)
         except ValidationError as error:
             first = error.errors()[0]
+            key = ".".join(takewhile(lambda part: isinstance(part, str), first["loc"]))  # type: ignore
+            if first["type"] == "missing":
+                raise BadSetting(key, "missing; it is required") from None
             wrong = first["msg"].removeprefix("Value error, ")
-            raise BadSetting(first["loc"][0], f"{wrong}, not {first['input']!r}") from None
+            told = "" if isinstance(first["input"], dict) else f", not {first['input']!r}"
+            raise BadSetting(key, f"{wrong}{told}") from None
 
 
 @dataclass(frozen=True)
@@ -283,7 +300,8 @@ class Curves:
         Channels that this simulator cannot deliver in this kind of run, with the reason.
     drive : tuple of three ndarray (drives, n), or None
         Value, rate and acceleration [rad or m, per s, per s^2] of the driven joints *as they
-        actually moved*; rates and accelerations of a sweep are those of its law.
+        actually moved*; rates and accelerations of a sweep are those of its law.  None of a driven
+        run stands for what the laws ask for.
     violation : float
         Largest distance between two points that a loop should hold together [m].
     seconds : float
@@ -300,6 +318,13 @@ class Curves:
         alone, as where the engine comes to rest at every sample.
     violations : ndarray (n,), or None
         The constraint violation at each sample [m], of a run in time.
+    uncertainty : dict of str to ndarray (n,)
+        By channel, what its curve may be off by for a reason that is no error of what is judged,
+        such as the interpolation of rows [SI]; nothing where it is left out.
+    by_law : bool
+        Whether `drive` is what the laws ask for, since the run tells of no drive of its own.
+    notes : tuple of str
+        What is to be said of the curves, a sentence each.
     """
 
     x: Array
@@ -313,6 +338,9 @@ class Curves:
     stopped: str = ""
     derivatives: int = 2
     violations: Array | None = None
+    uncertainty: dict[str, Array] = field(default_factory=dict)
+    by_law: bool = False
+    notes: tuple[str, ...] = ()
 
     def first(self, count: int) -> "Curves":
         """The same up to a number of samples."""
@@ -323,6 +351,7 @@ class Curves:
             channels={name: curve[:count] for name, curve in self.channels.items()},
             drive=self.drive and (value[:, :count], rate[:, :count], acceleration[:, :count]),
             violations=None if self.violations is None else self.violations[:count],
+            uncertainty={name: size[:count] for name, size in self.uncertainty.items()},
         )
 
 
@@ -538,6 +567,9 @@ class Engine:
         Settings that it chooses or fits itself where they are not given, and reports.
     native : bool
         Whether it compiles the MJCF itself: what cannot be compiled is then refused by it.
+    computes : bool
+        Whether it computes its curves from the model.  An engine that does not, but has them from
+        elsewhere, is no solver unless a sidecar names it, and studies leave it out.
     imposed : sequence of Imposed
         How its programs can move drives, the ideal way first.
     schemes : tuple of Scheme
@@ -556,6 +588,7 @@ class Engine:
     settings: type[EngineSettings] = EngineSettings
     chooses: tuple[str, ...] = ("timestep",)
     native = False
+    computes = True
     imposed: Sequence[Imposed] = (Imposed("ideal drive"),)
     schemes: tuple[Scheme, ...] = ()
     sizes: Mapping[str, Callable[[ParameterValue], float]] = {"timestep": leading}
@@ -572,12 +605,17 @@ class Engine:
         Raises
         ------
         BadModel, Unsupported, Diverged
-            Whatever else it raises counts as a crash of that run.
+            Whatever else it raises counts as a crash of that run, but for an
+            `proofmass.errors.InputError`, which names a file of its own that is at fault.
         """
         raise NotImplementedError
 
     def check_settings(self, settings: Mapping[str, object]) -> None:
-        """Raise `BadSetting` if the engine cannot be set so."""
+        """Raise `BadSetting` if the engine cannot be set so.
+
+        A file that a setting names, whose path is whole here, may be read; `InputError` says what
+        is wrong in it.
+        """
         self.settings.read(settings)
 
     def is_default(self, parameters: ParameterValues) -> bool:

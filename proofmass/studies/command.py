@@ -7,6 +7,7 @@ from proofmass.case import Case
 from proofmass.check import collect, load, require_different_names
 from proofmass.command import errors
 from proofmass.errors import InputError
+from proofmass.solve import with_computing_solvers
 
 
 def named(paths: list[Path]) -> list[Case]:
@@ -28,7 +29,31 @@ def named(paths: list[Path]) -> list[Case]:
     require_different_names(cases)
     for one in lone:
         errors.print(f"passed over: {one}", markup=False)
-    return cases
+    return [computing(case) for case in cases]
+
+
+def computing(case: Case) -> Case:
+    """The case with the solvers that compute; says which others it has.
+
+    Raises
+    ------
+    InputError
+        It has others alone.
+    """
+    case_left, others = with_computing_solvers(case)
+    if others and not case_left.run:
+        raise InputError(
+            case.file,
+            "run",
+            f"{', '.join(others)}: curves that are recorded have no settings to study; a study "
+            "needs an engine that computes",
+        )
+    for solver in others:
+        errors.print(
+            f"{case.name}: {solver} is left out: its curves are recorded, nothing is set in it",
+            markup=False,
+        )
+    return case_left
 
 
 def seconds(option: str, value: float) -> float:

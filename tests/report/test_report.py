@@ -117,8 +117,8 @@ def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
     curves = curves_of(fourbar, "dynamics", 3e-2)
     rows = compare(fourbar, "dynamics", "mujoco:default", curves)
     assert (
-        "shown unchecked: MuJoCo default (off by 3% of the range in position, 3% in velocity and 3% "
-        "in force or energy)"
+        "shown unchecked: MuJoCo default (off by 3% of the range in position, 3% in velocity and "
+        "3% in force or energy)"
     ) in headline(fourbar, [*result.comparisons, *rows])
 
 

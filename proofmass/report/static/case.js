@@ -51,7 +51,7 @@ const runs = () => Object.values(data.runs).filter((run) => run.whole);
 const current = () => data.runs[state.run];
 const comparison = (solver, channel = state.channel) =>
   current().solvers[solver]?.comparisons[channel];
-const judged = (c) => c && ["agrees", "differs"].includes(c.outcome);
+const judged = (c) => c && ["agrees", "differs", "undecided"].includes(c.outcome);
 // Whether nothing of a lost run is there to be drawn.
 const gone = (run, name) => Boolean(run.lost[name]) && !run.solvers[name]?.differences;
 const solversOf = (run) => Object.keys(run.solvers).filter((name) => run.solvers[name].differences);
@@ -427,6 +427,8 @@ function reasons() {
     const ratio = c.ratio === null ? "" : worded(c.ratio);
     text += c.outcome === "differs"
       ? `, <b class="bad">${ratio ? `${ratio} × the allowance` : escaped(c.message)}</b>.`
+      : c.outcome === "undecided"
+      ? `, <b class="bad">undecided</b>: ${escaped(c.message)}.`
       : `, ${ratio || "within"} of the allowance.`;
     const why = c.why ? ` <span class="soft">Why this much is allowed: ${escaped(c.why)}.</span>` : "";
     return `<p>${head} ${text}${why}${stopped}</p>`;
@@ -463,10 +465,12 @@ function drawList() {
   };
   const items = order.map(({ name, ratio }) => {
     const channel = run.channels[name];
-    const bad = ratio > 1;
+    const coarse = ratio <= 1 &&
+      Object.values(run.solvers).some((one) => one.comparisons[name]?.outcome === "undecided");
+    const bad = ratio > 1 || coarse;
     const known = ratio >= 0;
-    const sign = known ? (bad ? "✗" : "✓") : "○";
-    const words = known ? (bad ? "differs" : "agrees") : "not judged";
+    const sign = coarse ? "?" : known ? (bad ? "✗" : "✓") : "○";
+    const words = coarse ? "undecided" : known ? (bad ? "differs" : "agrees") : "not judged";
     return (
       `<div class="item" role="option" id="option-${escaped(name)}" data-channel="${escaped(name)}"` +
       ` aria-selected="${name === state.channel}">` +

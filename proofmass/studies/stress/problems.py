@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.drive import Steady
-from proofmass.engines import engine_names, engine_of
+from proofmass.engines import computes, engine_names, engine_of
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import Curves, Drive, Rod, Run, Scheme, Specimen
 from proofmass.sim.specimens import key, mjcf, wheel
@@ -268,7 +268,7 @@ def turn_wheel(engine: str, settings: dict[str, Any], speed: float) -> TrialResu
 
 def columns() -> Iterator[LimitSearch]:
     """Euler's column, as a chain of links."""
-    for engine in engine_names():
+    for engine in filter(computes, engine_names()):
         for segments in (4, 12):
             yield LimitSearch(
                 f"column of {segments} segments",
@@ -306,7 +306,7 @@ def folds() -> Iterator[LimitSearch]:
     bars = 2.0, 2.0, 2.5, 3.0
     crank, coupler, rocker, ground = bars
     reach = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
-    for engine in engine_names():
+    for engine in filter(computes, engine_names()):
         yield LimitSearch(
             "four-bar 2, 2, 2.5, 3 to its limit position",
             engine,

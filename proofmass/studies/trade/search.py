@@ -19,7 +19,7 @@ from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.reference import grid
 from proofmass.sim.protocol import Curves, Recipe, leading
-from proofmass.solve import plan
+from proofmass.solve import prescribed_run
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
@@ -289,7 +289,7 @@ def cached_reference_seconds(case: Case, store: Store) -> float:
 
 def reference_seconds(case: Case) -> float:
     """Wall time of the reference of dynamics [s], in the worker that evaluates it."""
-    asked = plan(case, "dynamics", case.run["dynamics"].solvers[0])
+    asked = prescribed_run(case, "dynamics")
     began = time.perf_counter()
     with suppress(InputError):  # the runs tell
         cached_reference(

@@ -1,0 +1,183 @@
+"""Sampled profiles: the motion of a drive from the rows of a file, as other programs impose it.
+
+A file has the value of a drive or its rate at rising times.  Both are made a piecewise polynomial
+p(t), of which the derivatives and the integral are exact:
+
+    value, spline    q = p, cubic, q'' continuous          q' = p'     q'' = p''
+    rate, spline     q' = p, cubic, q''' continuous        q = from + integral of p, quartic
+    rate, linear     q' = p, straight between rows         q quadratic, q'' a stair
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.case import ProfileTable
+from proofmass.drive import State
+from proofmass.errors import InputError
+from proofmass.recorded import ENOUGH, TIGHT, RecordedColumn, interval_errors, read_table
+
+KEPT = 16  # laws
+FEWEST = {"spline": 4, "linear": 2}  # rows
+STEEP = 10.0  # times its neighbours, from which on a change from row to row is a jump
+SEEN = 1e-6  # of the range: a smaller change is no jump
+
+
+@dataclass(frozen=True)
+class SampledLaw:
+    """A drive that follows a piecewise polynomial.
+
+    Attributes
+    ----------
+    times : ndarray (m,)
+        Where the pieces meet [s].
+    pieces : ndarray (degree + 1, m - 1)
+        Coefficients of the value, that of the highest power first [SI].
+    file : str
+        Name of the file that it is of.
+    words : str
+        How it was made of the file's rows, and how closely it is known between them.
+    """
+
+    times: Array
+    pieces: Array
+    file: str
+    words: str
+
+    def __call__(self, x: Array) -> State:
+        """Value, rate and acceleration of the joint at samples x of a run.
+
+        At a row where the acceleration jumps it is that of the piece that begins there.
+        """
+        t = np.asarray(x, float)
+        k = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, self.times.size - 2)
+        s, powers = t - self.times[k], np.arange(self.pieces.shape[0] - 1, -1, -1)
+        found = list[Array]()
+        factors = np.ones(powers.size)
+        for order in range(3):
+            value = np.zeros_like(t)
+            for row, factor, power in zip(self.pieces, factors, powers - order, strict=True):
+                if power >= 0:
+                    value = value * s + factor * row[k]
+            found.append(value)
+            factors = factors * (powers - order)
+        return found[0], found[1], found[2]
+
+    def covers(self, x: Array) -> bool:
+        """Whether samples lie within the rows."""
+        near = TIGHT * float(np.median(np.diff(self.times)))
+        return bool(x[0] >= self.times[0] - near and x[-1] <= self.times[-1] + near)
+
+
+def law_of_profile(folder: Path, profile: ProfileTable, start: float, unit: str) -> SampledLaw:
+    """The law of a drive that follows a file.
+
+    Parameters
+    ----------
+    folder : Path
+        That of the sidecar, from which the file is named.
+    profile : ProfileTable
+    start : float
+        First value of a drive whose rate is given [rad or m].
+    unit : {"rad", "m"}
+        Of the joint's value.
+
+    Raises
+    ------
+    InputError
+        The file is at fault; names it, with the line or the column.
+    ValueError
+        A column is not there, or measures something else; names it.
+    """
+    file = folder / profile.file
+    changed = file.stat().st_mtime_ns if file.is_file() else 0
+    return law_once(file, changed, profile, start, unit)
+
+
+@lru_cache(KEPT)
+def law_once(
+    file: Path, changed: int, profile: ProfileTable, start: float, unit: str
+) -> SampledLaw:
+    """`law_of_profile`, for a file as it was at the time `changed`."""
+    table = read_table(file)
+    clock = profile.time or RecordedColumn(column=next(iter(table.units)))
+    kind, column = profile.given
+    si = unit if kind == "value" else f"{unit}/s"
+    table.require(clock, "s")
+    table.require(column, si)
+    times, values = table.rising(clock), table.curve(column)
+    if times.size < FEWEST[profile.interpolation]:
+        raise InputError(
+            file, "", f"{times.size} rows; a {profile.interpolation} needs {FEWEST['spline']}"
+        )
+    if (k := jump_in(times, values)) is not None:
+        raise InputError(
+            file,
+            table.line(k + 1),
+            f"{column.column} jumps from {values[k]:.6g} to {values[k + 1]:.6g} {si} in "
+            f"{times[k + 1] - times[k]:.3g} s: {advice(kind, unit, values[k + 1] - values[k])}",
+        )
+    pieces, words = made(times, values, profile, start, si)
+    return SampledLaw(
+        times, pieces, file.name, f"{kind} of {file.name}, {times.size} rows, {words}"
+    )
+
+
+def advice(kind: str, unit: str, step: float) -> str:
+    """What would be right instead of a jump."""
+    turns = step / (2 * np.pi)
+    if kind == "value" and unit == "rad" and abs(turns) > 0.5 and abs(turns - round(turns)) < 0.1:
+        return "the angle is wrapped; add unwrap = true to its column"
+    what = "rate" if kind == "value" else "acceleration"
+    return (
+        f"no drive has the {what} that this asks for; record the way from one to the other in "
+        "several rows"
+    )
+
+
+def jump_in(times: Array, values: Array) -> int | None:
+    """The row after which a curve jumps: it is much steeper there than before and after.
+
+    >>> t = np.linspace(0.0, 1.0, 21)
+    >>> jump_in(t, np.sin(t)), jump_in(t, np.sin(t) + (t > 0.52))
+    (None, 10)
+    """
+    if times.size < ENOUGH:  # where a few rows are the corners of a motion that is meant so
+        return None
+    slopes = np.abs(np.diff(values) / np.diff(times))
+    sides = np.pad(slopes, 1)
+    around = np.maximum(sides[:-2], sides[2:])
+    large = np.abs(np.diff(values)) > SEEN * float(np.ptp(values))
+    found = np.flatnonzero(large & (slopes > STEEP * around))
+    return int(found[0]) if found.size else None
+
+
+def made(
+    times: Array, values: Array, profile: ProfileTable, start: float, si: str
+) -> tuple[Array, str]:
+    """The pieces of the value, and how they were made."""
+    kind, _ = profile.given
+    if profile.interpolation == "linear":
+        steps = np.diff(times)
+        slopes = np.diff(values) / steps
+        way = np.append(0.0, np.cumsum(0.5 * (values[:-1] + values[1:]) * steps))
+        stair = float(np.abs(np.diff(slopes)).max(initial=0.0))
+        return np.array([0.5 * slopes, values[:-1], start + way[:-1]]), (
+            "straight from row to row and integrated exactly: the value is quadratic, the "
+            f"acceleration a stair with steps up to {stair:.2g} {si}^2"
+        )
+    from scipy.interpolate import CubicSpline  # slow to load
+
+    spline = CubicSpline(times, values)
+    off = float(interval_errors(times, values).max()) if times.size >= ENOUGH else np.nan
+    known = "" if np.isnan(off) else f"; between rows it may be off by {off:.2g} {si}"
+    if kind == "value":
+        return np.asarray(spline.c), (
+            f"a cubic spline, of which rate and acceleration are the derivatives{known}"
+        )
+    whole = np.array(spline.antiderivative().c)
+    whole[-1] += start
+    return whole, f"a cubic spline, integrated exactly{known}"

@@ -1,0 +1,290 @@
+"""Recorded curves as a party that is judged: those of another program, or of a test rig.
+
+Nothing is computed from the model; it tells which quantity each channel measures.  The curves of a
+CSV file are brought to the samples of a run by a spline, whose error is told with them.
+"""
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from proofmass.analytic.numerics import Array
+from proofmass.errors import InputError
+from proofmass.recorded import (
+    ENOUGH,
+    TIGHT,
+    RecordedColumn,
+    interpolated,
+    nearest_rows,
+    read_table,
+)
+from proofmass.sim.contents import channel_unit
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import (
+    BY_CHANNEL,
+    BY_JOINT,
+    BadModel,
+    BadSetting,
+    Curves,
+    Engine,
+    EngineSettings,
+    FileName,
+    Number,
+    Run,
+    Unsupported,
+)
+from proofmass.strict import Strict
+
+X_UNITS = {"dynamics": ("s",), "equilibrium": ("m",)}
+"""What the x of a run may measure; that of a sweep is time, or the value of a drive."""
+
+
+class RecordedDrive(Strict):
+    """How a driven joint moved, as it was recorded."""
+
+    value: RecordedColumn
+    rate: RecordedColumn
+    acceleration: RecordedColumn
+
+
+class RecordedSettings(EngineSettings):
+    """Which column of which file is what.
+
+    `gap` is the largest spacing of rows, as a multiple of the usual one, the median.
+    """
+
+    file: FileName
+    x: RecordedColumn | None = None
+    channels: Annotated[dict[str, RecordedColumn], BY_CHANNEL] = Field(min_length=1)
+    drive: Annotated[dict[str, RecordedDrive], BY_JOINT] = Field({})
+    gap: Number = Field(10.0, gt=1)
+
+
+class Recording:
+    """A file with its columns as settings tell them.
+
+    Raises
+    ------
+    BadSetting
+        A column that is not there, or whose unit nobody tells.
+    InputError
+        A cell that is no finite number, an x that does not rise, a gap between rows.
+    """
+
+    def __init__(self, settings: RecordedSettings) -> None:
+        self.settings, self.table = settings, read_table(Path(settings.file))
+        self.x = settings.x or RecordedColumn(column=next(iter(self.table.units)))
+        columns = {"x": self.x}
+        columns |= {f"channels.{name}": one for name, one in settings.channels.items()}
+        for joint, drive in settings.drive.items():
+            columns |= {f"drive.{joint}.{key}": getattr(drive, key) for key in PARTS}
+        for key, column in columns.items():
+            try:
+                self.table.require(column)
+            except ValueError as error:
+                raise BadSetting(key, str(error)) from None
+        self.rows = self.table.rising(self.x)
+        self.curves = {key: self.table.curve(column) for key, column in columns.items()}
+        self.spacing = float(np.median(np.diff(self.rows)))
+        self.check_gaps()
+
+    def check_gaps(self) -> None:
+        """Raise InputError if rows are missing."""
+        wide = np.diff(self.rows) / self.spacing
+        k = int(np.argmax(wide))
+        if wide[k] > self.settings.gap:
+            raise InputError(
+                self.table.file,
+                self.table.line(k + 1),
+                f"{self.x.column} goes from {self.rows[k]:.6g} to {self.rows[k + 1]:.6g}, "
+                f"{wide[k]:.3g} times the usual spacing of rows, {self.spacing:.4g} (SI): record "
+                f"what is missing, or allow it by gap = {np.ceil(wide[k]):.0f} in the settings",
+            )
+
+    def require(self, key: str, column: RecordedColumn, of: str, *quantities: str) -> None:
+        """Raise InputError unless a column measures one of these quantities."""
+        try:
+            self.table.require(column, *quantities)
+        except ValueError as error:
+            raise InputError(self.table.file, key, f"{of}: {error}") from None
+
+    def at_rows(self, run: Run) -> bool:
+        """Whether all samples of a run are rows.
+
+        Raises
+        ------
+        InputError
+            The rows do not reach so far.
+        """
+        first, last = self.rows[0], self.rows[-1]
+        near = TIGHT * self.spacing
+        if run.x[0] < first - near or run.x[-1] > last + near:
+            raise InputError(
+                self.table.file,
+                f"column {self.x.column!r}",
+                f"it goes from {first:.6g} to {last:.6g} (SI), the {run.kind} from {run.x[0]:.6g} "
+                f"to {run.x[-1]:.6g}; nothing is extrapolated: record the rest, or give the run "
+                "other samples",
+            )
+        off = np.abs(run.x - self.rows[nearest_rows(run.x, self.rows)])
+        if (off <= near).all():
+            return True
+        if self.rows.size < ENOUGH:
+            raise InputError(
+                self.table.file,
+                "",
+                f"{self.rows.size} rows are too few to interpolate; record {ENOUGH} or more, or "
+                "rows at the samples of the run",
+            )
+        return False
+
+
+PARTS = ("value", "rate", "acceleration")
+
+
+def simulate(model: Path, run: Run) -> Curves:
+    """Give the curves of a recorded file at the samples of a run.
+
+    Parameters
+    ----------
+    model : Path
+        The MJCF file, which tells the quantity of each channel.
+    run : Run
+        What to do; see `proofmass.sim.protocol.Run`.  Settings: see `RecordedSettings`.
+
+    Returns
+    -------
+    Curves
+        The channels that have a column, at ``run.x``, with the error of the interpolation as their
+        `uncertainty`; the state of the drives, where it was recorded.
+
+    Raises
+    ------
+    BadModel
+        The model does not compile, or lacks a sensor; a setting is wrong.
+    Unsupported
+        A passive run.
+    InputError
+        The file is at fault: its cells, its units, its range.
+    """
+    if run.kind == "passive":
+        raise Unsupported("a model without a sidecar, which names no recorded file")
+    begin = time.perf_counter()
+    compiled = compile_model(model, run.rods)
+    recording = Recording(RecordedSettings.read(run.settings))
+    table, columns = recording.table, recording.settings.channels
+    recording.require(
+        f"column {recording.x.column!r}", recording.x, f"x of the {run.kind}", *x_units(run)
+    )
+    for name in (name for name in run.channels if name in columns):
+        try:
+            unit = channel_unit(compiled, name, run.rods)
+        except KeyError as error:
+            raise BadModel(f"no sensor {error.args[0]!r}") from None
+        if unit is not None:
+            key = f"column {columns[name].column!r}"
+            recording.require(key, columns[name], f"channel {name}", unit)
+    exact = recording.at_rows(run)
+    channels, uncertainty = dict[str, Array](), dict[str, Array]()
+    nearest = nearest_rows(run.x, recording.rows)
+    for name in (name for name in run.channels if name in columns):
+        curve = recording.curves[f"channels.{name}"]
+        if exact:
+            channels[name] = curve[nearest]
+        else:
+            channels[name], uncertainty[name] = interpolated(run.x, recording.rows, curve)
+    return Curves(
+        run.x,
+        channels,
+        missing={
+            name: f"the settings name no column of {table.file.name} for it"
+            for name in run.channels
+            if name not in columns
+        },
+        drive=recorded_drive(recording, run, exact),
+        seconds=time.perf_counter() - begin,
+        settings={"x": recording.x.column},
+        uncertainty=uncertainty,
+        notes=(words(recording, uncertainty),),
+    )
+
+
+def x_units(run: Run) -> tuple[str, ...]:
+    """What the x of a run may measure [SI]."""
+    if run.kind in X_UNITS:
+        return X_UNITS[run.kind]
+    by_value = bool(run.drives) and np.array_equal(run.motion(run.x)[0][0], run.x)
+    return ("rad", "m") if by_value else ("s",)
+
+
+def recorded_drive(
+    recording: Recording, run: Run, exact: bool
+) -> tuple[Array, Array, Array] | None:
+    """The state of the drives as it was recorded; None if the settings name no columns for it.
+
+    Raises
+    ------
+    InputError
+        It is there for some drives alone, or between the samples of the run: the reference would
+        have the error of the interpolation, and nobody would tell how large it is.
+    """
+    there = recording.settings.drive
+    if not there or not run.drives:
+        return None
+    missing = [drive.joint for drive in run.drives if drive.joint not in there]
+    wrong = (
+        f"drive: no columns for joint {missing[0]!r}; give all drives or none"
+        if missing
+        else (
+            "drive: the columns are taken where rows stand at the samples of the run alone; record "
+            "such rows, or leave drive out of the settings: the reference is then that of the law"
+        )
+    )
+    if missing or not exact:
+        raise InputError(recording.table.file, "", wrong)
+    nearest = nearest_rows(run.x, recording.rows)
+    value, rate, acceleration = (
+        np.array([recording.curves[f"drive.{drive.joint}.{key}"][nearest] for drive in run.drives])
+        for key in PARTS
+    )
+    return value, rate, acceleration
+
+
+def words(recording: Recording, uncertainty: Mapping[str, Array]) -> str:
+    """Where the curves come from, and what the interpolation may lose."""
+    head = f"recorded in {recording.table.file.name}, {len(recording.table.rows)} rows"
+    if not uncertainty:
+        return f"{head}, at the samples of the run; nothing is interpolated"
+    shares = {
+        name: float(error.max()) / (float(np.ptp(recording.curves[f"channels.{name}"])) or 1.0)
+        for name, error in uncertainty.items()
+    }
+    worst = max(shares, key=shares.__getitem__)
+    return (
+        f"{head}, interpolated by a cubic spline, which may be off by "
+        f"{shares[worst]:.2g} of the range ({worst})"
+    )
+
+
+class RecordedCurves(Engine):
+    """Recorded curves as all commands know them."""
+
+    title = "Recorded"
+    settings = RecordedSettings
+    chooses = ()
+    computes = False
+
+    def simulate(self, model: Path, run: Run) -> Curves:
+        """See `simulate`."""
+        return simulate(model, run)
+
+    def check_settings(self, settings: Mapping[str, object]) -> None:
+        """Read the file as well; see `Recording`."""
+        Recording(RecordedSettings.read(settings))
+
+
+ENGINE = RecordedCurves()
