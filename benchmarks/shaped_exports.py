@@ -1,0 +1,128 @@
+"""Files in the shape of other programs' exports, made from closed forms with a stated disturbance.
+
+    python -m benchmarks.shaped_exports
+
+writes ``models/linkages/hacksaw_inventor_shaped.csv`` and
+``models/balancers/balancer4_sam_shaped.csv``.  They come from neither program: each says in its
+first lines how it was made.  Cases beside them judge them as recorded curves.  A third file,
+``models/linkages/hacksaw_motor.csv``, is a velocity profile that drives a case.
+
+The disturbances are those that an export has by itself: values with the digits that a program
+prints, at times of its own, and a joint whose zero was set by hand.
+"""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from proofmass import load_case
+from proofmass.analytic.balancer import solve as balancer
+from proofmass.analytic.linkages import hacksaw
+from proofmass.analytic.numerics import Array
+
+MODELS = Path(__file__).parent.parent / "models"
+SHAPED = "MADE UP. Shaped like an export of {}, and not from it.\n"
+STEP, ROWS = 0.004, 972  # [s] of the hacksaw's rows: 3.884 s
+CRANK_ZERO = 0.02  # [deg] that the hacksaw's crank is off
+PENDULUM_ZERO = 0.01  # [deg] that the balancer's pendulum is off
+ANGLES = np.arange(0.0, 90.25, 0.5)  # [deg] of the balancer's rows
+Columns = dict[str, tuple[Array, int]]
+"""By header, values and the decimals that are printed."""
+
+
+def inventor_shaped() -> tuple[str, Columns]:
+    """The thirteen columns of the hacksaw report, in its units and with its signs."""
+    times = STEP * np.arange(ROWS)
+    angle, rate, acceleration = hacksaw.motor(times)
+    off = angle + np.radians(CRANK_ZERO)
+    known = hacksaw.solve(off, rate, acceleration, crank=0.075, coupler=0.170, offset=0.045)
+    degrees = {name: np.degrees(curve) for name, curve in known.items()}
+    head = f"""\
+Made by python -m benchmarks.shaped_exports from the closed form of the hacksaw, in
+proofmass/analytic/linkages/hacksaw.py, driven by its motor profile.
+Disturbance: the zero of the crank is off by {CRANK_ZERO} deg; values are rounded as printed.
+A row every {1e3 * STEP:g} ms. Units and signs are those of the report's workbook:
+R1 = -r1 and Theta3 = theta3 - 180 deg, its rates as they are."""
+    return SHAPED.format("Inventor's dynamic simulation") + head, {
+        "Tiempo [s]": (times, 3),
+        "Theta2 [deg]": (np.degrees(off), 4),
+        "w2 [deg/s]": (np.degrees(rate), 3),
+        "A2 [deg/s^2]": (np.degrees(acceleration), 2),
+        "Theta3 [deg]": (degrees["theta3"] - 180.0, 4),
+        "W3 [deg/s]": (degrees["theta3_rate"], 3),
+        "A3 [deg/s^2]": (degrees["theta3_acceleration"], 2),
+        "R1 [m]": (-known["r1"], 7),
+        "Vr1 [m/s]": (known["r1_rate"], 6),
+        "Ar1 [m/s^2]": (known["r1_acceleration"], 5),
+        "Theta1 [deg]": (degrees["theta1"], 4),
+        "w1 [deg/s]": (degrees["theta1_rate"], 3),
+        "A1 [deg/s^2]": (degrees["theta1_acceleration"], 2),
+    }
+
+
+def motor_profile() -> tuple[str, Columns]:
+    """The velocity profile that the report's script writes for Inventor: 1000 rows in deg/s."""
+    times = np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000)
+    head = """\
+The velocity of the hacksaw's motor, as the report's script writes it for Inventor to impose.
+Made by python -m benchmarks.shaped_exports from proofmass/analytic/linkages/hacksaw.py."""
+    return head, {
+        "t [s]": (times, 9),
+        "w2 [deg/s]": (np.degrees(hacksaw.motor(times)[1]), 9),
+    }
+
+
+def sam_shaped() -> tuple[str, Columns]:
+    """What the thesis has from SAM: prescribed angles, the moment and the energy of the springs."""
+    case = load_case(MODELS / "balancers" / "balancer4_sam.toml")
+    alpha = np.radians(ANGLES + PENDULUM_ZERO)
+    known = balancer(alpha, **case.parameters)
+    head = f"""\
+Made by python -m benchmarks.shaped_exports from the closed form of the balancer, in
+proofmass/analytic/balancer, with the numbers of balancer4_sam.toml.
+Disturbance: the zero of the pendulum is off by {PENDULUM_ZERO} deg; values are rounded as printed.
+A row every {ANGLES[1]:g} deg. Angles are clockwise from the upright."""
+    return SHAPED.format("SAM") + head, {
+        "alpha [deg]": (ANGLES, 1),
+        "theta1 [deg]": (np.degrees(known["theta1"]), 4),
+        "theta2 [deg]": (np.degrees(known["theta2"]), 4),
+        "M [N m]": (known["holding_moment"], 6),
+        "V [J]": (known["energy"], 6),
+    }
+
+
+FILES: dict[str, Callable[[], tuple[str, Columns]]] = {
+    "linkages/hacksaw_inventor_shaped.csv": inventor_shaped,
+    "linkages/hacksaw_motor.csv": motor_profile,
+    "balancers/balancer4_sam_shaped.csv": sam_shaped,
+}
+
+
+def text_of(name: str) -> str:
+    """The text of one of the files."""
+    head, columns = FILES[name]()
+    lines = [f"# {line}" for line in head.splitlines()]
+    lines.append(",".join(columns))
+    cells = [
+        [f"{value:.{digits}f}" for value in np.round(values, digits) + 0.0]  # no minus before zero
+        for values, digits in columns.values()
+    ]
+    return "\n".join([*lines, *(",".join(row) for row in zip(*cells, strict=True))]) + "\n"
+
+
+def main() -> None:
+    """Write the files below models/; nothing with --quick, which tells their sizes alone."""
+    parser = argparse.ArgumentParser(description="Make files shaped like exports.")
+    parser.add_argument("--quick", action="store_true", help="write nothing")
+    quick = parser.parse_args().quick
+    for name in FILES:
+        text = text_of(name)
+        if not quick:
+            (MODELS / name).write_text(text, encoding="utf-8")
+        print(f"models/{name}: {len(text.splitlines())} lines")
+
+
+if __name__ == "__main__":
+    main()

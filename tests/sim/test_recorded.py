@@ -1,0 +1,400 @@
+"""Recorded curves as a party that is judged: what turns a verdict, and what is refused.
+
+The hacksaw's export has rows between the samples of the run, the balancer's at them.
+"""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.shaped_exports import FILES, MODELS, text_of
+from proofmass.case import Case
+from proofmass.check import check
+from proofmass.cli import app
+from proofmass.compare import Comparison, compare
+from proofmass.recorded import interpolated, read_table
+from proofmass.sidecar import load_case
+from proofmass.solve import run_here, with_computing_solvers
+from tests.shipped import shipped
+
+HACKSAW, SOLVER = "hacksaw_inventor_shaped", "recorded:inventor-shaped"
+SAM = "balancer4_sam_shaped"
+Table = dict[str, list[str]]
+
+
+def judged(case: Case, kind: str = "dynamics", solver: str = SOLVER) -> dict[str, Comparison]:
+    """The comparisons of a recorded party, by channel."""
+    found = compare(case, kind, solver, run_here(case, kind, solver), detectable=False)
+    return {c.channel: c for c in found}
+
+
+def columns_of(file: Path) -> Table:
+    """Cells of a file by header; comments are left out."""
+    lines = [line for line in file.read_text().splitlines() if not line.startswith("#")]
+    heads, *rows = (line.split(",") for line in lines)
+    return {head: [row[k] for row in rows] for k, head in enumerate(heads)}
+
+
+def write(file: Path, table: Table) -> None:
+    """Write cells as a file."""
+    rows = zip(*table.values(), strict=True)
+    file.write_text("\n".join([",".join(table), *(",".join(row) for row in rows)]) + "\n")
+
+
+@pytest.fixture
+def spoil(models: Path) -> Callable[..., Case]:
+    """``spoil(change, name)``: the case with its export changed, as a table of cells."""
+
+    def changed(change: Callable[[Table], object], name: str = HACKSAW) -> Case:
+        file = models / f"{name}.csv"
+        table = columns_of(file)
+        change(table)
+        write(file, table)
+        return load_case(models / f"{name}.toml")
+
+    return changed
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_shipped_files_are_those_that_the_script_makes(name: str) -> None:
+    """Up to a digit in the last place, which another machine's sine may round the other way."""
+    there, again = (MODELS / name).read_text().splitlines(), text_of(name).splitlines()
+    assert [line for line in there if line[0] in "#tTa"] == [
+        line for line in again if line[0] in "#tTa"
+    ]
+    mine, own = (
+        np.array([line.split(",") for line in lines if line[0] not in "#tTa"], float)
+        for lines in (there, again)
+    )
+    decimals = [len(cell.partition(".")[2]) for cell in there[-1].split(",")]
+    assert (np.abs(mine - own) <= 1.01 * 10.0 ** -np.array(decimals)).all()
+
+
+@pytest.mark.parametrize("name", ["hacksaw_inventor_shaped", "balancer4_sam_shaped"])
+def test_a_made_up_file_says_so_first(name: str) -> None:
+    first = shipped(f"{name}.csv").read_text().splitlines()[0]
+    assert re.fullmatch(r"# MADE UP\. Shaped like an export of .*, and not from it\.", first)
+
+
+def test_twelve_curves_of_five_parties_agree() -> None:
+    result = check([shipped(f"{HACKSAW}.toml")], jobs=1, detectable=False)
+    assert not result.errors
+    assert result.exit_code == 0
+    outcomes: dict[str, set[str]] = {}
+    for c in result.comparisons:
+        outcomes.setdefault(c.solver, set()).add(c.outcome)
+    assert outcomes == {
+        "mujoco": {"agrees"},
+        "mujoco:default": {"unchecked"},
+        "pymunk": {"agrees"},
+        SOLVER: {"agrees"},
+    }
+    assert len(result.comparisons) == 4 * 12
+
+
+def test_the_stated_disturbance_is_what_is_found() -> None:
+    """The zero of the crank, 0.02 deg; no drive of its own, so that the law tells the reference."""
+    case = load_case(shipped(f"{HACKSAW}.toml"))
+    curves = run_here(case, "dynamics", SOLVER)
+    assert curves.by_law
+    off = np.degrees(curves.channels["theta2"] - curves.drive[0][0])
+    assert off == pytest.approx(0.02, abs=1e-4)  # four decimals of a degree, twice
+    assert "972 rows, interpolated by a cubic spline, which may be off by" in curves.notes[0]
+    assert "(theta2_acceleration)" in curves.notes[0]  # which bends at the thirds of the first turn
+
+
+def negated(name: str) -> Callable[[Table], object]:
+    """Another sign of a column."""
+    return lambda table: table.update({name: [str(-float(cell)) for cell in table[name]]})
+
+
+def shifted(name: str) -> Callable[[Table], object]:
+    """A column a row late."""
+    return lambda table: table.update({name: [table[name][0], *table[name][:-1]]})
+
+
+def swapped(one: str, other: str) -> Callable[[Table], object]:
+    """One column in place of another, which measures the same."""
+    return lambda table: table.update({one: table[other], other: table[one]})
+
+
+HEADS = {
+    "theta2": "Theta2 [deg]",
+    "theta2_rate": "w2 [deg/s]",
+    "theta2_acceleration": "A2 [deg/s^2]",
+    "r1": "R1 [m]",
+    "theta1": "Theta1 [deg]",
+    "theta3": "Theta3 [deg]",
+    "r1_rate": "Vr1 [m/s]",
+    "theta1_rate": "w1 [deg/s]",
+    "theta3_rate": "W3 [deg/s]",
+    "r1_acceleration": "Ar1 [m/s^2]",
+    "theta1_acceleration": "A1 [deg/s^2]",
+    "theta3_acceleration": "A3 [deg/s^2]",
+}
+
+
+@pytest.mark.parametrize("how", [negated, shifted])
+@pytest.mark.parametrize("channel", HEADS)
+def test_a_wrong_sign_or_a_row_late_turns_that_channel_alone(channel, how, spoil) -> None:
+    found = judged(spoil(how(HEADS[channel])))
+    assert [c.channel for c in found.values() if c.outcome != "agrees"] == [channel]
+    assert found[channel].outcome == "differs"
+
+
+@pytest.mark.parametrize(("one", "other"), [("theta1", "theta3"), ("theta1_rate", "theta2_rate")])
+def test_swapped_columns_differ(one, other, spoil) -> None:
+    found = judged(spoil(swapped(HEADS[one], HEADS[other])))
+    assert {c.channel for c in found.values() if c.outcome == "differs"} == {one, other}
+
+
+def test_the_sign_map_of_the_sidecar_is_tested(edit) -> None:
+    """R1 as it stands, Theta3 without its half turn: each is seen."""
+    for old, new, channel in (
+        ('column = "R1", scale = -1', 'column = "R1"', "r1"),
+        ('column = "Theta3", shift = 180', 'column = "Theta3"', "theta3"),
+        ('theta1_rate = "w1"', 'theta1_rate = { column = "w1", scale = -1 }', "theta1_rate"),
+    ):
+        file = edit(f"{HACKSAW}.toml", re.escape(old), new)
+        found = judged(load_case(file))
+        assert [c.channel for c in found.values() if c.outcome != "agrees"] == [channel]
+        edit(f"{HACKSAW}.toml", re.escape(new), old)
+
+
+def test_a_unit_that_the_header_has_wrong_turns_the_verdict(spoil) -> None:
+    def renamed(table: Table) -> None:
+        table["Vr1 [mm/s]"] = table.pop("Vr1 [m/s]")
+
+    assert judged(spoil(renamed))["r1_rate"].outcome == "differs"
+
+
+def test_a_curve_of_nothing_differs_everywhere(spoil) -> None:
+    def still(table: Table) -> None:
+        for name in table:
+            table[name] = table[name] if "Tiempo" in name else [table[name][0]] * len(table[name])
+
+    assert {c.outcome for c in judged(spoil(still)).values()} == {"differs"}
+
+
+def test_rows_that_are_too_far_apart_decide_nothing(spoil, monkeypatch) -> None:
+    """A row every 64 ms is a spline that is near, and does not know how near."""
+
+    def thinned(table: Table) -> None:
+        for name, cells in table.items():
+            table[name] = [*cells[:-1:16], cells[-1]]
+
+    found = judged(spoil(thinned))
+    coarse = {c.channel for c in found.values() if c.outcome == "undecided"}
+    assert "theta3_acceleration" in coarse
+    assert all(c.outcome != "agrees" or c.uncertainty < c.allowed for c in found.values())
+    assert "too coarse to tell" in found["theta3_acceleration"].message
+    assert "agrees" not in {found[name].outcome for name in coarse}
+
+
+def test_a_case_that_is_undecided_is_not_green(spoil, models: Path) -> None:
+    spoil(lambda table: table.update({k: [*v[:-1:16], v[-1]] for k, v in table.items()}))
+    result = check([models / f"{HACKSAW}.toml"], jobs=1, detectable=False, causes=False)
+    assert not result.errors
+    assert result.exit_code == 1
+
+
+def test_samples_at_rows_are_taken_as_they_are() -> None:
+    case = load_case(shipped(f"{SAM}.toml"))
+    curves = run_here(case, "sweep", "recorded:sam-shaped")
+    table = read_table(shipped(f"{SAM}.csv"))
+    assert np.array_equal(curves.channels["energy"], table.values("V"))
+    assert curves.uncertainty == {}
+    assert "nothing is interpolated" in curves.notes[0]
+    assert curves.missing.keys() == {"segment4.angle"}
+    found = judged(case, "sweep", "recorded:sam-shaped")
+    assert found["segment4.angle"].outcome == "unsupported"
+    assert {c.outcome for c in found.values()} == {"agrees", "unsupported"}
+
+
+@pytest.mark.parametrize("head", ["theta1 [deg]", "theta2 [deg]", "M [N m]", "V [J]"])
+def test_a_wrong_column_of_the_balancer_differs(head, spoil) -> None:
+    found = judged(spoil(shifted(head), SAM), "sweep", "recorded:sam-shaped")
+    assert len([c for c in found.values() if c.outcome == "differs"]) == 1
+
+
+SMOOTH = {
+    "sine": lambda x, at: np.sin(9.0 * x + at),
+    "peak": lambda x, at: np.exp(-(((x - at) / 0.08) ** 2)),
+    "fifth power": lambda x, at: (x - at) ** 5,
+    "bend": lambda x, at: np.maximum(x - at, 0.0) + np.sin(9.0 * x),
+    "bend of the slope": lambda x, at: np.maximum(x - at, 0.0) ** 2,
+}
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_an_interpolated_curve_is_not_off_by_more_than_is_told(name: str) -> None:
+    rng = np.random.default_rng(5)
+    rows, x = np.linspace(0.0, 1.0, 60), np.linspace(0.0, 1.0, 20_001)
+    shares = []
+    for at in rng.uniform(0.1, 0.9, 40):
+        found, error = interpolated(x, rows, SMOOTH[name](rows, at))
+        off = np.abs(found - SMOOTH[name](x, at))
+        assert (off <= error + 1e-14).all()
+        shares.append(off.max() / error.max())
+    assert max(shares) > 0.1  # and not by orders of magnitude too much
+
+
+def test_a_file_with_its_own_drive_is_held_against_the_reference_there(models, edit, spoil) -> None:
+    """Where the rows are at the samples; the zero of the crank is then no error of the linkage."""
+    edit(f"{HACKSAW}.toml", r"until = 3\.88\d*", "until = 3.884")
+    edit(f"{HACKSAW}.toml", r"n = 1000", "n = 972")
+    drive = '{ value = "Theta2", rate = "w2", acceleration = "A2" }'
+    file = edit(
+        f"{HACKSAW}.toml",
+        r'x = "Tiempo"',
+        f'x = "Tiempo"\ndrive.crank = {drive}',
+    )
+    found = judged(load_case(file))
+    assert found["theta2"].error_max == pytest.approx(0.02, abs=1e-4)  # held against the law
+    assert found["r1"].relative_to_range < 2e-6  # rounding of what is printed, not 2e-4
+    assert found["theta3"].relative_to_range < 2e-6
+
+
+def test_a_drive_between_the_samples_is_refused(edit, models: Path) -> None:
+    drive = '{ value = "Theta2", rate = "w2", acceleration = "A2" }'
+    edit(f"{HACKSAW}.toml", r'x = "Tiempo"', f'x = "Tiempo"\ndrive.crank = {drive}')
+    (error,) = check([models / f"{HACKSAW}.toml"], jobs=1, causes=False).errors
+    assert "taken where rows stand at the samples of the run alone" in error.wrong
+
+
+CELLS = {
+    "another unit": ("R1 [m]", "R1 [deg]", ["column 'R1'", "channel r1", "'deg'", "m is needed"]),
+    "unknown unit": ("R1 [m]", "R1 [furlog]", ["channels.r1", "unknown unit 'furlog'"]),
+    "no unit": ("R1 [m]", "R1", ["channels.r1", "no unit in its header", "unit = "]),
+    "missing column": ("R1 [m]", "Radius [m]", ["channels.r1", "no column 'R1'", "Radius"]),
+    "no time": (
+        "Tiempo [s]",
+        "Tiempo [m]",
+        ["column 'Tiempo'", "x of the dynamics", "s is needed"],
+    ),
+    "falling time": ("\n0.008,", "\n0.003,", ["line 10", "Tiempo does not rise"]),
+    "a time twice": ("\n0.008,", "\n0.004,", ["line 10", "Tiempo does not rise"]),
+    "NaN": ("0.0996790,", "nan,", ["line 12, R1", "'nan' is not finite"]),
+    "no number": ("0.0996790,", "--,", ["line 12, R1", "'--' is no number"]),
+    "a cell too few": ("0.0996790,", "", ["line 12", "12 cells, the header has 13"]),
+    "twice the same head": ("Vr1 [m/s]", "R1 [m/s]", ["column 'R1'", "stands twice"]),
+}
+
+
+def refused(models: Path) -> str:
+    """What `proofmass check` says on standard error of the hacksaw; its exit code is 2."""
+    found = CliRunner().invoke(app, ["check", str(models / f"{HACKSAW}.toml"), "--jobs", "1"])
+    assert found.exit_code == 2
+    assert "Traceback" not in found.output
+    return " ".join(found.stderr.split())
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_a_bad_file_is_named_with_what_would_be_right(name: str, models: Path) -> None:
+    old, new, words = CELLS[name]
+    file = models / f"{HACKSAW}.csv"
+    text = file.read_text()
+    assert text.count(old) >= 1
+    file.write_text(text.replace(old, new, 1))
+    said = refused(models)
+    assert all(word in said for word in words), said
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (slice(8, 60), ["line 9", "times the usual spacing"]),
+        (slice(-40, None), ["column 'Tiempo'", "nothing is extrapolated", "to 3.88325"]),
+        (slice(7, 8), ["column 'Tiempo'", "from 0.004", "nothing is extrapolated"]),
+        (slice(17, -1), ["times the usual spacing"]),
+    ],
+)
+def test_rows_that_are_missing_are_named(rows: slice, words: list[str], models: Path) -> None:
+    file = models / f"{HACKSAW}.csv"
+    lines = file.read_text().splitlines()
+    del lines[rows]
+    file.write_text("\n".join(lines) + "\n")
+    said = refused(models)
+    assert all(word in said for word in words), said
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('file = "hacksaw_inventor_shaped.csv"', 'file = "inventor.csv"', ["no such recorded"]),
+        ('file = "hacksaw_inventor_shaped.csv"\n', "", [".file", "missing; it is required"]),
+        ('x = "Tiempo"', 'x = "Time"', [".x", "no column 'Time'", "Tiempo"]),
+        ('r1 = { column = "R1"', 'r11 = { column = "R1"', ["channels.r11", "did you mean 'r1'"]),
+        ("scale = -1 }", "sclae = -1 }", ["channels.r1", "unknown key 'sclae'", "scale"]),
+        ('theta1 = "Theta1"', 'theta1 = { column = "Theta1", unit = "rad" }', ["says 'deg'"]),
+        ('r1_rate = "Vr1"', 'r1_rate = { column = "Vr1", unwrap = true }', ["goes with an angle"]),
+        ('x = "Tiempo"', 'x = "Tiempo"\ndrive.rocker.value = "Theta2"', ["drive.rocker.rate"]),
+        ('x = "Tiempo"', 'x = "Tiempo"\ngap = 0.5', [".gap", "greater than 1"]),
+        ('x = "Tiempo"', 'x = "Tiempo"\ntimestep = 1e-3', ["unknown setting 'timestep'"]),
+    ],
+)
+def test_a_bad_setting_is_named(old: str, new: str, words: list[str], models: Path) -> None:
+    file = models / f"{HACKSAW}.toml"
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    said = refused(models)
+    assert all(word in said for word in words), said
+
+
+def test_recorded_without_a_table_asks_for_its_file(edit) -> None:
+    file = edit(f"{HACKSAW}.toml", r'"pymunk", "recorded:inventor-shaped"\]', '"recorded"]')
+    text = file.read_text()
+    file.write_text(
+        re.sub(r'(?s)\[settings\."recorded.*?(?=\[channels\])', "", text)
+        .replace("[settings.pymunk]\ntimestep = 5e-4", "")
+        .split("[[tolerance]]")[0]
+    )
+    (error,) = check([file], jobs=1).errors
+    assert (error.key, error.wrong) == ("settings.recorded.file", "missing; it is required")
+
+
+def test_wrapped_angles_are_unwrapped(spoil, edit, models: Path) -> None:
+    def wrapped(table: Table) -> None:
+        name = HEADS["theta2"]
+        table[name] = [f"{(float(cell) + 180.0) % 360.0 - 180.0:.4f}" for cell in table[name]]
+
+    assert judged(spoil(wrapped))["theta2"].outcome == "differs"
+    edit(f"{HACKSAW}.toml", 'theta2 = "Theta2"', 'theta2 = { column = "Theta2", unwrap = true }')
+    assert judged(load_case(models / f"{HACKSAW}.toml"))["theta2"].outcome == "agrees"
+
+
+def test_a_file_without_a_header_has_numbers_for_names(tmp_path: Path) -> None:
+    file = tmp_path / "plain.txt"
+    file.write_text("0.0\t1,5\n0.1\t2,5\n0.2\t3,5\n".replace(".", ","))
+    table = read_table(file)
+    assert list(table.units) == ["1", "2"]
+    assert table.values("2").tolist() == [1.5, 2.5, 3.5]
+
+
+def test_studies_leave_recorded_curves_out(edit, tmp_path: Path) -> None:
+    case = load_case(shipped(f"{HACKSAW}.toml"))
+    left, others = with_computing_solvers(case)
+    assert left.run["dynamics"].solvers == ("mujoco", "mujoco:default", "pymunk")
+    assert others == (SOLVER,)
+    alone = edit(
+        f"{HACKSAW}.toml", r'solvers = \["mujoco".*', 'solvers = ["recorded:inventor-shaped"]'
+    )
+    text = alone.read_text().replace("[settings.pymunk]\ntimestep = 5e-4", "")
+    head, *tolerances = text.split("[[tolerance]]")
+    kept = [t for t in tolerances if "recorded" in t]
+    alone.write_text("[[tolerance]]".join([head, *kept]))
+    for command in (
+        ["trade", alone, "-o", tmp_path / "t"],
+        ["choose", alone, "--error", "1e-3", "--store", tmp_path / "c"],
+        ["stress", alone, "-o", tmp_path / "s"],
+        ["explain", alone],
+    ):
+        found = CliRunner().invoke(app, [str(word) for word in command])
+        assert found.exit_code == 2, (command, found.output)
+        assert "recorded" in found.stderr
+        assert "Traceback" not in found.output

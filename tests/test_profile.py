@@ -1,0 +1,212 @@
+"""Drives that follow the rows of a file, and channels that are held against what was asked."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+
+from proofmass.analytic.linkages.hacksaw import motor
+from proofmass.case import ProfileTable
+from proofmass.check import check
+from proofmass.compare import compare
+from proofmass.errors import InputError
+from proofmass.profile import SampledLaw, law_of_profile
+from proofmass.reference import asked_of_drives, evaluate, laws, quantities
+from proofmass.sidecar import as_toml, load_case
+from proofmass.solve import plan, run_here
+from tests.shipped import shipped
+
+TIMES = np.linspace(0.0, 2.0, 81)
+
+
+def law(folder: Path, start: float = 0.0, rows: np.ndarray | None = None, **table) -> SampledLaw:
+    """The law of a file with columns t, q, w: a sine and its rate, if no others are given."""
+    if rows is None:
+        rows = np.column_stack([TIMES, np.sin(3.0 * TIMES), 3.0 * np.cos(3.0 * TIMES)])
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    (folder / "motor.csv").write_text("\n".join(["t [s],q [rad],w [rad/s]", *lines]) + "\n")
+    return law_of_profile(folder, ProfileTable(file="motor.csv", **table), start, "rad")
+
+
+@pytest.mark.parametrize(
+    "table", [{"value": "q"}, {"rate": "w"}, {"rate": "w", "interpolation": "linear"}]
+)
+def test_rate_and_acceleration_are_derivatives_and_the_value_their_integral(tmp_path, table):
+    follow = law(tmp_path, **table)
+    t, h = np.linspace(0.111, 1.8871, 57), 1e-6  # no row within h of any of them
+    _, rate, acceleration = follow(t)
+    ahead, behind = follow(t + h), follow(t - h)
+    assert (ahead[0] - behind[0]) / (2 * h) == pytest.approx(rate, abs=1e-8)
+    assert (ahead[1] - behind[1]) / (2 * h) == pytest.approx(acceleration, abs=1e-7)
+    nodes, weights = np.polynomial.legendre.leggauss(4)  # exact of pieces of degree 7
+    half = 0.5 * np.diff(TIMES)[:, None]
+    rates = follow((TIMES[:-1, None] + half * (1.0 + nodes)).ravel())[1].reshape(half.size, -1)
+    way = np.cumsum((half * weights * rates).sum(axis=1))
+    first, *ends = follow(TIMES - 1e-16)[0]
+    assert np.array(ends) - first == pytest.approx(way, abs=1e-13)
+
+
+def test_the_law_goes_through_its_rows(tmp_path):
+    assert law(tmp_path, value="q")(TIMES)[0] == pytest.approx(np.sin(3.0 * TIMES), abs=1e-15)
+    straight = law(tmp_path, rate="w", interpolation="linear", start=0.5)
+    rates = 3.0 * np.cos(3.0 * TIMES)
+    value, rate, acceleration = straight(TIMES)
+    assert rate == pytest.approx(rates, abs=1e-14)
+    whole = cumulative_trapezoid(rates, TIMES, initial=0.0)  # exact of what is straight
+    assert value == pytest.approx(0.5 + whole, abs=1e-14)
+    assert acceleration[:-1] == pytest.approx(np.diff(rates) / np.diff(TIMES), abs=1e-12)
+
+
+def test_a_spline_is_of_fourth_order_and_says_how_near_it_is(tmp_path):
+    """Of a value; the rate of one that is given as a rate likewise."""
+    between = np.linspace(0.0, 2.0, 4001)
+    off = []
+    for n in (41, 81):
+        t = np.linspace(0.0, 2.0, n)
+        rows = np.column_stack([t, np.sin(3.0 * t), 3.0 * np.cos(3.0 * t)])
+        follow = law(tmp_path, rows=rows, value="q")
+        (tmp_path / "motor.csv").unlink()
+        off.append(float(np.abs(follow(between)[0] - np.sin(3.0 * between)).max()))
+        told = float(re.search(r"may be off by (\S+) rad", follow.words)[1])
+        assert off[-1] <= told <= 10 * off[-1]
+    assert np.log2(off[0] / off[1]) == pytest.approx(4.0, abs=0.3)
+
+
+def test_the_hacksaw_s_rows_lead_to_its_motor():
+    """Straight between 1000 rows: 6.3e-6 rad of 6 pi, and a stair in the acceleration."""
+    case = load_case(shipped("hacksaw_sampled.toml"))
+    (follow,) = laws(case, "dynamics")
+    t = np.linspace(0.0, follow.times[-1], 20_011)
+    value, rate, acceleration = follow(t)
+    wanted = motor(t)
+    assert np.abs(value - wanted[0]).max() == pytest.approx(6.3e-6, rel=0.02)
+    assert np.abs(rate - wanted[1]).max() < 2e-5
+    assert np.abs(acceleration - wanted[2]).max() < 0.0301
+    assert "steps up to 0.03 rad/s^2" in follow.words
+
+
+def test_what_was_asked_is_a_quantity_of_its_own():
+    case = load_case(shipped("hacksaw_inventor_shaped.toml"))
+    x = np.linspace(0.0, 1.0, 5)
+    found = asked_of_drives(case, x, "dynamics")
+    assert list(found) == ["drive.crank", "drive.crank.rate", "drive.crank.acceleration"]
+    assert np.array(list(found.values())) == pytest.approx(np.array(motor(x)))
+    late = tuple(np.array([part]) for part in motor(x + 0.01))
+    there = evaluate(case, x, late).channels
+    assert there["theta2"] == pytest.approx(motor(x)[0], abs=1e-15)  # not at the drive's state
+    assert there["r1"] != pytest.approx(evaluate(case, x, None or late).channels["theta2"])
+
+
+def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
+    file = edit(
+        "fourbar.toml",
+        r"\[channels\]",
+        '[channels]\nasked = { equals = "drive.crank", unit = "rad" }',
+    )
+    edit("fourbar.xml", "<sensor>", '<sensor><jointpos name="asked" joint="crank"/>')
+    edit("fourbar.toml", "from = 0.0", "from = 0.5")
+    case = load_case(file)
+    x = np.array([0.5, 1.0])
+    sweep, time = (asked_of_drives(case, x, kind)["drive.crank"] for kind in ("sweep", "dynamics"))
+    assert sweep.tolist() == [0.5, 1.0]
+    assert time.tolist() == [0.5 + case.drive[0].speed * t for t in x]
+    assert "drive.crank" not in quantities(
+        case, x, plan(case, "sweep", "mujoco").motion(x), {**case.parameters}
+    )
+    for kind in ("sweep", "dynamics"):
+        found = compare(case, kind, "mujoco", run_here(case, kind, "mujoco"), detectable=False)
+        assert next(c for c in found if c.channel == "asked").relative_to_range < 1e-6
+
+
+def test_a_drive_that_lags_is_seen_in_its_own_channels_alone(monkeypatch):
+    """The linkage is judged where its drive was, the drive by what it was asked for."""
+    case = load_case(shipped("hacksaw_inventor_shaped.toml"))
+    curves = run_here(case, "dynamics", "mujoco:default")
+    found = {c.channel: c for c in compare(case, "dynamics", "mujoco:default", curves)}
+    assert found["theta2"].error_max == pytest.approx(0.36, abs=0.02)  # degrees behind the law
+    own = np.degrees(
+        np.abs(curves.drive[0][0] - plan(case, "dynamics", "mujoco").motion(curves.x)[0])
+    )
+    assert found["theta2"].error_max == pytest.approx(own.max(), rel=1e-9)
+
+
+def test_a_sidecar_with_a_profile_is_written_and_read_again(models):
+    file = models / "hacksaw_sampled.toml"
+    case = load_case(file)
+    for every in (True, False):
+        file.write_text(as_toml(case, every))
+        assert load_case(file) == case
+
+
+BAD = {
+    "no file": ('file = "hacksaw_motor.csv"', 'file = "motor.csv"', ["no such recorded curve"]),
+    "no column": ('rate = "w2"', 'rate = "omega2"', ["no column 'omega2'", "w2"]),
+    "wrong quantity": ('rate = "w2"', 'rate = "t"', ["'s'", "rad/s is needed"]),
+    "both": ('rate = "w2"', 'rate = "w2", value = "t"', ["either value or rate"]),
+    "neither": ('rate = "w2", ', "", ["either value or rate"]),
+    "unknown key": ('rate = "w2"', 'rate = "w2", unit = "deg"', ["unknown key 'unit'", "file, "]),
+    "unknown way": ('"linear"', '"quintic"', ["'spline' or 'linear'"]),
+    "straight value": ('rate = "w2"', 'value = "w2"', ["rate that jumps at each of them"]),
+    "too long": ('joint = "crank"', 'joint = "crank"\nuntil = 4.0', ["nothing is extrapolated"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_profile_is_named(name, edit):
+    old, new, words = BAD[name]
+    file = edit("hacksaw_sampled.toml", re.escape(old), new)
+    (error,) = check([file], jobs=1).errors
+    assert all(word in str(error) for word in words), str(error)
+    assert "drive" in error.key or error.file.name in ("motor.csv", "hacksaw_motor.csv")
+
+
+ROWS = {
+    "falls": (r"\n0\.011661417,[^\n]*", r"\n0.000000001,0.02", ["line 7", "t does not rise"]),
+    "not a number": (r"\n0\.011661417,[^\n]*", r"\n0.011661417,nan", ["line 7, w2", "not finite"]),
+    "jumps": (
+        r"\n2\.503(\d+),370\.\d*",
+        r"\n2.503\1,100.0",
+        ["w2 jumps from", "no drive has the acceleration", "several rows"],
+    ),
+    "another unit": (r"w2 \[deg/s\]", "w2 [m/s]", ["'m/s'", "rad/s is needed"]),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_bad_rows_of_a_profile_are_named(name, edit, models):
+    old, new, words = ROWS[name]
+    edit("hacksaw_motor.csv", old, new, 1)
+    (error,) = check([models / "hacksaw_sampled.toml"], jobs=1).errors
+    assert all(word in str(error) for word in words), str(error)
+
+
+def test_a_step_of_the_angle_is_no_motion_and_a_wrapped_angle_says_so(tmp_path):
+    def stepped(by: float) -> np.ndarray:
+        return np.column_stack([TIMES, TIMES + by * (TIMES > 1.01), np.ones(TIMES.size)])
+
+    with pytest.raises(InputError, match=r"line 43: q jumps .* no drive has the rate"):
+        law(tmp_path, rows=stepped(0.5), value="q")
+    (tmp_path / "motor.csv").unlink()
+    with pytest.raises(InputError, match="the angle is wrapped; add unwrap = true"):
+        law(tmp_path, rows=stepped(-2 * np.pi), value="q")
+    (tmp_path / "motor.csv").unlink()
+    whole = law(tmp_path, rows=stepped(-2 * np.pi), value={"column": "q", "unwrap": True})
+    assert whole(TIMES)[0] == pytest.approx(TIMES, abs=1e-12)
+
+
+def test_a_few_rows_are_the_corners_of_a_motion(tmp_path):
+    """A trapezoid of the rate, of four rows, is what somebody wrote on purpose."""
+    rows = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 5.0], [3.0, 0.0, 5.0], [4.0, 0.0, 0.0]])
+    follow = law(tmp_path, rows=rows, rate="w", interpolation="linear")
+    assert follow(np.array([1.0, 3.0, 4.0]))[0].tolist() == [2.5, 12.5, 15.0]
+
+
+def test_a_start_goes_with_a_rate(edit, models):
+    edit("hacksaw_sampled.toml", 'joint = "crank"', 'joint = "crank"\nfrom = 0.25')
+    case = load_case(models / "hacksaw_sampled.toml")
+    assert laws(case, "dynamics")[0](np.zeros(1))[0] == 0.25
+    edit("hacksaw_sampled.toml", re.escape('rate = "w2", interpolation = "linear"'), 'value = "w2"')
+    with pytest.raises(InputError, match="its value has a start"):
+        load_case(models / "hacksaw_sampled.toml")
