@@ -94,9 +94,9 @@ def test_what_was_asked_is_a_quantity_of_its_own():
     assert list(found) == ["drive.crank", "drive.crank.rate", "drive.crank.acceleration"]
     assert np.array(list(found.values())) == pytest.approx(np.array(motor(x)))
     late = tuple(np.array([part]) for part in motor(x + 0.01))
-    there = evaluate(case, x, late).channels
+    there = evaluate(case, "sweep", x, late).channels
     assert there["theta2"] == pytest.approx(motor(x)[0], abs=1e-15)  # not at the drive's state
-    assert there["r1"] != pytest.approx(evaluate(case, x, None or late).channels["theta2"])
+    assert there["r1"] != pytest.approx(evaluate(case, "sweep", x, late).channels["theta2"])
 
 
 def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
