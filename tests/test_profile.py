@@ -90,7 +90,7 @@ def test_the_hacksaw_s_rows_lead_to_its_motor():
 def test_what_was_asked_is_a_quantity_of_its_own():
     case = load_case(shipped("hacksaw_inventor_shaped.toml"))
     x = np.linspace(0.0, 1.0, 5)
-    found = asked_of_drives(case, x, "dynamics")
+    found = asked_of_drives(case, "dynamics", x)
     assert list(found) == ["drive.crank", "drive.crank.rate", "drive.crank.acceleration"]
     assert np.array(list(found.values())) == pytest.approx(np.array(motor(x)))
     late = tuple(np.array([part]) for part in motor(x + 0.01))
