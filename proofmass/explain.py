@@ -14,6 +14,7 @@ from proofmass.check import find, load
 from proofmass.command import answering, counting, errors, not_one_case
 from proofmass.coverage import Coverage, coverage_of
 from proofmass.coverage_search import Finding
+from proofmass.reference import compiled
 from proofmass.sim.numbers import SHARE
 from proofmass.solve import with_computing_solvers
 from proofmass.terminal import console, finite, not_checked, own_numbers
@@ -201,7 +202,7 @@ def refusals(some: Sequence[Finding]) -> Iterator[str]:
 def not_noticed(case: Case, found: Coverage) -> Iterator[str]:
     """Numbers that nothing notices, by their kinds, with the reason where one can be told."""
     for kind, some in found.unnoticed.items():
-        why = reason(case, found, kind)
+        why = reason(case, found, kind, some)
         yield phrase(kind, some) + (f": {why}" if why else "")
 
 
@@ -218,7 +219,16 @@ def phrase(kind: str, some: Sequence[Finding]) -> str:
     return f"{PLURALS.get(kind, f'{kind}s')} of {', '.join(names[:-1])} and {names[-1]}"
 
 
-def reason(case: Case, found: Coverage, kind: str) -> str:
+def steady(case: Case) -> set[str]:
+    """The driven joints, and their bodies, if drives keep a constant rate."""
+    if case.leader is None or not case.leader.steady:
+        return set()
+    model = compiled(case)
+    driven = [drive.joint for drive in case.drive]
+    return {*driven, *(model.body(model.joint(joint).bodyid[0]).name for joint in driven)}
+
+
+def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ()) -> str:
     """Why numbers of a kind are not noticed, where the case itself tells it; or nothing."""
     if found.reads_model and kind not in SOFTNESS:
         return "the reference reads them from the model as well"
@@ -237,6 +247,8 @@ def reason(case: Case, found: Coverage, kind: str) -> str:
                 "nothing of it acts at rest; in dynamics the drives prescribe the motion, and no "
                 "moment, force or energy is checked"
             )
+        if kind in ("inertia", "armature") and some and steady(case) >= {one.of for one in some}:
+            return "a drive of constant rate has no acceleration, without which nothing of it acts"
     weightless = not any(one.value for one in found.numbers if one.kind == "gravity")
     if kind in ("mass", "centre of mass") and weightless and not moving:
         return "there is no gravity, and all runs that are checked are at rest"

@@ -461,6 +461,17 @@ def test_reasons_are_those_of_the_case(name, kind, words):
     assert bool(reason(case, found, kind)) == bool(words)
 
 
+def test_the_inertia_of_a_steady_crank_is_told_apart():
+    """That of the rocker, which swings, has no such reason."""
+    case = load_case(shipped("fourbar.toml"))
+    runs = tuple(CheckedRun(run, "mujoco", 1, 1, units=("N m",)) for run in case.run)
+    found = Coverage("fourbar", "", runs, (), ())
+    for of, words in (("crank", "a drive of constant rate"), ("rocker", "")):
+        some = [Finding("inertia", of, "1", 1.0, 0.1, False)]
+        assert bool(words) == bool(why := reason(case, found, "inertia", some))
+        assert why.startswith(words)
+
+
 def test_words_for_one_number_and_for_several():
     some = [Finding("mass", name, "kg", 1.0, 0.1, False) for name in "abc"]
     assert phrase("mass", some[:1]) == "mass of a"

@@ -56,6 +56,12 @@ def cross(a: Complex | complex, b: Complex | complex) -> Array:
     return np.asarray(a.real * b.imag - a.imag * b.real)
 
 
+def in_frame(name: str, force: Complex, direction: Complex | complex) -> dict[str, Array]:
+    """A force as ``name_x`` along a direction, and ``name_y`` across it, to the left [N]."""
+    own = np.asarray(force * np.conj(direction) / np.abs(direction))
+    return {f"{name}_x": own.real, f"{name}_y": own.imag}
+
+
 def unwrapped(angle: Array) -> Array:
     """Angles [rad] made continuous along the last axis by whole turns; the first stays.
 

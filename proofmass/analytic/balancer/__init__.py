@@ -7,7 +7,7 @@ from proofmass.analytic.balancer.measures import TARGETS, facts, marks
 from proofmass.analytic.balancer.measures import target as target_of
 from proofmass.analytic.balancer.model import Balancer, balancer
 from proofmass.analytic.balancer.path import BalancerPaths, Path, along, follow
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, cross, in_frame
 
 MODES = (1, -1)
 MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path
@@ -111,7 +111,10 @@ def solve(
     moment1.. [N m] of the springs, balancing_moment = moment1, holding_moment [N m], energy1.. [J]
     of the springs, weight_energy (zero at the height of O), energy of springs and weight,
     force_x, force_y [N] of the chain on the tip, x to the side of growing alpha, y up (every pin
-    carries the same force, the segments having no weight).  With a target also target [N m],
+    carries the same force, the segments having no weight); node1_force_x, node1_force_y, .. the
+    same force, as each segment gets it from the one before or from the ground, along that segment
+    and across it, to the left; node1_load, .. [N m] the moment that it gets beside, which is the
+    spring's and that of a stop, against the winding.  With a target also target [N m],
     residual = balancing_moment - target, and target_energy [J], the energy of what is balanced.
 
     Raises
@@ -197,6 +200,9 @@ def quantities(chain: Balancer, path: Path, rate: Array, scale: float) -> dict[s
         "force_x": across * c + along_it * s,
         "force_y": along_it * c - across * s,
     }
+    pull, theta = found["force_x"] + 1j * found["force_y"], path.theta[0]
+    segments = chain.length * (np.sin(theta) + 1j * np.cos(theta))
+    arms = np.cumsum(segments[:, ::-1], axis=-1)[:, ::-1]  # from each node to the tip
     winding_rate = np.diff(turn, axis=-1, prepend=0.0)
     x = np.cumsum(chain.length * np.sin(path.theta[0]), axis=-1)
     y = np.cumsum(chain.length * np.cos(path.theta[0]), axis=-1)
@@ -210,5 +216,7 @@ def quantities(chain: Balancer, path: Path, rate: Array, scale: float) -> dict[s
             f"moment{i + 1}": path.moment[0, :, i],
             f"winding{i + 1}_rate": winding_rate[:, i] * rate,
             f"energy{i + 1}": path.energy[0, :, i],
+            f"node{i + 1}_load": cross(arms[:, i], pull),
+            **in_frame(f"node{i + 1}_force", pull, segments[:, i]),
         }
     return found

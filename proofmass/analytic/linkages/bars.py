@@ -56,9 +56,3 @@ def asked_of_pins(mass: float, bar: Complex, acceleration: Ends) -> tuple[Comple
     """
     a, b = acceleration
     return np.asarray(mass * (a + b) / 2.0), mass / 6.0 * cross(bar, a + 2.0 * b)
-
-
-def in_frame(name: str, force: Complex, direction: Complex | complex) -> dict[str, Array]:
-    """A force as ``name_x`` along a direction, and ``name_y`` across it, to the left [N]."""
-    own = np.asarray(force * np.conj(direction) / np.abs(direction))
-    return {f"{name}_x": own.real, f"{name}_y": own.imag}

@@ -7,12 +7,13 @@ transmission angles.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.bars import Ends, asked_of_drive, asked_of_pins, in_frame
+from proofmass.analytic.linkages.bars import Ends, asked_of_drive, asked_of_pins
 from proofmass.analytic.numerics import (
     TURN,
     Array,
     Complex,
     finite,
+    in_frame,
     not_negative,
     one_of,
     positive,

@@ -3,12 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins, in_frame
+from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins
 from proofmass.analytic.numerics import (
     Array,
     Complex,
     dot,
     finite,
+    in_frame,
     not_negative,
     one_of,
     positive,

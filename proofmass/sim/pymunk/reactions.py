@@ -5,7 +5,7 @@ velocities in a step beside the loads, so that they follow from the engine's own
 
     M a = loads(pose, v) + J(pose)^T f,        a = (v_after - v_before) / dt,
 
-with J the Jacobian of holds and drives.  At rest a is zero.
+with J the Jacobian of holds, drives and joints that are beyond a stop.  At rest a is zero.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class SampledMotion:
 
 
 def solve_forces(links: Links, motion: SampledMotion) -> Array:
-    """Forces in the holds and of the drives, in the order of `bound` (n, rows + drives).
+    """Forces in the holds, of the drives and of stops (n, rows + drives + limited joints).
 
     A hold pushes its second link with its force, and its first link against it.
     """
@@ -54,15 +54,22 @@ def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
     size = 3 * len(links.mass)
     units = np.zeros((size, *pose.shape[2:]))
     units.reshape(size, -1)[:, :size] = np.eye(size)
-    rows = along(lambda p: bound(links, p), pose, units)
+    limited = tuple(joint for joint in links.joints if joint.limits)
+    place = values(limited, pose[:, 0])
+    low, high = np.array([joint.limits for joint in limited]).reshape(-1, 2).T
+    held = ((place < low) | (place > high))[:, None]  # a row of zeros has no force
+    stops = held * along(lambda p: values(limited, p), pose, units)
+    rows = np.concatenate([along(lambda p: bound(links, p), pose, units), stops], axis=-1)  # J^T
+    slides = [joint.hold.axis is not None for joint in limited]
+    bounds = np.append(links.bounds, np.where(slides, links.extent, 1.0))
     damping = np.array([joint.damping for joint in links.joints])
     joints = along(lambda p: values(links.joints, p), pose, units)
     rates = along(lambda p: values(links.joints, p), pose[:, 0], velocity)
     moved = (links.weights * motion.acceleration[block])[:, :-1].reshape(-1, size)
     load = along(lambda p: potential(links, p), pose, units)
     needed = moved + load + (joints @ (damping * rates)[..., None])[..., 0]
-    inverse = np.linalg.pinv(rows * links.sizes[:, None] / links.bounds, rcond=DEPENDENT)
-    return np.asarray((inverse @ (needed * links.sizes)[..., None])[..., 0] / links.bounds)
+    inverse = np.linalg.pinv(rows * links.sizes[:, None] / bounds, rcond=DEPENDENT)
+    return np.asarray((inverse @ (needed * links.sizes)[..., None])[..., 0] / bounds)
 
 
 @dataclass(frozen=True)

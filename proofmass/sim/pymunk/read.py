@@ -248,7 +248,7 @@ def force_curves(
     if not wanted:
         return {}
     forces = solve_forces(links, motion)
-    drives = forces[:, forces.shape[1] - len(links.drives) :]
+    drives = forces[:, 2 * len(links.holds) :]
     return {
         name: transmitted(links, c.transmitted, motion, forces)
         if c.transmitted

@@ -109,6 +109,19 @@ def test_springs_of_free_joints_carry_their_load(parameters):
     np.testing.assert_allclose(force, [found["force_x"], found["force_y"]], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("parameters", [flat(ROWS[1745]), flat(ROWS[1766]), FOUR, STAGED])
+def test_node_loads_and_forces_along_segments_are_those_of_the_appendices(parameters):
+    """Springs of free joints, and springs with their stops; forces turned into each segment."""
+    theta, lengths, _, found = chain(parameters)
+    force = found["force_x"], found["force_y"]
+    loads = node_loads(theta, lengths, *force)
+    for i in range(theta.shape[-1]):
+        s, c = np.sin(theta[:, i]), np.cos(theta[:, i])
+        own = [found[f"node{i + 1}_{name}"] for name in ("load", "force_x", "force_y")]
+        along, across = s * force[0] + c * force[1], s * force[1] - c * force[0]
+        np.testing.assert_allclose(own, [loads[:, i], along, across], rtol=0, atol=1e-14)
+
+
 def test_joints_out_of_equilibrium_do_not():
     theta, lengths, moment, _ = chain(flat(ROWS[1766]))
     moment[:, 1] *= 1.001
