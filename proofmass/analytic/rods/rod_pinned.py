@@ -10,7 +10,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
+from proofmass.analytic.numerics import TURN, Array
+from proofmass.analytic.rods.elastica import bounds, modulus, of_load, tip
 from proofmass.analytic.rods.equilibrium import flow
 from proofmass.analytic.rods.shooting import ShotRods, integrate
 
@@ -198,3 +200,282 @@ def solve(
         "force_y": np.full(arc.shape, n.imag),
         "hold": np.full(arc.shape, -found.unknowns[2]),
     }
+
+
+SHARES = (0.25, 0.5, 0.75)
+"""Relative moduli of which lines are drawn."""
+MOST_MODES = 3
+"""Numbers of inflections that charts show."""
+SEAM = 1e-4
+"""Of a relative modulus from 0, where the rod has no moment at its clamp, and from 1."""
+TOP = 1e3
+"""Largest load [EI/L^2] that charts show: it has no bound at k_rel = +-1."""
+HALVINGS = 60
+"""Of an interval about a relative modulus with a given load."""
+
+
+def moduli(
+    *,
+    pin_x: float,
+    pin_y: float,
+    force_x: float,
+    force_y: float,
+    moment: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    theta0: float = 0.0,
+) -> Chart:
+    r"""Which moduli k there are for each direction of the load, and the rod's own.
+
+    ::
+
+        k_min = |cos(psi/2)|,  k_rel = sign(k) (|k| - k_min)/(1 - k_min)
+
+    Parameters
+    ----------
+    pin_x, pin_y, force_x, force_y, moment : of `solve` [m, N, N m]
+    length, stiffness, theta0 : of `solve` [m, N m^2, rad]
+
+    Returns
+    -------
+    Chart
+        Two panels over psi [rad]: k, and k_rel.
+
+    Raises
+    ------
+    ValueError
+        As `solve`; a rod without an inflection.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, figure 8; its line 451 swaps what is valid and what is not.
+
+    Examples
+    --------
+    >>> chart = moduli(pin_x=0.8, pin_y=0.1, force_x=-20.0, force_y=-7.0, moment=-3.7)
+    >>> [len(panel.regions) for panel in chart.panels]
+    [2, 2]
+    """
+    psi = np.linspace(0.0, TURN, 361)
+    least = bounds(psi)[0]
+    own = load_of(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    there = "there is a rod"
+    inner = psi[1:-1]
+    lines, level = [], []
+    for share in SHARES:
+        for sign in (1, -1):
+            k, _ = modulus(inner, np.full(inner.shape, sign * share))
+            lines.append(ChartLine(inner, k, f"k_rel = ±{share:g}"))
+            level.append(
+                ChartLine(inner, np.full(inner.shape, sign * share), f"k_rel = ±{share:g}")
+            )
+    at = np.array([own[0]])
+    panels = (
+        Panel(
+            (
+                *lines,
+                ChartLine(at, np.array([modulus(own[0], own[1])[0]]), "this rod", points=True),
+            ),
+            title="k: none below |cos(psi/2)|",
+            regions=tuple(
+                ChartRegion(
+                    (
+                        np.stack(
+                            [np.append(psi, psi[::-1]), sign * np.append(least, np.ones(psi.size))],
+                            axis=1,
+                        ),
+                    ),
+                    there,
+                )
+                for sign in (1.0, -1.0)
+            ),
+        ),
+        Panel(
+            (*level, ChartLine(at, np.array([own[1]]), "this rod", points=True)),
+            title="k_rel: all of (-1, 0) and (0, 1)",
+            regions=tuple(
+                ChartRegion(
+                    (np.array([[0.0, 0.0], [TURN, 0.0], [TURN, sign], [0.0, sign]]),), there
+                )
+                for sign in (1.0, -1.0)
+            ),
+        ),
+    )
+    return Chart(
+        ("direction psi of the load", "rad"),
+        ("k, k_rel", ""),
+        panels,
+        "A rod that is clamped and ends in a moment-free tip is a piece of an elastica of modulus "
+        "k, positive where it bends to the left at the clamp. For a load in the direction psi from "
+        f"the clamp's tangent |k| is at least |cos(psi/2)|. This rod: psi = "
+        f"{np.degrees(own[0]):.4g}°, k_rel = {own[1]:.4g}, {own[2]:g} inflections.",
+    )
+
+
+def loads(
+    *,
+    pin_x: float,
+    pin_y: float,
+    force_x: float,
+    force_y: float,
+    moment: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    theta0: float = 0.0,
+    nodes: int = 121,
+) -> Chart:
+    """The load R of a rod over its direction psi and relative modulus, by number of inflections.
+
+    Parameters
+    ----------
+    pin_x, pin_y, force_x, force_y, moment : of `solve` [m, N, N m]
+    length, stiffness, theta0 : of `solve` [m, N m^2, rad]
+    nodes : along each axis, 5 to 401
+
+    Returns
+    -------
+    Chart
+        A panel for each number of inflections: log10 of R L^2/EI.
+
+    Raises
+    ------
+    ValueError
+        As `solve`; a rod without an inflection; nodes out of their range.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, figure 9, a surface without numbers.
+
+    Examples
+    --------
+    >>> chart = loads(pin_x=0.8, pin_y=0.1, force_x=-20.0, force_y=-7.0, moment=-3.7, nodes=5)
+    >>> [panel.title for panel in chart.panels]
+    ['1 inflection, the tip', '2 inflections', '3 inflections']
+    """
+    if not 5 <= nodes <= 401:
+        raise ValueError(f"nodes must lie within [5, 401], got {nodes}")
+    own = load_of(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    psi = np.linspace(0.0, TURN, nodes + 2)[1:-1]
+    k_rel = apart_from_ends(np.linspace(-1.0, 1.0, 2 * nodes))
+    lines = np.insert(k_rel, nodes, 0.0)  # the surface is parted there
+    panels = []
+    for mode in range(1, MOST_MODES + 1):
+        log = np.log10(np.clip(tip(psi[:, None], k_rel, mode)["R"], 1.0 / TOP, TOP))
+        found = (
+            (ChartLine(np.array([own[0]]), np.array([own[1]]), "this rod", points=True),)
+            if own[2] == mode
+            else ()
+        )
+        panels.append(
+            Panel(
+                found,
+                Field(psi, lines, np.insert(log, nodes, np.nan, axis=1), "log10(R L²/EI)", ""),
+                counted(mode),
+            )
+        )
+    return Chart(
+        ("direction psi of the load", "rad"),
+        ("k_rel", ""),
+        tuple(panels),
+        "One load R for each direction psi and relative modulus k_rel, but several moduli for one "
+        "load. R has no bound at k_rel = ±1; at k_rel = 0 the clamp carries no moment, and the "
+        "surface of one number of inflections goes on in that of the next with the other sign.",
+    )
+
+
+def loads_of_direction(
+    *,
+    pin_x: float,
+    pin_y: float,
+    force_x: float,
+    force_y: float,
+    moment: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    theta0: float = 0.0,
+) -> Chart:
+    """The load R over the relative modulus at the rod's own direction, and all rods of its load.
+
+    Parameters
+    ----------
+    pin_x, pin_y, force_x, force_y, moment : of `solve` [m, N, N m]
+    length, stiffness, theta0 : of `solve` [m, N m^2, rad]
+
+    Returns
+    -------
+    Chart
+        A line for each number of inflections, and the rods of this load.
+
+    Raises
+    ------
+    ValueError
+        As `solve`; a rod without an inflection.
+
+    Notes
+    -----
+    Rods of the load are found between neighbours of 1200 moduli and bisected to the last digit.
+    Source: Pérez Gámiz 2018, figure 10.
+
+    Examples
+    --------
+    >>> chart = loads_of_direction(pin_x=0.8, pin_y=0.1, force_x=-20.0, force_y=-7.0, moment=-3.7)
+    >>> chart.caption.split(":")[0]
+    '3 rods with up to 3 inflections carry this load in this direction'
+    """
+    psi, k, mode = load_of(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    own = float(tip(psi, k, mode)["R"])
+    k_rel = apart_from_ends(np.linspace(-1.0, 1.0, 1200))
+    lines, same = [], []
+    for number in range(1, MOST_MODES + 1):
+        R = tip(psi, k_rel, number)["R"]
+        seen = np.where(4.0 * own > R, R, np.nan)
+        lines.append(
+            ChartLine(np.insert(k_rel, 600, 0.0), np.insert(seen, 600, np.nan), counted(number))
+        )
+        same.append(rods_of_load(psi, k_rel, R, number, own))
+    found = np.concatenate(same)
+    every = ChartLine(found, np.full(found.size, own), "rods of this load", False, points=True)
+    this = ChartLine(np.array([k]), np.array([own]), "this rod", points=True)
+    return Chart(
+        ("k_rel", ""),
+        ("R L²/EI", ""),
+        (Panel((*lines, every, this), title=f"psi = {np.degrees(psi):.4g}°"),),
+        f"{found.size} rods with up to {MOST_MODES} inflections carry this load in this direction: "
+        f"R = {own:.5g} EI/L². A load has several relative moduli k_rel, a modulus one load of "
+        "each number of inflections.",
+    )
+
+
+def load_of(
+    x: float, y: float, guess: ArrayLike, theta0: float, length: float, stiffness: float
+) -> tuple[float, float, float]:
+    """psi [rad], k_rel [1] and number of inflections of the rod to which a guess leads."""
+    found = pinned(x, y, guess, theta0=theta0, length=length, stiffness=stiffness)
+    if not found.converged:
+        raise ValueError("force_x, force_y, moment lead to no equilibrium; give a nearer guess")
+    psi, k_rel, mode = of_load(*found.unknowns, theta0=theta0, length=length, stiffness=stiffness)
+    return float(psi), float(k_rel), float(mode)
+
+
+def apart_from_ends(k_rel: Array) -> Array:
+    """Relative moduli a little apart from 0 and from +-1."""
+    away = np.clip(np.abs(k_rel), SEAM, 1.0 - SEAM)
+    return np.asarray(np.where(k_rel < 0.0, -away, away))
+
+
+def rods_of_load(psi: float, k_rel: Array, size: Array, mode: int, load: float) -> Array:
+    """Relative moduli between those given where R passes a load [EI/L^2], not across zero."""
+    over = size > load
+    at = np.flatnonzero((over[:-1] != over[1:]) & (k_rel[:-1] * k_rel[1:] > 0.0))
+    low, high, before = k_rel[at], k_rel[at + 1], over[at]
+    for _ in range(HALVINGS if at.size else 0):
+        middle = 0.5 * (low + high)
+        above = tip(psi, middle, mode)["R"] > load
+        same = above == before
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return np.asarray(low)
+
+
+def counted(mode: int) -> str:
+    """A number of inflections in words."""
+    return "1 inflection, the tip" if mode == 1 else f"{mode} inflections"

@@ -1,0 +1,99 @@
+"""Charts of the moduli and loads of a clamped rod with a pinned tip, by integration along it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from proofmass.analytic.chart import Chart
+from proofmass.analytic.rods import rod_pinned
+from proofmass.case import Case
+from proofmass.chart import chart_of
+from proofmass.sidecar import load_case
+from tests.shipped import shipped
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return load_case(shipped("rod_pinned.toml"))
+
+
+@pytest.fixture(scope="module")
+def charts(case: Case) -> list[Chart]:
+    return [chart_of(case, table) for table in case.chart]
+
+
+def end(psi: float, k: float, size: float) -> tuple[float, int]:
+    """Moment [EI/L] at the tip and inflections before it, by the rod's own equation.
+
+    theta'' = R sin(theta - psi) from theta = 0, with the slope that has the modulus k.
+    """
+    slope = np.sign(k) * 2.0 * np.sqrt(size * (k**2 - np.cos(psi / 2.0) ** 2))
+    run = solve_ivp(
+        lambda _, y: [y[1], size * np.sin(y[0] - psi)],
+        (0.0, 1.0),
+        [0.0, slope],
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=np.append(np.linspace(0.0, 0.998, 2000), 1.0),
+    )
+    return float(run.y[1, -1]), int(np.sum(np.diff(np.sign(run.y[1, :-1])) != 0.0))
+
+
+def test_loads_of_the_surface_end_in_an_inflection(charts: list[Chart]) -> None:
+    rng = np.random.default_rng(8)
+    for mode, panel in enumerate(charts[1].panels, 1):
+        field = panel.field
+        for _ in range(12):
+            i = int(rng.integers(3, field.x.size - 3))
+            j = int(rng.integers(6, field.y.size - 6))
+            psi, k_rel, size = field.x[i], field.y[j], 10.0 ** field.values[i, j]
+            if k_rel == 0.0 or size > 500.0:  # a long rod forgets its clamp
+                continue
+            least = abs(np.cos(psi / 2.0))
+            k = np.sign(k_rel) * (least + (1.0 - least) * abs(k_rel))
+            moment, before = end(psi, k, size)
+            # rounding of the load, e^sqrt(R) times at the tip; a wrong load gives 0.1 and more
+            assert abs(moment) < 1e-6 * np.sqrt(size), (mode, psi, k_rel)
+            assert before == mode - 1
+            assert abs(end(psi, k, 1.02 * size)[0]) > 1e-4
+
+
+def test_moduli_lie_between_their_bound_and_one(charts: list[Chart]) -> None:
+    for sign, region in zip((1.0, -1.0), charts[0].panels[0].regions, strict=True):
+        (outline,) = region.outlines
+        edge = np.abs(np.abs(outline[:, 1]) - np.abs(np.cos(outline[:, 0] / 2.0)))
+        assert np.all((edge < 1e-15) | (outline[:, 1] == sign))
+        assert np.all(sign * outline[:, 1] >= 0.0)
+    for line in charts[0].panels[0].lines:
+        assert np.all(np.abs(line.y) > np.abs(np.cos(line.x / 2.0)))
+        assert np.all(np.abs(line.y) < 1.0)
+
+
+def test_all_rods_of_the_load_are_on_its_line(charts: list[Chart], case: Case) -> None:
+    (panel,) = charts[2].panels
+    every, this = panel.lines[-2:]
+    assert every.x.size == 3
+    assert np.abs(every.x - this.x).min() < 1e-9
+    assert this.x[0] == pytest.approx(-0.3222579, abs=1e-7)  # by a multi-start of shooting, rod A
+    force = rod_pinned.pinned(
+        0.8, 0.1, (-3.2, -1.2, -0.6), stiffness=case.parameters["stiffness"]
+    ).unknowns
+    size = np.hypot(*force[:2]) / case.parameters["stiffness"]
+    assert this.y == pytest.approx([size], rel=1e-9)
+    psi = np.arctan2(force[1], force[0]) % (2.0 * np.pi)
+    least = abs(np.cos(psi / 2.0))
+    counts = []
+    for k_rel in every.x:
+        k = np.sign(k_rel) * (least + (1.0 - least) * abs(k_rel))
+        moment, before = end(psi, k, float(size))
+        assert abs(moment) < 1e-5 * size  # as above
+        counts.append(before + 1)
+    assert sorted(counts) == [1, 1, 2]
+
+
+def test_complaints() -> None:
+    guess = {"pin_x": 0.8, "pin_y": 0.1, "force_x": -20.0, "force_y": -7.0, "moment": -3.7}
+    with pytest.raises(ValueError, match=r"nodes must lie within \[5, 401\], got 4"):
+        rod_pinned.loads(**guess, nodes=4)
+    with pytest.raises(ValueError, match="length must reach the pin"):
+        rod_pinned.moduli(**guess | {"pin_x": 1.8})
