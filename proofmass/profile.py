@@ -18,7 +18,14 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import ProfileTable
 from proofmass.drive import State
 from proofmass.errors import InputError
-from proofmass.recorded import ENOUGH, TIGHT, RecordedColumn, interval_errors, read_table
+from proofmass.recorded import (
+    ENOUGH,
+    TIGHT,
+    RecordedColumn,
+    RecordedTable,
+    interval_errors,
+    read_table,
+)
 
 KEPT = 16  # laws
 FEWEST = {"spline": 4, "linear": 2}  # rows
@@ -97,16 +104,28 @@ def law_of_profile(folder: Path, profile: ProfileTable, start: float, unit: str)
     return law_once(file, changed, profile, start, unit)
 
 
+def last_time(folder: Path, profile: ProfileTable) -> float:
+    """The last time of a file that a drive follows [s]; InputError and ValueError as above."""
+    table = read_table(folder / profile.file)
+    return float(table.rising(clock_of(table, profile))[-1])
+
+
+def clock_of(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
+    """The column of times; ValueError if it is none."""
+    clock = profile.time or RecordedColumn(column=next(iter(table.units)))
+    table.require(clock, "s")
+    return clock
+
+
 @lru_cache(KEPT)
 def law_once(
     file: Path, changed: int, profile: ProfileTable, start: float, unit: str
 ) -> SampledLaw:
     """`law_of_profile`, for a file as it was at the time `changed`."""
     table = read_table(file)
-    clock = profile.time or RecordedColumn(column=next(iter(table.units)))
     kind, column = profile.given
     si = unit if kind == "value" else f"{unit}/s"
-    table.require(clock, "s")
+    clock = clock_of(table, profile)
     table.require(column, si)
     times, values = table.rising(clock), table.curve(column)
     if times.size < FEWEST[profile.interpolation]:
@@ -141,17 +160,22 @@ def advice(kind: str, unit: str, step: float) -> str:
 def jump_in(times: Array, values: Array) -> int | None:
     """The row after which a curve jumps: it is much steeper there than before and after.
 
+    A single row that stands out, up and down again, is a jump as well.
+
     >>> t = np.linspace(0.0, 1.0, 21)
-    >>> jump_in(t, np.sin(t)), jump_in(t, np.sin(t) + (t > 0.52))
-    (None, 10)
+    >>> jump_in(t, np.sin(t)), jump_in(t, np.sin(t) + (t > 0.52)), jump_in(t, t + (t == t[7]))
+    (None, 10, 6)
     """
     if times.size < ENOUGH:  # where a few rows are the corners of a motion that is meant so
         return None
-    slopes = np.abs(np.diff(values) / np.diff(times))
-    sides = np.pad(slopes, 1)
-    around = np.maximum(sides[:-2], sides[2:])
+    slopes = np.diff(values) / np.diff(times)
+    sides = np.pad(np.abs(slopes), 2)
+    before, steep, after, next_but_one = sides[1:-3], sides[2:-2], sides[3:-1], sides[4:]
+    alone = steep > STEEP * np.maximum(before, after)
+    back = np.append(slopes[:-1] * slopes[1:] < 0, False)
+    outlier = back & (np.minimum(steep, after) > STEEP * np.maximum(before, next_but_one))
     large = np.abs(np.diff(values)) > SEEN * float(np.ptp(values))
-    found = np.flatnonzero(large & (slopes > STEEP * around))
+    found = np.flatnonzero(large & (alone | outlier))
     return int(found[0]) if found.size else None
 
 

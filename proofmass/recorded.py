@@ -209,9 +209,13 @@ def read_table(file: Path) -> RecordedTable:
     InputError
         No such file, no CSV, rows of another length than the header, a name that stands twice.
     """
-    if not file.exists():
-        raise InputError(file, "", "no such recorded curve")
-    return read_once(file, file.stat().st_mtime_ns)
+    try:
+        changed = file.stat().st_mtime_ns
+    except FileNotFoundError:
+        raise InputError(file, "", "no such recorded curve") from None
+    except (OSError, ValueError) as error:  # such as a zero byte in its name
+        raise InputError(file, "", f"cannot be read: {error}") from None
+    return read_once(file, changed)
 
 
 @lru_cache(KEPT)

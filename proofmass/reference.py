@@ -3,9 +3,10 @@
 import importlib
 import inspect
 import re
+from collections.abc import Callable
 from functools import lru_cache
 from types import ModuleType
-from typing import cast
+from typing import Any
 
 import numpy as np
 from mujoco import MjModel
@@ -15,7 +16,7 @@ from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.case import Case, ProfileTable
 from proofmass.drive import FunctionLaw, InProportion, Samples, State, Steady, Swing
 from proofmass.errors import InputError, suggest
-from proofmass.profile import SampledLaw, law_of_profile
+from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.contents import joints
 from proofmass.sim.mjcf import compile_model
@@ -72,7 +73,7 @@ def grid(case: Case, kind: Kind) -> Array:
     if leader is None or not leader.steady:
         end = run.until or (leader.until or leader.period if leader else None)
         if end is None and leader and isinstance(leader.profile, ProfileTable):
-            end = float(sampled_law(case, 0).times[-1])
+            end = named_in_profile(case, 0, last_time, case.file.parent, leader.profile)
         return np.linspace(0.0, end or 0.0, n)
     first, last = leader.start, float(leader.to or 0.0)
     if kind == "sweep":
@@ -130,10 +131,20 @@ def sampled_law(case: Case, k: int) -> SampledLaw:
     """The law of drive number k, which follows the rows of a file."""
     drive = case.drive[k]
     unit = joints(compiled(case)).get(drive.joint) or "rad"
+    return named_in_profile(
+        case, k, law_of_profile, case.file.parent, drive.profile, drive.start, unit
+    )
+
+
+def named_in_profile(case: Case, k: int, read: Callable[..., Any], *args: object) -> Any:
+    """What is read of the file of a profile; a column that is wrong there is named in the sidecar.
+
+    Raises
+    ------
+    InputError
+    """
     try:
-        return law_of_profile(
-            case.file.parent, cast(ProfileTable, drive.profile), drive.start, unit
-        )
+        return read(*args)
     except ValueError as error:
         raise InputError(case.file, case.drive_key(k, "profile"), str(error)) from None
 

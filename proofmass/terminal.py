@@ -31,6 +31,7 @@ KEYS = (
     "at",
     "error_rms",
     "nrmse",
+    "uncertainty",
     "allowed",
     "detectable",
     "outcome",

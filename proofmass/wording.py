@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from proofmass.engines import NoEngine, engine_of
+from proofmass.engines import NoEngine, computes, engine_of
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -43,6 +43,15 @@ def spoken(solver: str) -> str:
     except NoEngine:  # a table may have another machine's
         title = engine
     return f"{title} {variant}".strip()
+
+
+def is_variant(solver: str) -> bool:
+    """Whether a solver is an engine with other settings; every recorded party is one of its own.
+
+    >>> is_variant("mujoco"), is_variant("mujoco:default"), is_variant("recorded:rig")
+    (False, True, False)
+    """
+    return ":" in solver and computes(solver)
 
 
 def listed(words: Iterable[str]) -> str:

@@ -107,6 +107,8 @@ OTHERS = {  # sidecars that share a model
     "fourbar_crossed": "fourbar",
     "hacksaw_recorded": "hacksaw",
     "hacksaw_cutting": "hacksaw",
+    "hacksaw_sampled": "hacksaw",
+    "hacksaw_inventor_shaped": "hacksaw",
     "double_crank_crossed": "double_crank",
     "slider_crank_mirrored": "slider_crank",
     "inverted_slider_crank_held": "inverted_slider_crank",

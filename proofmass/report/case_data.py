@@ -18,14 +18,13 @@ from proofmass import terminal
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import Comparison, scale_of
-from proofmass.engines import computes
 from proofmass.outcome import LOST, Outcome
 from proofmass.report.data import Shown, drive_units, inputs, readable
 from proofmass.report.style import Look
 from proofmass.report.tables import plain
 from proofmass.report.words import RUNS, kind_of
 from proofmass.sim.motion import Motion
-from proofmass.wording import pretty, spoken
+from proofmass.wording import is_variant, pretty, spoken
 
 ROOM = 340_000  # characters of a page for curves: with the rest of it at most 700 kB
 WHOLE = 2**15 - 1
@@ -94,7 +93,7 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
         "label": spoken(solver),
         "dash": list(look.dash[1]),
         "marker": CSS.get(look.marker, "cross"),
-        "variant": ":" in solver and computes(solver),
+        "variant": is_variant(solver),
     }
 
 

@@ -12,7 +12,7 @@ from proofmass.report.changes import FACTOR
 from proofmass.report.overview import place
 from proofmass.report.record import History
 from proofmass.report.words import kind_of
-from proofmass.wording import number, spoken
+from proofmass.wording import is_variant, number, spoken
 
 NOTHING = Markup()
 TREND = 3
@@ -59,7 +59,7 @@ def ratio(c: Comparison) -> float:
 
 def cell_of(rows: Sequence[Comparison]) -> IndexCell | None:
     """The cell of these comparisons, a lane a solver, the engine itself first."""
-    solvers = sorted(dict.fromkeys(c.solver for c in rows), key=lambda s: ":" in s)
+    solvers = sorted(dict.fromkeys(c.solver for c in rows), key=is_variant)
     groups = [[c for c in rows if c.solver == solver] for solver in solvers]
     if not groups:
         return None
@@ -96,14 +96,19 @@ def lane_of(c: Comparison) -> ErrorMark:
     name = spoken(c.solver)
     if not math.isfinite(share):
         return ErrorMark(
-            c.solver, ":" in c.solver, c.outcome not in GOOD, None, None, f"{name}: {c.outcome}"
+            c.solver,
+            is_variant(c.solver),
+            c.outcome not in GOOD,
+            None,
+            None,
+            f"{name}: {c.outcome}",
         )
     allowed = c.allowed_of_range if judged and c.error_max else None
     words = f"{name}: {c.channel} {number(share, 2)} of the range"
     words += f", {number(allowed, 2)} allowed" if allowed else ", no tolerance" * (not judged)
     return ErrorMark(
         c.solver,
-        ":" in c.solver,
+        is_variant(c.solver),
         c.outcome not in GOOD,
         place(share),
         None if allowed is None else place(allowed),

@@ -24,7 +24,7 @@ from proofmass.report.style import Look
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.report.trend import FEWEST
 from proofmass.report.words import RUNS, SYMBOLS, by_solver, state_of
-from proofmass.wording import spoken
+from proofmass.wording import is_variant, spoken
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
 DECADES = (-15, -12, -9, -6, -3, 0)
@@ -349,7 +349,7 @@ def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tu
 
 def only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
     """Whether a solver has other settings, and no tolerance judges any of its curves."""
-    return ":" in c.solver and all(
+    return is_variant(c.solver) and all(
         math.isnan(other.allowed) and other.outcome in OPEN
         for other in rows
         if (other.solver, other.run) == (c.solver, c.run)

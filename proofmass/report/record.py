@@ -94,6 +94,7 @@ class ChannelRecord(Part):
     at: float | None
     error_rms: float | None
     nrmse: float | None
+    uncertainty: float | None = 0.0  # which earlier versions did not have
     allowed: float | None
     detectable: dict[str, dict[str, float | bool | None]]
     outcome: str

@@ -5,7 +5,8 @@ group ``proofmass.engines``.  `Engine.simulate` is all that it must have:
 
     simulate(model: Path, run: Run) -> Curves
 
-An engine knows no reference and no tolerance.  It imports nothing of the core.
+An engine knows no reference and no tolerance.  It imports nothing of the core; `errors`, `files`,
+`recorded`, `strict` and `units` lie below it.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,6 +1,7 @@
 """The index in a browser: it filters, sorts and moves, fetches nothing, and is readable by all."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -214,3 +215,19 @@ def test_rules_of_accessibility_are_kept(opened, scheme, width):
     found = axe.Axe().run(page)
     assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found["violations"]] == []
     assert len(found["passes"]) > 15  # it did look
+
+
+@pytest.mark.parametrize("width", [390, 1024, 1280, 1440])
+def test_a_third_engine_has_room_beside_the_others(browser, tmp_path, width):
+    """Each run in MuJoCo, in pymunk, in another engine, and as it was recorded."""
+    result = whole_result()
+    own = [c for c in result.comparisons if c.solver == "mujoco"]
+    for solver in ("recorded:rig", "adams", "pymunk"):
+        result.comparisons.extend(replace(c, solver=solver) for c in own)
+    index = write_index(tmp_path, result, last_record(result))
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(index.as_uri())
+    assert page.locator("thead th[data-of=recorded]").count() == 2
+    assert page.locator("thead th[data-of]").count() == 8
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.close()

@@ -19,6 +19,7 @@ from proofmass.compare import Comparison, compare
 from proofmass.recorded import interpolated, read_table
 from proofmass.sidecar import load_case
 from proofmass.solve import run_here, with_computing_solvers
+from proofmass.studies.command import named
 from tests.shipped import shipped
 
 HACKSAW, SOLVER = "hacksaw_inventor_shaped", "recorded:inventor-shaped"
@@ -398,3 +399,24 @@ def test_studies_leave_recorded_curves_out(edit, tmp_path: Path) -> None:
         assert found.exit_code == 2, (command, found.output)
         assert "recorded" in found.stderr
         assert "Traceback" not in found.output
+
+
+def test_a_study_says_what_it_leaves_out(capsys) -> None:
+    (case,) = named([shipped(f"{SAM}.toml")])
+    assert case.run["sweep"].solvers == ("mujoco", "pymunk")
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"{SAM}: recorded:sam-shaped is left out" in said
+
+
+def test_a_wrong_sign_is_named_as_the_cause(edit, models: Path) -> None:
+    """And no number of the model is tried, on which nothing of it depends."""
+    edit(f"{HACKSAW}.toml", re.escape('{ column = "R1", scale = -1 }'), '"R1"')
+    edit(f"{HACKSAW}.toml", r'solvers = \["mujoco", "mujoco:default", "pymunk", ', "solvers = [")
+    text = (models / f"{HACKSAW}.toml").read_text()
+    text = text.replace("[settings.pymunk]\ntimestep = 5e-4", "")
+    head, *tolerances = text.split("[[tolerance]]")
+    kept = [t for t in tolerances if "recorded" in t]
+    (models / f"{HACKSAW}.toml").write_text("[[tolerance]]".join([head, *kept]))
+    (found,) = check([models / f"{HACKSAW}.toml"], jobs=1, detectable=False).diagnoses.values()
+    assert found.causes[0].words == "r1 turned in sign"
+    assert not any("numbers of the model" in words for words in found.tried)

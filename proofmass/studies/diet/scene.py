@@ -83,7 +83,12 @@ class Bound:
             self.truth
             if self.case is None
             else bounded(
-                self.case, cast(Kind, self.run.kind), reference_for, self.case, curves
+                self.case,
+                cast(Kind, self.run.kind),
+                reference_for,
+                self.case,
+                curves,
+                cast(Kind, self.run.kind),
             ).channels
         )
         return {
@@ -381,7 +386,8 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
     One without a tolerance, or beyond it already, may move by rounding.
     """
     before = done(case.model_path, draft.compiled(run.rods), run)
-    truth = bounded(case, cast(Kind, run.kind), reference_for, case, before).channels
+    kind = cast(Kind, run.kind)
+    truth = bounded(case, kind, reference_for, case, before, kind).channels
     allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
         most = allowed_error(case, run.kind, solver, name, before, truth[name])

@@ -29,8 +29,10 @@ SINGULAR = "change_point", "acceleration"
 CASES = {
     case.name: case
     for case in map(load_case, models_like())
-    if "dynamics" in case.run and not case.reference.endswith(".csv")
-}  # these have an error
+    if "dynamics" in case.run
+    and not case.reference.endswith(".csv")
+    and not any(str(c.equals).startswith("drive.") for c in case.channels.values())
+}  # these have an error; the acceleration of a drive itself is of first order where it bends
 
 
 def errors(case, folder, change=lambda setting: setting):
