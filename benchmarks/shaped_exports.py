@@ -75,7 +75,7 @@ Made by python -m benchmarks.shaped_exports from proofmass/analytic/linkages/hac
 
 
 def sam_shaped() -> tuple[str, Columns]:
-    """What the thesis has from SAM: prescribed angles, the moment and the energy of the springs."""
+    """What the thesis has from SAM: prescribed angles, loads of two nodes, moment, energy."""
     case = load_case(MODELS / "balancers" / "balancer4_sam.toml")
     alpha = np.radians(ANGLES + PENDULUM_ZERO)
     known = balancer(alpha, **case.parameters)
@@ -88,6 +88,8 @@ A row every {ANGLES[1]:g} deg. Angles are clockwise from the upright."""
         "alpha [deg]": (ANGLES, 1),
         "theta1 [deg]": (np.degrees(known["theta1"]), 4),
         "theta2 [deg]": (np.degrees(known["theta2"]), 4),
+        "L2 [N m]": (known["node2_load"], 6),
+        "L3 [N m]": (known["node3_load"], 6),
         "M [N m]": (known["holding_moment"], 6),
         "V [J]": (known["energy"], 6),
     }

@@ -108,7 +108,7 @@ why = "one more"
             r"\Z",
             MORE.format('run = "equilibrium"'),
             "",
-            "tolerance.8.run: there is no run.equilibrium; there are: sweep, dynamics",
+            "tolerance.10.run: there is no run.equilibrium; there are: sweep, dynamics",
         ),
         (
             "rod_cantilever",
@@ -145,6 +145,9 @@ def test_a_rest_may_end_where_its_shortest_rod_does(models, edit):
 
 def test_channels_and_tolerances_of_a_run():
     case = load_case(shipped("fourbar.toml"))
+    assert list(case.channels_of("dynamics")) == list(case.channels)
+    held = case.channels["holding_moment"].model_copy(update={"only": "sweep"})
+    case = case.model_copy(update={"channels": {**case.channels, "holding_moment": held}})
     assert set(case.channels) - set(case.channels_of("dynamics")) == {"holding_moment"}
     assert list(case.channels_of("sweep")) == list(case.channels)
     assert case.tolerance_for("dynamics", "mujoco", "rocker_rate").relative_to_range == 2e-6
@@ -272,6 +275,7 @@ def test_a_view_shows_the_first_run_that_has_its_channels():
     channels = {
         **case.channels,
         "rocker": case.channels["rocker"].model_copy(update={"only": "dynamics"}),
+        "holding_moment": case.channels["holding_moment"].model_copy(update={"only": "sweep"}),
     }
     case = case.model_copy(update={"channels": channels})
 

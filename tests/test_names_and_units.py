@@ -190,8 +190,8 @@ WRONG = {
     ),
     "force of a hinge": (
         "fourbar",
-        'unit = "N m"',
-        'unit = "N"',
+        'holding_moment", unit = "N m"',
+        'holding_moment", unit = "N"',
         ["channels.holding_moment.unit", "delivers N m"],
     ),
     "moment of a rod": (
@@ -348,7 +348,7 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
     x = np.linspace(0, 2 * np.pi, 37)
     truth = evaluate(case, "sweep", x, plan(case, "sweep", "mujoco").motion(x)).channels
     plain = evaluate(
-        load_case(shipped("fourbar.toml")), x, plan(case, "sweep", "mujoco").motion(x)
+        load_case(shipped("fourbar.toml")), "sweep", x, plan(case, "sweep", "mujoco").motion(x)
     ).channels
     assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # shift, in deg
 

@@ -96,7 +96,8 @@ def test_what_was_asked_is_a_quantity_of_its_own():
     late = tuple(np.array([part]) for part in motor(x + 0.01))
     there = evaluate(case, "sweep", x, late).channels
     assert there["theta2"] == pytest.approx(motor(x)[0], abs=1e-15)  # not at the drive's state
-    assert there["r1"] != pytest.approx(evaluate(case, "sweep", x, late).channels["theta2"])
+    prompt = tuple(np.array([part]) for part in motor(x))
+    assert there["r1"] != pytest.approx(evaluate(case, "sweep", x, prompt).channels["r1"])
 
 
 def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
@@ -109,12 +110,13 @@ def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
     edit("fourbar.toml", "from = 0.0", "from = 0.5")
     case = load_case(file)
     x = np.array([0.5, 1.0])
-    sweep, time = (asked_of_drives(case, x, kind)["drive.crank"] for kind in ("sweep", "dynamics"))
+    sweep, time = (asked_of_drives(case, kind, x)["drive.crank"] for kind in ("sweep", "dynamics"))
     assert sweep.tolist() == [0.5, 1.0]
     assert time.tolist() == [0.5 + case.drive[0].speed * t for t in x]
-    assert "drive.crank" not in quantities(
-        case, x, plan(case, "sweep", "mujoco").motion(x), {**case.parameters}
+    known = quantities(
+        case, "sweep", x, plan(case, "sweep", "mujoco").motion(x), {**case.parameters}
     )
+    assert known["drive.crank"].tolist() == sweep.tolist()
     for kind in ("sweep", "dynamics"):
         found = compare(case, kind, "mujoco", run_here(case, kind, "mujoco"), detectable=False)
         assert next(c for c in found if c.channel == "asked").relative_to_range < 1e-6

@@ -303,10 +303,10 @@ def listening(told, **found):
 def test_a_closed_form_is_asked_with_time_or_with_the_drives_as_they_moved():
     told = []
     truth = listening(told, a=X)
-    assert call(FOURBAR, truth, X, None, {"length": 2.0}) == {"a": X}
+    assert call(FOURBAR, "sweep", truth, X, None, {"length": 2.0}) == {"a": X}
     one, two = np.ones((1, 3)), np.ones((2, 3))
-    call(FOURBAR, truth, X, (one, 2 * one, 3 * one), {"mode": -1})
-    call(FIVEBAR, truth, X, (two, 2 * two, 3 * two), {})
+    call(FOURBAR, "sweep", truth, X, (one, 2 * one, 3 * one), {"mode": -1})
+    call(FIVEBAR, "sweep", truth, X, (two, 2 * two, 3 * two), {})
     free, single, double = told
     assert free[0][0] is X
     assert free[1:] == (2.0, 1)
@@ -320,7 +320,7 @@ def test_a_reference_that_reads_the_model_gets_it_with_start_and_driven_joints()
         return {"given": (model, start, joints, gravity)}
 
     truth, case = SimpleNamespace(solve=solve), but(FIVEBAR, start="elsewhere")
-    given = call(case, truth, X, None, {"gravity": 1.6})["given"]
+    given = call(case, "sweep", truth, X, None, {"gravity": 1.6})["given"]
     assert given == (compiled(FIVEBAR), "elsewhere", ("left", "right"), 1.6)
     for name in ("model", "start", "joints"):  # the case gives them, not the sidecar
         assert wrong(call, case, truth, X, None, {name: 3.0}) == (
@@ -385,7 +385,7 @@ def test_what_a_reference_refuses_is_an_error_of_what_it_was_given(
 
 def test_another_error_of_a_reference_is_no_bad_input():
     with pytest.raises(KeyError):
-        call(FOURBAR, failing(KeyError("bug")), X, None, {})
+        call(FOURBAR, "sweep", failing(KeyError("bug")), X, None, {})
 
 
 def test_the_quantities_of_a_closed_form_are_those_of_its_parameters(monkeypatch):

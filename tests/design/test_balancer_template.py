@@ -40,7 +40,9 @@ def test_committed_files_are_what_the_template_gives(name, tmp_path):
 
 
 def test_every_balancer_in_models_is_of_the_table():
-    assert {file.stem for file in models_like("balancer*.toml")} == set(DESIGNS)
+    """But for a sidecar that holds an export beside the engines, with a model of the table."""
+    own = {file.stem for file in models_like("balancer*.toml") if file.with_suffix(".xml").exists()}
+    assert own == set(DESIGNS)
 
 
 @pytest.mark.parametrize("name", DESIGNS)

@@ -87,8 +87,8 @@ class Bound:
                 cast(Kind, self.run.kind),
                 reference_for,
                 self.case,
-                curves,
                 cast(Kind, self.run.kind),
+                curves,
             ).channels
         )
         return {
@@ -387,7 +387,7 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
     """
     before = done(case.model_path, draft.compiled(run.rods), run)
     kind = cast(Kind, run.kind)
-    truth = bounded(case, kind, reference_for, case, before, kind).channels
+    truth = bounded(case, kind, reference_for, case, kind, before).channels
     allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
         most = allowed_error(case, run.kind, solver, name, before, truth[name])

@@ -152,7 +152,7 @@ def test_what_is_watched_of_sidecars_are_the_channels_that_read_it(models, besid
         HELD,
     )
     moment = scene_of(file, 1.0, ("holding_moment",))
-    assert [list(w.allowed) for w in moment.watches] == [["holding_moment"]]  # of the sweep
+    assert [list(w.allowed) for w in moment.watches] == [["holding_moment"], ["holding_moment"]]
 
 
 def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):
@@ -166,7 +166,7 @@ def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):
         "--watch",
         (
             "no channel of the sidecars reads rate_ and tip; did you mean 'rate'? their channels: "
-            "angle, rate, acceleration, kinetic, potential"
+            "angle, rate, acceleration, tension.x, kinetic, potential"
         ),
     )
 

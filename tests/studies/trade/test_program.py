@@ -83,9 +83,11 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
     found = bare(text, tmp_path)
     case, run = setting.applied(case, "dynamics")
     wanted = simulate("mujoco", case.model_path, run)
-    assert list(found) == ["t", *wanted.channels]
+    # no sensor of a program shows the moment of its drive, which moves a flywheel
+    curves = {n: y for n, y in wanted.channels.items() if case.channels[n].unit != "N m"}
+    assert list(found) == ["t", *curves]
     assert found["t"] == pytest.approx(wanted.x, abs=1e-12)
-    for channel, curve in wanted.channels.items():
+    for channel, curve in curves.items():
         assert found[channel] == pytest.approx(curve, abs=1e-6 * max(1e-3, np.ptp(curve))), channel
 
 
