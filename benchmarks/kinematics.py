@@ -86,7 +86,7 @@ def closed_form(name: str, n: int) -> Callable[[], dict[str, Array]]:
     """The closed form of a sidecar at all its poses, every curve that it has."""
     case, run = sized(name, n)
     module = cast(ModuleType, module_of(case))
-    return partial(call, case, module, run.x, run.motion(run.x), case.parameters)
+    return partial(call, case, "sweep", module, run.x, run.motion(run.x), case.parameters)
 
 
 def general(name: str, n: int) -> Callable[[], object]:

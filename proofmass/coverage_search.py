@@ -308,7 +308,7 @@ class Search:
         whole: bool = False,
     ) -> Finding | None:
         """The smallest change that a run notices, from a guess; `known` is one that it notices."""
-        least, change, lost = known, begin, 0
+        least, change, lost, quiet = known, begin, 0, 0.0
         for _ in range(ROUNDS):
             trial = self.trial(run, [(number, change)], whole)
             if trial.ratio > 1 and (least is None or abs(change) < abs(least[0])):
@@ -327,8 +327,10 @@ class Search:
             if not told or (least is None and abs(told) > number.step):
                 break  # the rate that promised it was rounding
             following = math.copysign(min(2 * abs(told), number.step), told)
-            if trial.ratio <= 1 and least is not None and abs(following) >= abs(least[0]):
-                following = math.copysign((abs(change) + abs(least[0])) / 2, least[0])
+            if trial.ratio <= 1:
+                quiet = max(quiet, abs(change))
+            if least and quiet:  # the rates are wrong: it goes with a square, for one
+                following = math.copysign(math.sqrt(quiet * abs(least[0])), least[0])
             change = following
         if least is None:
             return None

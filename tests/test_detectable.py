@@ -50,7 +50,7 @@ def exact(case: Case, kind) -> Curves:
     x = grid(case, kind)
     state = plan(case, kind, case.run[kind].solvers[0]).motion(x) if case.drive else None
     state = None if kind == "equilibrium" else state
-    return Curves(x, evaluate(case, "sweep", x, state).channels, drive=state)
+    return Curves(x, evaluate(case, kind, x, state).channels, drive=state)
 
 
 def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
@@ -64,7 +64,7 @@ def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list
 def differing(case: Case, kind, solver: str, curves: Curves, **changed: float) -> set[str] | None:
     """The channels that differ from the reference at changed parameters; None: there is none."""
     try:
-        other = evaluate(case, "sweep", curves.x, curves.drive, **changed)
+        other = evaluate(case, kind, curves.x, curves.drive, **changed)
     except InputError:
         return None
     return {c.channel for c in judged(case, kind, solver, curves, other) if c.outcome == "differs"}

@@ -190,8 +190,8 @@ WRONG = {
     ),
     "force of a hinge": (
         "fourbar",
-        'holding_moment", unit = "N m"',
-        'holding_moment", unit = "N"',
+        '"N m"',
+        '"N"',
         ["channels.holding_moment.unit", "delivers N m"],
     ),
     "moment of a rod": (

@@ -323,7 +323,7 @@ def test_a_reference_that_reads_the_model_gets_it_with_start_and_driven_joints()
     given = call(case, "sweep", truth, X, None, {"gravity": 1.6})["given"]
     assert given == (compiled(FIVEBAR), "elsewhere", ("left", "right"), 1.6)
     for name in ("model", "start", "joints"):  # the case gives them, not the sidecar
-        assert wrong(call, case, truth, X, None, {name: 3.0}) == (
+        assert wrong(call, case, "sweep", truth, X, None, {name: 3.0}) == (
             FIVEBAR.file,
             f"parameters.{name}",
             "reference fivebar has no such parameter; known: gravity",
@@ -333,12 +333,14 @@ def test_a_reference_that_reads_the_model_gets_it_with_start_and_driven_joints()
 def test_a_parameter_that_a_reference_lacks_is_named_with_those_it_has():
     truth = listening([])
     words = "reference fourbar has no such parameter; did you mean 'length'? known: length, mode"
-    assert wrong(call, FOURBAR, truth, X, None, {"mode": 1, "lenght": 2.0}) == (
+    assert wrong(call, FOURBAR, "sweep", truth, X, None, {"mode": 1, "lenght": 2.0}) == (
         FOURBAR.file,
         "parameters.lenght",
         words,
     )
-    assert wrong(call, FOURBAR, truth, X, None, {"lenght": 2.0}, "compare_with.'x'.parameters") == (
+    assert wrong(
+        call, FOURBAR, "sweep", truth, X, None, {"lenght": 2.0}, "compare_with.'x'.parameters"
+    ) == (
         FOURBAR.file,
         "compare_with.'x'.parameters.lenght",
         words,
@@ -355,7 +357,7 @@ def failing(error):
 
 
 def test_a_model_that_a_reference_does_not_cover_is_at_fault_itself():
-    assert wrong(call, FOURBAR, failing(NotCovered("it has a tendon")), X, None, {}) == (
+    assert wrong(call, FOURBAR, "sweep", failing(NotCovered("it has a tendon")), X, None, {}) == (
         FOURBAR.model_path,
         "",
         "the reference 'fourbar' does not cover it: it has a tendon",
@@ -376,7 +378,7 @@ def test_what_a_reference_refuses_is_an_error_of_what_it_was_given(
     error, case, parameters, key, at_fault
 ):
     """Of its parameters if there are any, else of how it is driven, else of the model."""
-    assert wrong(call, case, failing(error), X, None, parameters, key) == (
+    assert wrong(call, case, "sweep", failing(error), X, None, parameters, key) == (
         case.file,
         at_fault,
         "too short",
@@ -391,23 +393,31 @@ def test_another_error_of_a_reference_is_no_bad_input():
 def test_the_quantities_of_a_closed_form_are_those_of_its_parameters(monkeypatch):
     told = []
     monkeypatch.setattr(reference, "module_of", lambda case: listening(told, a=X))
-    assert quantities(FOURBAR, "sweep", X, None, {"length": 2.0}) == {"a": X}
+    found = quantities(FOURBAR, "sweep", X, None, {"length": 2.0})
+    assert {name: found[name] for name in found if "drive." not in name} == {"a": X}
     assert told[0][1] == 2.0
     for key in ("parameters", "compare_with.'x'.parameters"):
         named = {} if key == "parameters" else {"key": key}
-        assert wrong(quantities, FOURBAR, X, None, {"no": 2.0}, **named)[1] == f"{key}.no"
+        assert wrong(quantities, FOURBAR, "sweep", X, None, {"no": 2.0}, **named)[1] == f"{key}.no"
 
 
 def test_the_quantities_of_a_recorded_curve_are_its_columns_as_far_as_a_run_came(monkeypatch):
-    made(monkeypatch, a=("m", 1.0, 2.0, 3.0), b=("s", 4.0, 5.0, 6.0))
+    motion = {name: ("rad", 0.0, 0.0, 0.0) for name in ("theta2", "omega2", "alpha2")}
+    made(monkeypatch, a=("m", 1.0, 2.0, 3.0), b=("s", 4.0, 5.0, 6.0), **motion)
     found = quantities(RECORDED, "sweep", X[:2], None, {})
-    assert {name: values.tolist() for name, values in found.items()} == {
+    assert {name: found[name].tolist() for name in ("a", "b")} == {
         "a": [1.0, 2.0],
         "b": [4.0, 5.0],
     }
     words = "the reference is a recorded curve, which has none"
-    assert wrong(quantities, RECORDED, X, None, {"a": 1.0}) == (RECORDED.file, "parameters", words)
-    assert wrong(quantities, RECORDED, X, None, {"a": 1.0}, "compare_with.'x'.parameters") == (
+    assert wrong(quantities, RECORDED, "sweep", X, None, {"a": 1.0}) == (
+        RECORDED.file,
+        "parameters",
+        words,
+    )
+    assert wrong(
+        quantities, RECORDED, "sweep", X, None, {"a": 1.0}, "compare_with.'x'.parameters"
+    ) == (
         RECORDED.file,
         "compare_with.'x'.parameters",
         words,

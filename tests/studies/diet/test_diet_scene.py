@@ -31,7 +31,7 @@ def watched_with(
     """A run of the pendulum that gave these curves, where that is true."""
     monkeypatch.setattr(scene, "done", lambda file, model, run: curves)
     monkeypatch.setattr(scene, "bounded", lambda case, kind, function, *told: function(*told))
-    monkeypatch.setattr(scene, "reference_for", lambda case, curves: Curves(curves.x, truth))
+    monkeypatch.setattr(scene, "reference_for", lambda case, kind, curves: Curves(curves.x, truth))
     return watched(case, plan(case, "dynamics", solver), solver, read(case.model_path))
 
 
@@ -111,7 +111,7 @@ def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeyp
     assert run.rods
     assert asked == [
         ("model with", run.rods),
-        (case, "equilibrium", scene.reference_for, case, curves),
+        (case, "equilibrium", scene.reference_for, case, "equilibrium", curves),
     ]
 
 
@@ -145,7 +145,7 @@ def test_errors_of_a_case_are_those_from_its_reference_at_the_state_of_the_drive
     monkeypatch.setattr(scene, "bounded", bounded)
     bound = Bound(Run("dynamics", x, ()), {"a": 0.25}, case=PENDULUM)
     assert bound.errors(curves) == {"a": 4.0}
-    assert asked == [(PENDULUM, "dynamics", scene.reference_for, PENDULUM, curves)]
+    assert asked == [(PENDULUM, "dynamics", scene.reference_for, PENDULUM, "dynamics", curves)]
 
 
 def test_of_a_potential_energy_the_change_counts():
