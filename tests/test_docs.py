@@ -20,10 +20,13 @@ import proofmass
 from proofmass import Case, check, load_case
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.chart import Chart
+from proofmass.case import ProfileTable
 from proofmass.outcome import GOOD
+from proofmass.recorded import RecordedColumn
 from proofmass.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.pymunk.engine import PymunkSettings
+from proofmass.sim.recorded.engine import RecordedSettings
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -90,7 +93,7 @@ def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> N
     fields = {
         field.alias or name: field
         for name, field in model.model_fields.items()
-        if name not in OWN_KEYS
+        if model is not Case or name not in OWN_KEYS
     }
     assert list(there) == list(fields)
     for key, field in fields.items():
@@ -136,6 +139,18 @@ def test_keys_of_a_table(key: str) -> None:
 )
 def test_settings_of_an_engine(engine: str, model: type[BaseModel]) -> None:
     compare_keys(section(page("engines"), f"Settings of {engine}"), model, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "heading", "model"),
+    [
+        ("recorded", "Keys", RecordedSettings),
+        ("sidecar", "Sampled profiles", ProfileTable),
+        ("sidecar", "Columns", RecordedColumn),
+    ],
+)
+def test_keys_of_recorded_curves(name: str, heading: str, model: type[BaseModel]) -> None:
+    compare_keys(section(page(name), heading), model, {})
 
 
 def test_references_and_their_parameters() -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 from proofmass.compare import Comparison
+from proofmass.outcome import CHECKED, Outcome
 from proofmass.report.page import slug
 from proofmass.report.words import RUNS
 from proofmass.wording import number
@@ -130,15 +131,19 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
         return ErrorCell(solver, "no number", f"in {broken[0]}", True, link, f"{broken[0]}: show")
     if not known:
         return ErrorCell(solver, "", "not available")
-    bad = {name: c for name, c in known.items() if c["outcome"] == "differs"}
-    judged = {name: c for name, c in known.items() if c["outcome"] in ("agrees", "differs")}
+    wrong = (Outcome.DIFFERS, Outcome.UNDECIDED)
+    bad = {name: c for name, c in known.items() if c["outcome"] in wrong}
+    bad = {name: c for name, c in bad.items() if c["outcome"] == Outcome.DIFFERS} or bad
+    judged = {name: c for name, c in known.items() if c["outcome"] in CHECKED}
     if bad:
         name = max(bad, key=lambda n: bad[n]["ratio"] or math.inf)
     else:
         some = judged or known
         name = max(some, key=lambda n: some[n]["share"])
     c = known[name]
-    if name in judged:
+    if c["outcome"] == Outcome.UNDECIDED:
+        note = str(Outcome.UNDECIDED)
+    elif name in judged:
         note = f"allowed {number(c['allowed_share'], 2)}"
     elif c["later"] is not None and c["share"] > 2 * c["later"]:
         note = "at the start"

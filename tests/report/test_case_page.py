@@ -493,3 +493,18 @@ def test_scripts_and_styles_stand_beside_the_pages(result: Result, tmp_path: Pat
     names = {file.name for file in (tmp_path / "static").iterdir()}
     assert {"uPlot.js", "uPlot.css", "case.js", "case.css", "common.js", "common.css"} <= names
     assert "uPlot" in (tmp_path / "static" / "uPlot.js").read_text(encoding="utf-8")
+
+
+def test_an_undecided_curve_is_no_agreement_in_the_first_table():
+    """It stands where it fails, before a curve that agrees, and says why."""
+    told = {"share": 1e-3, "later": None, "allowed_share": 1e-2, "ratio": 0.1, "at": 0.5}
+    own = {
+        "far": {**told, "outcome": "undecided"},
+        "near": {**told, "share": 1e-4, "outcome": "agrees"},
+    }
+    channels = {name: {"kind": "position"} for name in own}
+    run = {"solvers": {"recorded:rig": {"comparisons": own}}, "lost": {}, "channels": channels}
+    (part,) = overview({"solvers": ["recorded:rig"], "runs": {"dynamics": run}})
+    (row,) = part.rows
+    (cell,) = row.cells
+    assert (cell.text, cell.note, cell.bad) == ("1e-3", "undecided", True)

@@ -359,6 +359,20 @@ def test_recorded_without_a_table_asks_for_its_file(edit) -> None:
     assert (error.key, error.wrong) == ("settings.recorded.file", "missing; it is required")
 
 
+def test_a_time_base_of_its_own_is_mapped(spoil, edit, models: Path) -> None:
+    """Milliseconds that begin at 250: a clock that ran before the motion began."""
+
+    def late(table: Table) -> None:
+        times = [f"{1e3 * float(cell) + 250.0:.0f}" for cell in table.pop("Tiempo [s]")]
+        table["clock [ms]"] = times
+
+    edit(f"{HACKSAW}.toml", 'x = "Tiempo"', 'x = { column = "clock", shift = -250 }')
+    assert {c.outcome for c in judged(spoil(late)).values()} == {"agrees"}
+    edit(f"{HACKSAW}.toml", "shift = -250", "shift = -250.5")
+    found = judged(load_case(models / f"{HACKSAW}.toml"))
+    assert found["theta3_rate"].outcome == "differs"  # half a millisecond of 1500 deg/s2
+
+
 def test_wrapped_angles_are_unwrapped(spoil, edit, models: Path) -> None:
     def wrapped(table: Table) -> None:
         name = HEADS["theta2"]

@@ -173,6 +173,16 @@ def test_keys_tell_recorded_curves_apart(models):
     assert key() != before
 
 
+def test_keys_tell_the_rows_apart_that_a_drive_follows(models):
+    def key():
+        case = load_case(models / "hacksaw_sampled.toml")
+        return key_of(StudyRun(case, "dynamics", Setting("mujoco")))
+
+    before, file = key(), models / "hacksaw_motor.csv"
+    file.write_text(file.read_text().replace("370.823233942", "370.823233943", 1))
+    assert key() != before
+
+
 def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input():
     task = StudyRun(
         load_case(shipped("rod_cantilever.toml")),

@@ -465,8 +465,8 @@ function drawList() {
   };
   const items = order.map(({ name, ratio }) => {
     const channel = run.channels[name];
-    const coarse = ratio <= 1 &&
-      Object.values(run.solvers).some((one) => one.comparisons[name]?.outcome === "undecided");
+    const outcomes = Object.values(run.solvers).map((one) => one.comparisons[name]?.outcome);
+    const coarse = outcomes.includes("undecided") && !outcomes.includes("differs");
     const bad = ratio > 1 || coarse;
     const known = ratio >= 0;
     const sign = coarse ? "?" : known ? (bad ? "✗" : "✓") : "○";
