@@ -133,7 +133,7 @@ class DriveTable(Strict):
         if self.to == self.start:
             raise ValueError("to must differ from 'from'")
         followed = isinstance(self.profile, ProfileTable) and self.profile.given[0]
-        if followed == "value" and "start" in self.model_fields_set:
+        if followed == "value" and self.start:
             raise ValueError("from goes with the rate of a profile; its value has a start")
         if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
             raise ValueError("rate must be non-zero and lead from 'from' to 'to'")

@@ -13,6 +13,7 @@ from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.profile import SampledLaw, law_of_profile
+from proofmass.recorded import RecordedColumn
 from proofmass.reference import asked_of_drives, evaluate, laws, quantities
 from proofmass.sidecar import as_toml, load_case
 from proofmass.solve import plan, run_here
@@ -137,9 +138,16 @@ def test_a_drive_that_lags_is_seen_in_its_own_channels_alone(monkeypatch):
 def test_a_sidecar_with_a_profile_is_written_and_read_again(models):
     file = models / "hacksaw_sampled.toml"
     case = load_case(file)
-    for every in (True, False):
-        file.write_text(as_toml(case, every))
-        assert load_case(file) == case
+    given = case.drive[0].profile.model_copy(
+        update={"rate": None, "value": RecordedColumn(column="w2"), "interpolation": "spline"}
+    )
+    by_value = case.model_copy(
+        update={"drive": (case.drive[0].model_copy(update={"profile": given}),)}
+    )
+    for each in (case, by_value):
+        for every in (True, False):
+            file.write_text(as_toml(each, every))
+            assert load_case(file) == each
 
 
 BAD = {
