@@ -359,6 +359,16 @@ def test_recorded_without_a_table_asks_for_its_file(edit) -> None:
     assert (error.key, error.wrong) == ("settings.recorded.file", "missing; it is required")
 
 
+def test_a_file_is_named_from_the_sidecar_not_from_the_model(models: Path) -> None:
+    folder = models / "exports"
+    folder.mkdir()
+    (models / f"{HACKSAW}.csv").rename(folder / f"{HACKSAW}.csv")
+    text = (models / f"{HACKSAW}.toml").read_text()
+    (folder / f"{HACKSAW}.toml").write_text(text.replace('"hacksaw.xml"', '"../hacksaw.xml"'))
+    found = judged(load_case(folder / f"{HACKSAW}.toml"))
+    assert {c.outcome for c in found.values()} == {"agrees"}
+
+
 def test_a_time_base_of_its_own_is_mapped(spoil, edit, models: Path) -> None:
     """Milliseconds that begin at 250: a clock that ran before the motion began."""
 
