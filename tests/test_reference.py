@@ -402,7 +402,7 @@ def test_the_quantities_of_a_closed_form_are_those_of_its_parameters(monkeypatch
 
 
 def test_the_quantities_of_a_recorded_curve_are_its_columns_as_far_as_a_run_came(monkeypatch):
-    motion = {name: ("rad", 0.0, 0.0, 0.0) for name in ("theta2", "omega2", "alpha2")}
+    motion = dict.fromkeys(("theta2", "omega2", "alpha2"), ("rad", 0.0, 0.0, 0.0))
     made(monkeypatch, a=("m", 1.0, 2.0, 3.0), b=("s", 4.0, 5.0, 6.0), **motion)
     found = quantities(RECORDED, "sweep", X[:2], None, {})
     assert {name: found[name].tolist() for name in ("a", "b")} == {
