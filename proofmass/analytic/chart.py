@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, Index
 
 MOST = 12  # panels that a page has room for
 
@@ -49,19 +49,21 @@ class ChartLine:
 
 @dataclass(frozen=True)
 class Field:
-    """Values over a grid, drawn as filled contours; NaN stays white.
+    """Values over a grid, or over triangles, drawn as filled contours; NaN stays white.
 
     Attributes
     ----------
     x, y : ndarray (m,), (n,)
-        The grid [SI].
-    values : ndarray (m, n)
+        The grid [SI]; with triangles, the places of all values, (k,) each.
+    values : ndarray (m, n), or (k,)
         [its unit]; those that pass through infinity are drawn as a singularity of zero unless NaN
         is between.
     label, unit : str
         What they are, for the colour bar.
     signed : bool
         Zero is a singularity: two colours that part there, and a line on it.
+    triangles : ndarray (t, 3) or None
+        Numbers of the places at their corners: a field of any outline, which a grid would jag.
     """
 
     x: Array
@@ -70,13 +72,29 @@ class Field:
     label: str
     unit: str
     signed: bool = False
+    triangles: Index | None = None
 
     def __post_init__(self) -> None:
-        if np.shape(self.values) != np.shape(self.x) + np.shape(self.y):
+        if self.triangles is None:
+            if np.shape(self.values) != np.shape(self.x) + np.shape(self.y):
+                raise ValueError(
+                    f"a field needs values (m, n) at x (m,) and y (n,), got "
+                    f"{np.shape(self.values)} at {np.shape(self.x)}, {np.shape(self.y)}"
+                )
+        elif not np.shape(self.values) == np.shape(self.x) == np.shape(self.y):
             raise ValueError(
-                f"a field needs values (m, n) at x (m,) and y (n,), got "
-                f"{np.shape(self.values)} at {np.shape(self.x)}, {np.shape(self.y)}"
+                f"a field over triangles needs values, x and y (k,), got {np.shape(self.values)} "
+                f"at {np.shape(self.x)}, {np.shape(self.y)}"
             )
+
+    @property
+    def places(self) -> tuple[Array, Array]:
+        """Where it has finite values [SI]."""
+        if self.triangles is None:
+            i, j = np.nonzero(np.isfinite(self.values))
+            return self.x[i], self.y[j]
+        seen = np.unique(self.triangles)
+        return self.x[seen], self.y[seen]
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator, MultipleLocator
+from matplotlib.tri import Triangulation
 
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field
 from proofmass.analytic.numerics import Array
@@ -144,20 +145,30 @@ def filled(ax: Axes, field: Field, levels: Array, scale: Array) -> None:
     """Colours that part at zero if it is signed, thin lines, dashed below zero, a bar beside."""
     unit, factor = readable(field.unit)
     values = np.ma.masked_invalid(np.transpose(field.values) * factor)
-    if not values.count():
+    if not values.count() or (field.triangles is not None and not len(field.triangles)):
         return
-    grid = (field.x * scale[0], field.y * scale[1], values)
+    x, y = field.x * scale[0], field.y * scale[1]
+    fill_in: Any = ax.contourf
+    line_in: Any = ax.contour
+    grid: tuple[Any, ...] = (x, y, values)
+    if field.triangles is not None:
+        grid = (Triangulation(x, y, triangles=field.triangles), values)
+        fill_in, line_in = ax.tricontourf, ax.tricontour
     least, most = float(values.min()), float(values.max())
     beyond = ("neither", "max", "min", "both")[(most > levels[-1]) + 2 * (least < levels[0])]
-    colours = ax.contourf(
-        *grid, levels, cmap="PuOr" if field.signed else "cividis_r", extend=beyond, zorder=0.5
+    colours = fill_in(
+        *grid,
+        levels=levels,
+        cmap="PuOr" if field.signed else "cividis_r",
+        extend=beyond,
+        zorder=0.5,
     )
     colours.set_edgecolor("face")  # else hairlines of paper between them
     met = levels[(least < levels) & (levels < most)]
     if met.size:
-        ax.contour(*grid, met, colors=INK, linewidths=0.35, zorder=0.6)
+        line_in(*grid, levels=met, colors=INK, linewidths=0.35, zorder=0.6)
     if field.signed and least < 0 < most:
-        ax.contour(*grid, [0.0], colors=ZERO["color"], linewidths=ZERO["linewidth"], zorder=0.7)
+        line_in(*grid, levels=[0.0], colors=ZERO["color"], linewidths=ZERO["linewidth"], zorder=0.7)
     bar = ax.figure.colorbar(colours, cax=ax.inset_axes((1.03, 0.0, 0.045, 1.0)))
     bar.set_label(f"{field.label} [{pretty(unit)}]" if unit else field.label)
 
@@ -354,8 +365,7 @@ def frame(chart: Chart) -> PanelFrame:
     parts = [np.stack([line.x, line.y]) for line in chart.lines]
     parts += [outline.T for region in chart.regions for outline in region.outlines]
     for field in (panel.field for panel in chart.panels if panel.field):
-        i, j = np.nonzero(np.isfinite(field.values))
-        parts.append(np.stack([field.x[i], field.y[j]]))
+        parts.append(np.stack(field.places))
     cloud = np.concatenate([np.empty((2, 0)), *parts], axis=1) * scale[:, None]
     cloud = cloud[:, np.isfinite(cloud).all(axis=0)]
     cloud = cloud if cloud.size else np.array([[0.0, 1.0], [0.0, 1.0]])

@@ -225,6 +225,35 @@ def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -
     assert all(len(group) for group in groups)
 
 
+def over_triangles() -> Field:
+    """The same saddle over four triangles of a tilted square, whose outline no grid has."""
+    x, y = np.array([0.0, 1.0, 0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0, 0.0, -1.0])
+    fans = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]])
+    return Field(x, y, x - 2 * y, "slope", "1", signed=True, triangles=fans)
+
+
+def test_a_field_over_triangles_ends_at_their_outline_and_has_its_zero() -> None:
+    (ax,) = drawn(Panel(field=over_triangles()))
+    points = np.concatenate([p.vertices for p in ax.collections[0].get_paths() if len(p.vertices)])
+    assert np.abs(points).sum(axis=1).max() == pytest.approx(1.0)
+    line = np.concatenate(zero(ax))
+    assert np.abs(line[:, 0] - 2 * line[:, 1]).max() < 1e-12
+    assert words(ax) == ["zero of slope"]
+    hollow = replace(over_triangles(), triangles=np.empty((0, 3), int))
+    assert not drawn(Panel(field=hollow))[0].collections
+
+
+def test_places_outside_all_triangles_take_no_room() -> None:
+    field = over_triangles()
+    more = replace(
+        field,
+        x=np.append(field.x, 9.0),
+        y=np.append(field.y, 0.0),
+        values=np.append(field.values, np.nan),
+    )
+    assert drawn(Panel(field=more))[0].get_xlim()[1] < 1.2
+
+
 def test_a_pole_does_not_bleach_the_rest() -> None:
     field = saddle()
     field.values[20, 15] = 1e9
@@ -304,6 +333,10 @@ def test_lines_stand_out_from_a_field() -> None:
         (
             lambda: Field(np.zeros(3), np.zeros(4), np.zeros((4, 3)), "a", "m"),
             r"\(4, 3\) at \(3,\)",
+        ),
+        (
+            lambda: Field(np.zeros(3), np.zeros(4), np.zeros(3), "a", "m", triangles=np.eye(3)),
+            r"over triangles needs values, x and y \(k,\), got \(3,\) at \(3,\), \(4,\)",
         ),
         (lambda: ChartRegion((np.zeros((2, 5)),), "a"), r"points \(n, 2\), got \(2, 5\)"),
         (lambda: Chart(("x", "m"), ("y", "m"), (), ""), "1 to 12 panels, got 0"),

@@ -15,10 +15,12 @@ from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
 from proofmass.analytic.rods.equilibrium import RodState, derivatives, direct, state
 from proofmass.analytic.rods.workspace import (
-    field,
+    determinants,
     joined,
     line,
     loci,
+    meshed,
+    over_mesh,
     over_poses,
     rim,
     several,
@@ -247,8 +249,8 @@ def workspace(
     Returns
     -------
     Chart
-        Two panels over x, y [m]: det(dq/dP) [rad^2/m^2]; and the least eigenvalue of K [N/m], on
-        the aspect of the equilibrium: what no singularity parts from it.
+        Panels over x, y [m]: det(dq/dP) [rad^2/m^2]; the least eigenvalue of K [N/m], on the aspect
+        of the equilibrium: what no singularity parts from it; and both motor angles [rad].
 
     Raises
     ------
@@ -271,7 +273,7 @@ def workspace(
     ...     force_y=0.0, pin_x=0.0, pin_y=0.9, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0,
     ...     nodes=5)
     >>> [panel.field.unit for panel in chart.panels]
-    ['rad²/m²', 'N/m']
+    ['rad²/m²', 'N/m', 'rad', 'rad']
     """
     start = at_rest(
         pair(distance, length, stiffness),
@@ -322,7 +324,7 @@ def motor_angles(
     Returns
     -------
     Chart
-        One panel over theta1, theta2 [rad]: det(dP/dq) [m^2/rad^2].
+        Panels over theta1, theta2 [rad]: det(dP/dq) [m^2/rad^2], and x and y of the pin [m].
 
     Raises
     ------
@@ -350,17 +352,26 @@ def motor_angles(
     m = spread(
         start, *(through(q, q - span / 2, q + span / 2, nodes) for q in start.inputs), name="inputs"
     )
+    ends, ways = rim(m)
+    inverse = loci(m, "inverse", (ends, ways))
+    mesh = meshed(m, joined(m)[0], ends, inverse)
     lines = (
-        *line(m, rim(m)[0], "direct singularity"),
-        *line(m, loci(m, "inverse"), "inverse singularity"),
+        *line(m, ends, "direct singularity"),
+        *line(m, inverse, "inverse singularity"),
         ChartLine(start.inputs[:1], start.inputs[1:], "here", points=True),
     )
-    slopes, (_, torn) = derivatives(m.states).direct, joined(m)
-    panel = Panel(lines, field(m, torn, slopes, "det(dP/dq)", "m²/rad²"))
+    whole = mesh.triangles(m.reached)
+    slopes = derivatives(m.states).direct, derivatives(ends).direct
+    panels = [Panel(lines, determinants(mesh, *slopes, "det(dP/dq)", "m²/rad²"), "Singularities")]
+    for k, name in enumerate(("x", "y")):
+        values = mesh.values(m.states.pose[..., k], ends.pose[:, k], inverse.pose[:, k])
+        panels.append(
+            Panel(lines, over_mesh(mesh, values, f"{name} of the pin", "m", whole), f"Pin: {name}")
+        )
     return Chart(
         ("theta1", "rad"),
         ("theta2", "rad"),
-        (panel,),
+        tuple(panels),
         f"Motor angles that this equilibrium can be followed to, {m.reached.mean():.0%} "
         "of the window. Beyond a direct singularity it is gone and the pin jumps; in an "
         "inverse singularity the motors cannot move the pin in some direction. White "

@@ -63,7 +63,8 @@ def constant_orientation(
     -------
     Chart
         As `rod_pair.workspace`, over x, y [m]: det(dq/dP) of all three freedoms [m/rad, or
-        rad^2/m^2 for motors], and the stiffness against forces on a platform that may turn [N/m].
+        rad^2/m^2 for motors], the stiffness against forces on a platform that may turn [N/m], and
+        the three slides [m] or motor angles [rad].
 
     Raises
     ------
@@ -81,7 +82,7 @@ def constant_orientation(
     ...          for k, turn in enumerate(np.radians([0.0, 120.0, -120.0]), 1)}
     >>> chart = constant_orientation(side=0.5, **turns, nodes=5)
     >>> [panel.field.unit for panel in chart.panels]
-    ['m/rad', 'N/m']
+    ['m/rad', 'N/m', 'm', 'm', 'm']
     """
     guide = None if guide1 is None or guide2 is None or guide3 is None else (guide1, guide2, guide3)
     problem = PlatformProblem(

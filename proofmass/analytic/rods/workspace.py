@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from proofmass.analytic.chart import Chart, ChartLine, Field, Panel
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.rods.continuation import STRAY, follow
 from proofmass.analytic.rods.equilibrium import (
     Columns,
@@ -194,13 +194,14 @@ def stride(
     return there, good
 
 
-def loci(m: Map, which: str) -> RodState:
+def loci(m: Map, which: str, rims: tuple[RodState, Columns] | None = None) -> RodState:
     """Direct or inverse singularities where a sheet crosses them on the lines of its grid.
 
     Parameters
     ----------
     m : Map
     which : "direct" or "inverse", the singularity: see `proofmass.analytic.rods.equilibrium`
+    rims : of `rim`, if singularities between the last nodes and the rim are asked for as well
 
     Returns
     -------
@@ -214,6 +215,12 @@ def loci(m: Map, which: str) -> RodState:
         return np.asarray(np.sign(getattr(derivatives(s), f"{which}_determinant")))
 
     low, high = _edges(m)
+    if rims is not None:
+        beside = m.states.vector[tuple(outward(m)[0].T)]
+        low, high = (
+            RodState(low.assembly, np.concatenate([one.vector, more]))
+            for one, more in ((low, beside), (high, rims[0].vector))
+        )
     at = columns(low.assembly, m.name)[list(m.axes)]
     side, change = sign(low), sign(low) != sign(high)
     low, high, side = low[change], high[change], side[change]
@@ -300,31 +307,186 @@ def several(nodes: int) -> None:
         raise ValueError(f"nodes must lie within [5, 201], got {nodes}")
 
 
+@dataclass(frozen=True)
+class MapMesh:
+    """A sheet over triangles: whole cells of its grid, and those at its rim cut off there.
+
+    Attributes
+    ----------
+    map : Map
+    ends, loci : RodState (e,), (l,)
+        Of `rim`, and direct or inverse singularities of `loci`.
+    right, up : ndarray (m - 1, n), (m, n - 1)
+        Whether neighbours follow from each other; a sheet that lies over itself is torn elsewhere.
+    """
+
+    map: Map
+    ends: RodState
+    loci: RodState
+    right: NDArray[np.bool_]
+    up: NDArray[np.bool_]
+
+    @property
+    def xy(self) -> Array:
+        """Places (k, 2) [m or rad] of all nodes, the ends and the loci, in this order."""
+        grid = np.stack(np.meshgrid(self.map.first, self.map.second, indexing="ij"), axis=-1)
+        at = columns(self.ends.assembly, self.map.name)[list(self.map.axes)]
+        return np.concatenate(
+            [grid.reshape(-1, 2), self.ends.vector[:, at], self.loci.vector[:, at]]
+        )
+
+    def values(self, nodes: Array, ends: Array, loci: Array) -> Array:
+        """One array (k,) of values at all nodes, ends and loci [as given]."""
+        return np.concatenate([np.ravel(nodes), ends, np.broadcast_to(loci, len(self.loci.vector))])
+
+    def triangles(
+        self, inside: NDArray[np.bool_], *, within: bool = False, beyond: bool = False
+    ) -> Index:
+        """Triangles (t, 3) over the nodes (m, n) inside, out to the rim.
+
+        `within` stops at the loci; `beyond` goes on from those that lie before the rim.
+        """
+        m, n = inside.shape
+        number = np.arange(m * n).reshape(m, n)
+        i, j = np.nonzero(
+            np.all([inside[dx : m - 1 + dx, dy : n - 1 + dy] for dx, dy in CORNERS], axis=0)
+            & (self.right[:, :-1] & self.right[:, 1:] & self.up[:-1] & self.up[1:])
+        )
+        a, b, c, d = (number[i + dx, j + dy] for dx, dy in CORNERS)
+        found = [np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]
+        count = sum(inside[dx : m - 1 + dx, dy : n - 1 + dy].astype(int) for dx, dy in CORNERS)
+        rims, passed = self.rims, self.crossings if within else {}
+        for cell in np.argwhere((count > 0) & (count < len(CORNERS))).tolist():
+            corners = [(cell[0] + dx, cell[1] + dy) for dx, dy in CORNERS]
+            there = [bool(inside[one]) for one in corners]
+            first = (there.index(False) + 2) % 4 if sum(there) == 3 else there.index(True)
+            ring: list[tuple[int | None, int | None]] = []  # up to a singularity, and to the rim
+            for k in range(first, first + 4):
+                here, after = corners[k % 4], corners[(k + 1) % 4]
+                if there[k % 4]:
+                    ring.append((int(number[here]), None))
+                if there[k % 4] and there[(k + 1) % 4]:
+                    follows = self.right if here[1] == after[1] else self.up
+                    ring += [] if follows[min(here, after)] else [(None, None)]
+                elif there[k % 4] or there[(k + 1) % 4]:
+                    one, other = (here, after) if there[k % 4] else (after, here)
+                    key = (*one, other[0] - one[0], other[1] - one[1])
+                    end = rims.get(key)
+                    ring.append((passed.get(key, end), end))
+            if len(ring) > 2 and all(inner is not None for inner, _ in ring):
+                found.append(fan([inner for inner, _ in ring]))
+                found += [
+                    fan([one[0], one[1], other[1], other[0]])
+                    for one, other in zip(ring, [*ring[1:], ring[0]], strict=True)
+                    if beyond
+                    and None not in (one[1], other[1])
+                    and (one[0] != one[1] or other[0] != other[1])
+                ]
+        return np.concatenate(found).astype(np.intp)
+
+    @property
+    def rims(self) -> dict[tuple[int, ...], int]:
+        """Numbers of the ends, by node and way along a line of the grid."""
+        nodes, ways = outward(self.map)
+        return {
+            (*node, *way): self.map.reached.size + k
+            for k, (node, way) in enumerate(zip(nodes.tolist(), ways.tolist(), strict=True))
+        }
+
+    @property
+    def crossings(self) -> dict[tuple[int, ...], int]:
+        """Numbers of the loci, by node and way along a line of the grid, from both of its sides."""
+        if not len(self.loci.vector):
+            return {}
+        before = self.map.reached.size + len(self.ends.vector)
+        grid = self.map.first, self.map.second
+        place = np.stack(
+            [
+                np.interp(x, values, np.arange(values.size))
+                for x, values in zip(self.xy[before:].T, grid, strict=True)
+            ],
+            axis=1,
+        )
+        on = np.abs(place - place.round()) < ON_LINE
+        low = np.where(on, place.round(), np.floor(place)).astype(int)
+        found: dict[tuple[int, ...], int] = {}
+        for k, (node, level) in enumerate(zip(low.tolist(), on.tolist(), strict=True), before):
+            x, y = int(level[1]), int(level[0])
+            found[(*node, x, y)] = found[(node[0] + x, node[1] + y, -x, -y)] = k
+        return found
+
+
+def fan(ring: list[int | None]) -> Columns:
+    """Triangles (t, 3) of a polygon about its first corner.
+
+    >>> fan([4, 7, 1, 2]).tolist()
+    [[4, 7, 1], [4, 1, 2]]
+    """
+    return np.array([(ring[0], ring[k], ring[k + 1]) for k in range(1, len(ring) - 1)], int)
+
+
+CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
+"""Of a cell, counter-clockwise."""
+
+
+def meshed(m: Map, edges: Columns, ends: RodState, loci: RodState) -> MapMesh:
+    """A sheet over triangles, by the edges that follow from each other, its rim and its loci."""
+    rows, columns_ = m.reached.shape
+    right = np.zeros((rows - 1, columns_), bool)
+    up = np.zeros((rows, columns_ - 1), bool)
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    level = high - low == 1
+    up[low[level] // columns_, low[level] % columns_] = True
+    right[low[~level] // columns_, low[~level] % columns_] = True
+    return MapMesh(m, ends, loci, right, up)
+
+
 def over_poses(start: RodState, m: Map, unit: str) -> Chart:
-    """A sheet of poses with what parts it, and how stiff it is where the start belongs to."""
-    (edges, torn), (ends, ways) = joined(m), rim(m)
+    """A sheet of poses with what parts it, how stiff it is, and which inputs lead there."""
+    (edges, _), (ends, ways) = joined(m), rim(m)
     own = aspect(m, edges, start)
+    singular = loci(m, "direct", (ends, ways))
+    mesh = meshed(m, edges, ends, singular)
     lines = (
-        *line(m, loci(m, "direct"), "direct singularity"),
+        *line(m, singular, "direct singularity"),
         *line(m, ends, "inverse singularity"),
         *posture(start),
     )
-    panels = (
+    nodes, last = derivatives(m.states), derivatives(ends)
+    beside = own[tuple(outward(m)[0].T)]
+    panels = [
         Panel(
             lines,
-            field(m, torn, derivatives(m.states).inverse, "det(dq/dP)", unit),
+            determinants(mesh, nodes.inverse, last.inverse, "det(dq/dP)", unit),
             "Singularities",
         ),
         Panel(
             lines,
-            Field(m.first, m.second, stiffness_of(m, own), "least stiffness", "N/m"),
+            over_mesh(
+                mesh,
+                mesh.values(stiffness_of(m.states, own), stiffness_of(ends, beside), np.zeros(1)),
+                "least stiffness",
+                "N/m",
+                mesh.triangles(own, within=True),
+            ),
             "Stiffness, to the first singularity",
         ),
-    )
+    ]
+    whole = mesh.triangles(m.reached)
+    for k in range(m.states.inputs.shape[-1]):
+        name, own_unit = (
+            (f"motor angle {k + 1}", "rad")
+            if start.assembly.guide is None
+            else (f"slide {k + 1}", "m")
+        )
+        values = mesh.values(m.states.inputs[..., k], ends.inputs[:, k], singular.inputs[:, k])
+        panels.append(
+            Panel(lines, over_mesh(mesh, values, name, own_unit, whole), name.capitalize())
+        )
     return Chart(
         ("x", "m"),
         ("y", "m"),
-        panels,
+        tuple(panels),
         f"Poses that are reached from here: {area(m, ends, ways):.3g} m², of which "
         f"{own.sum() / m.reached.sum():.0%} without a singularity on the way. In an "
         "inverse singularity some motion of the platform needs infinite rates of the "
@@ -334,10 +496,39 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
     )
 
 
-def stiffness_of(m: Map, own: NDArray[np.bool_]) -> Array:
-    """Least force per way [N/m] (m, n) on a platform that may turn; NaN elsewhere."""
+def over_mesh(
+    mesh: MapMesh, values: Array, name: str, unit: str, triangles: Index, *, signed: bool = False
+) -> Field:
+    """A field over the triangles at whose corners it is finite."""
+    x, y = mesh.xy.T
+    whole = np.isfinite(values[triangles]).all(axis=1)
+    return Field(x, y, values, name, unit, signed, triangles[whole])
+
+
+def determinants(mesh: MapMesh, nodes: Array, ends: Array, name: str, unit: str) -> Field:
+    """Determinants over a sheet, within what most of them are, as singularities have no bound.
+
+    They are zero on the mesh's loci. Where a sign changes on the way to the rim and no locus was
+    found, there is no value at the rim.
+    """
+    inner, outer = determinant(nodes), determinant(ends)
+    most = np.nanquantile(np.abs(inner), COMMON)
+    beside = inner[tuple(outward(mesh.map)[0].T)]
+    crossings = mesh.crossings
+    known = np.array([key in crossings for key in mesh.rims], bool)
+    outer = np.where((outer * beside > 0.0) | known, outer, np.nan)
+    values = np.clip(mesh.values(inner, outer, np.zeros(1)), -most, most)
+    parts = [
+        mesh.triangles(mesh.map.reached & (sign * inner > 0.0), within=True, beyond=True)
+        for sign in (1, -1)
+    ]
+    return over_mesh(mesh, values, name, unit, np.concatenate(parts), signed=True)
+
+
+def stiffness_of(states: RodState, own: NDArray[np.bool_]) -> Array:
+    """Least force per way [N/m] (...) on a platform that may turn; NaN where not asked for."""
     values = np.full(own.shape, np.nan)
-    compliance = np.linalg.inv(derivatives(m.states[own]).stiffness)[:, :2, :2]
+    compliance = np.linalg.inv(derivatives(states[own]).stiffness)[:, :2, :2]
     values[own] = 1.0 / np.linalg.eigvalsh(compliance)[:, -1]
     return values
 
@@ -390,12 +581,7 @@ def rim(m: Map) -> tuple[RodState, Columns]:
     By strides outwards, halved where they fail: most within 1e-3 of an edge, fewer where a rod that
     is nearly straight makes Newton's method fail first.
     """
-    nodes = np.argwhere(m.reached)
-    ways = np.tile(ASIDE, (len(nodes), 1))
-    nodes = np.repeat(nodes, len(ASIDE), axis=0)
-    padded = np.pad(m.reached, 1)
-    out = ~padded[tuple((nodes + ways + 1).T)]
-    nodes, ways = nodes[out], ways[out]
+    nodes, ways = outward(m)
     border = (nodes + ways < 0) | (nodes + ways >= m.reached.shape)
     step = (
         np.stack(
@@ -412,6 +598,15 @@ def rim(m: Map) -> tuple[RodState, Columns]:
         last.vector[good] = there.vector[good]
         step[~good] /= 2.0
     return last, ways
+
+
+def outward(m: Map) -> tuple[Columns, Columns]:
+    """Nodes (e, 2) of a sheet and the ways (e, 2) in which it does not reach the next one."""
+    nodes = np.argwhere(m.reached)
+    ways = np.tile(ASIDE, (len(nodes), 1))
+    nodes = np.repeat(nodes, len(ASIDE), axis=0)
+    out = ~np.pad(m.reached, 1)[tuple((nodes + ways + 1).T)]
+    return nodes[out], ways[out]
 
 
 def area(m: Map, ends: RodState, ways: Columns) -> float:
@@ -456,10 +651,3 @@ def posture(s: RodState) -> tuple[ChartLine, ChartLine]:
     return ChartLine(z.real, z.imag, "here"), ChartLine(
         clamp.real, clamp.imag, "clamps", points=True
     )
-
-
-def field(m: Map, torn: NDArray[np.bool_], matrix: Array, name: str, unit: str) -> Field:
-    """Determinants over a sheet, within what most of them are, as singularities have no bound."""
-    values = np.where(torn, np.nan, determinant(matrix))
-    most = np.nanquantile(np.abs(values), COMMON)
-    return Field(m.first, m.second, np.clip(values, -most, most), name, unit, signed=True)

@@ -16,6 +16,8 @@ from proofmass.analytic.rods.workspace import (
     aspect,
     joined,
     loci,
+    meshed,
+    outward,
     over_poses,
     rim,
     sheet,
@@ -149,13 +151,14 @@ def test_labels_of_singularities_are_those_of_the_text():
     chart = over_poses(pair("S4"), natural(), "rad²/m²")
     lines = {line.label: np.stack([line.x, line.y], axis=1) for line in chart.panels[0].lines}
     for label, states in (
-        ("direct singularity", loci(natural(), "direct")),
+        ("direct singularity", loci(natural(), "direct", rim(natural()))),
         ("inverse singularity", rim(natural())[0]),
     ):
         points = lines[label][np.isfinite(lines[label][:, 0])]
         assert len(points) > 20
         assert np.abs(points[:, None] - states.pose).sum(axis=-1).min(axis=1).max() < 1e-9
-    assert np.nanmin(chart.panels[1].field.values) > 0.0  # up to the first direct singularity
+    field = chart.panels[1].field  # up to the first direct singularity, where it is zero
+    assert field.values[np.unique(field.triangles)].min() >= 0.0
 
 
 @pytest.mark.slow
@@ -207,8 +210,11 @@ def test_motor_angles_show_the_field_at_the_case():
     field = chart.panels[0].field
     here = derivatives(pair("S4")).direct
     most = np.nanmax(field.values)  # four fifths are not clipped
-    assert field.values[2, 2] == pytest.approx(min(np.linalg.det(here), most), rel=1e-6)
-    assert field.x[2] == pytest.approx(CASE["theta1"])
+    middle = 12  # of five by five nodes
+    assert field.values[middle] == pytest.approx(min(np.linalg.det(here), most), rel=1e-6)
+    assert field.x[middle] == pytest.approx(CASE["theta1"])
+    for k, panel in enumerate(chart.panels[1:]):
+        assert panel.field.values[middle] == pytest.approx(pair("S4").pose[k], abs=1e-9)
 
 
 @cache
@@ -225,9 +231,8 @@ def platform():
 def test_platform_without_load_is_stiffest_at_the_centre():
     """Three alike: a third of a turn changes nothing, so the stiffness is level there."""
     field = platform().panels[1].field
-    x, y = np.meshgrid(field.x, field.y, indexing="ij")
     best = np.nanargmax(field.values)
-    assert np.hypot(x.flat[best], y.flat[best]) < 0.1
+    assert np.hypot(field.x[best], field.y[best]) < 0.1
     assert "80.61" in platform().caption  # degrees, as recomputed
 
 
@@ -243,3 +248,67 @@ def test_bad_maps(wrong, word):
 def test_bad_windows():
     with pytest.raises(ValueError, match="span must be"):
         motor_angles(**CASE, span=0.0)
+
+
+@cache
+def small():
+    """The sheet of the natural equilibrium on a coarse grid, and its mesh."""
+    m = sheet(pair("S4"), 11)
+    rims = rim(m)
+    return m, rims, meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
+
+
+def corners_of(mesh, triangles):
+    """Places (t, 3) of the corners as x + iy."""
+    return (mesh.xy @ [1.0, 1.0j])[triangles]
+
+
+def sizes_of(corners):
+    """Areas (t,) of triangles, positive if counter-clockwise."""
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return 0.5 * np.imag(np.conj(one) * other)
+
+
+def test_triangles_fill_the_sheet_to_its_rim():
+    m, (ends, ways), mesh = small()
+    whole = corners_of(mesh, mesh.triangles(m.reached))
+    covered = np.abs(sizes_of(whole)).sum()
+    cell = np.mean(np.diff(m.first)) * np.mean(np.diff(m.second))
+    full = np.sum(m.reached[:-1, :-1] & m.reached[1:, :-1] & m.reached[1:, 1:] & m.reached[:-1, 1:])
+    # up to cells of tears: what is left of a jagged rim is far more
+    assert covered == pytest.approx(area(m, ends, ways), rel=0.08)
+    assert covered > 1.1 * full * cell
+    last = np.unique(mesh.triangles(m.reached))
+    beyond = sum(outward(m))
+    inside = ((beyond >= 0) & (beyond < m.reached.shape)).all(axis=1)  # not at the window's edge
+    assert (last >= m.reached.size).sum() > 0.8 * inside.sum() > 10
+
+
+def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
+    m = spread(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
+    rims = rim(m)
+    mesh = meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
+    det = np.full(m.reached.shape, np.nan)
+    det[m.reached] = np.linalg.det(derivatives(m.states[m.reached]).inverse)
+    parts = [
+        mesh.triangles(m.reached & (sign * det > 0.0), within=True, beyond=True) for sign in (1, -1)
+    ]
+    both = np.abs(sizes_of(corners_of(mesh, np.concatenate(parts)))).sum()
+    whole = np.abs(sizes_of(corners_of(mesh, mesh.triangles(m.reached)))).sum()
+    assert both <= whole * (1.0 + 1e-9)
+    assert both > 0.9 * whole
+    for part, sign in zip(parts, (1, -1), strict=True):
+        nodes = np.unique(part[part < m.reached.size])
+        assert (sign * det.ravel()[nodes] > 0.0).all()
+    corners, first = np.unique(np.concatenate(parts)), m.reached.size + len(mesh.ends.vector)
+    assert (corners >= first).sum() > 3  # loci
+
+
+def test_states_at_the_rim_hold_by_an_integrator_of_its_own():
+    """So motor angles and places of the pin in the charts are those of an equilibrium there too."""
+    _, (ends, _), _ = small()
+    for i in range(0, len(ends.vector), 5):
+        s = ends[i]
+        # RK of 41 nodes: 1e-6 of bent rods
+        assert np.abs(residual(s.vector[:8, None], s.inputs, s.load)).max() < 1e-5
+        assert np.abs(residual(s.vector[:8, None], s.inputs + 0.01, s.load)).max() > 1e-4
