@@ -453,7 +453,8 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
         *posture(start),
     )
     nodes, last = derivatives(m.states), derivatives(ends)
-    beside = own[tuple(outward(m)[0].T)]
+    at = tuple(outward(m)[0].T)
+    beside = own[at] & (nodes.direct_determinant[at] * last.direct_determinant > 0.0)
     panels = [
         Panel(
             lines,
