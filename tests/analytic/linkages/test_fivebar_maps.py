@@ -128,6 +128,20 @@ def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.Fiveba
         assert (right[there] < 0.0).all()
 
 
+def test_type_2_of_random_linkages_has_the_sine_positive_on_its_left() -> None:
+    seen = 0
+    for link in random_links(60):
+        for one in fivebar.type_2(link):
+            k = one.curve.points.size // 2
+            tip, way = one.curve.points[k], one.curve.points[k + 1] - one.curve.points[k - 1]
+            across = 1e-6j * link.size * way / abs(way)
+            sines = assembly(link, np.array([tip + across, tip - across]), one.mode)
+            if np.isfinite(sines).all():  # both within the reach
+                assert sines[0] > 0.0 > sines[1]
+                seen += 1
+    assert seen > 300
+
+
 @EACH
 def test_type_1_is_a_zero_of_the_margin_with_a_change_of_sign(link: fivebar.FivebarLengths) -> None:
     for piece, _ in reach_border(link):

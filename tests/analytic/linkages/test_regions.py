@@ -46,6 +46,13 @@ def test_areas_do_not_depend_on_how_an_outline_is_drawn() -> None:
         assert joined_regions(pieces, 3.0)[0].area == pytest.approx(9 * np.pi, rel=1e-14)
 
 
+def test_a_half_disc_beside_the_origin() -> None:
+    half = [arc(2 - 1j, 3.0, 0.3, 0.3 + np.pi)]
+    half.append(chord(half[0].points[-1], half[0].points[0]))
+    (found,) = joined_regions(half, 3.0)
+    assert found.area == pytest.approx(4.5 * np.pi, rel=1e-14)
+
+
 def test_overlap_is_that_of_points_in_both_discs() -> None:
     rng = np.random.default_rng(5)
     for distance, one, other in ((1.3, 1.0, 0.8), (0.5, 2.0, 1.7), (2.9, 1.5, 1.5)):

@@ -14,6 +14,7 @@ from proofmass.analytic.rods.shooting import stability
 from proofmass.analytic.rods.workspace import (
     area,
     aspect,
+    determinants,
     joined,
     loci,
     meshed,
@@ -300,8 +301,13 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
     for part, sign in zip(parts, (1, -1), strict=True):
         nodes = np.unique(part[part < m.reached.size])
         assert (sign * det.ravel()[nodes] > 0.0).all()
-    corners, first = np.unique(np.concatenate(parts)), m.reached.size + len(mesh.ends.vector)
-    assert (corners >= first).sum() > 3  # loci
+    field = determinants(mesh, derivatives(m.states).inverse, derivatives(rims[0]).inverse, "", "1")
+    corners, first = np.unique(field.triangles), m.reached.size + len(mesh.ends.vector)
+    assert (corners >= first).sum() > 3
+    assert (field.values[corners[corners >= first]] == 0.0).all()  # loci
+    values = field.values[field.triangles]
+    assert (values.min(axis=1) * values.max(axis=1) >= 0.0).all()  # none reaches across them
+    assert np.abs(sizes_of(corners_of(mesh, field.triangles))).sum() > 0.9 * whole
 
 
 def test_states_at_the_rim_hold_by_an_integrator_of_its_own():
