@@ -317,6 +317,7 @@ class Bare:
         self.rows = np.empty((x.size, m.nsensordata))
         self.accelerations = np.empty((x.size, m.nv))
         self.moments = np.empty(x.size)
+        self.forces = np.empty((x.size, m.nsensordata))
         if drives:
             self.follow(x)
         else:
@@ -378,9 +379,22 @@ class Bare:
             d.qacc[:] = acc
             self.read(k)
             self.moments[k] = s[-1]
+            self.forces[k] = self.at_rest(q, s)
             if self.moves:
                 self.moments[k] += first @ self.of_motion(q, first * rate[k], acc)
             d.qvel[:] = 0
+
+    def at_rest(self, q: Array, s: Array) -> Array:
+        """All sensors at rest, when loops push with their multipliers."""
+        m, d = self.model, self.data
+        d.qpos[:], d.qvel[:], d.qacc[:] = q, 0, 0
+        mujoco.mj_fwdPosition(m, d)
+        mujoco.mj_fwdVelocity(m, d)
+        d.efc_force[:] = 0
+        d.efc_force[d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)] = s[:-1]
+        mujoco.mj_rnePostConstraint(m, d)
+        mujoco.mj_sensorAcc(m, d)
+        return d.sensordata.copy()
 
     def of_motion(self, q: Array, v: Array, a: Array) -> Array:
         """What a motion asks of the joints beyond what they need at rest."""
@@ -445,6 +459,10 @@ class Bare:
         i = m.sensor(sensor).id
         kind, obj = S(int(m.sensor_type[i])), int(m.sensor_objid[i])
         block = self.rows[:, m.sensor_adr[i] : m.sensor_adr[i] + m.sensor_dim[i]]
+        if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE) and self.drives:
+            if self.moves:
+                return None  # what soft loops transmit
+            block = self.forces[:, m.sensor_adr[i] : m.sensor_adr[i] + m.sensor_dim[i]]
         if kind == S.mjSENS_USER:
             return self.accelerations[:, m.jnt_dofadr[obj]]
         if kind == S.mjSENS_FRAMELINACC and not m.opt.disableflags & int(OFF.mjDSBL_GRAVITY):

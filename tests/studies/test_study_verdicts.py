@@ -724,7 +724,14 @@ OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.O
     ],
 )
 def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, limit, silent):
-    assert find_failure(found) == (None if message is None else Failure(message, limit, silent))
+    assert find_failure(found, "sweep") == (None if message is None else Failure(message, limit, silent))
+
+
+def test_in_time_positions_alone_are_judged():
+    """A moment in time is off by a tenth long before the motion is."""
+    found = Measurement({"position": 0.05, "force": 0.5})
+    assert find_failure(found, "dynamics") is None
+    assert find_failure(found, "sweep").message.startswith("force or torque off by 0.5")
 
 
 def test_every_kind_of_limit_has_its_sentence():

@@ -188,15 +188,15 @@ def resized(stressed: StressedCase, least: float, factor: float) -> TrialResult:
             )
         )
     found = stressed.run(variants.larger(stressed.case, stressed.models, factor))
-    return TrialResult(unlike(found, stressed.run(stressed.case)), found.step)
+    return TrialResult(unlike(found, stressed.run(stressed.case), stressed.kind), found.step)
 
 
-def unlike(found: Measurement, own: Measurement) -> Failure | None:
+def unlike(found: Measurement, own: Measurement, run: Kind) -> Failure | None:
     """Why a run at another size is lost: errors must be those at its own, by dimensional analysis.
 
     An error ten times as large is that of another curve; rounding differs from size to size.
     """
-    if failure := find_failure(found):
+    if failure := find_failure(found, run):
         return failure
     for kind, error in found.errors.items():
         if error > 10.0 * own.errors[kind] + ROUNDING:

@@ -49,7 +49,11 @@ STRIDE = 4.0
 
 LOST = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""
-JUDGED = "position", "force"
+JUDGED: dict[Kind, tuple[str, ...]] = {
+    "sweep": ("position", "force"),
+    "equilibrium": ("position", "force"),
+    "dynamics": ("position",),
+}
 TIMEOUT = 60.0
 LONG = 1_000_000  # steps of the longest runs
 SAME = 1e-9  # share of a step by which rounding may change it
@@ -201,12 +205,12 @@ class StressedCase:
 
     def find_failure(self, case: Case, **parameters: ParameterValue) -> Failure | None:
         """Run a changed case; why the run fails, or None."""
-        return find_failure(self.run(case, **parameters))
+        return find_failure(self.run(case, **parameters), self.kind)
 
     def try_case(self, case: Case, **parameters: ParameterValue) -> TrialResult:
         """Run a changed case; why the run fails, and the step that was taken."""
         found = self.run(case, **parameters)
-        return TrialResult(find_failure(found), found.step)
+        return TrialResult(find_failure(found, self.kind), found.step)
 
     def try_in_steps(self, case: Case, seconds: float, **parameters: ParameterValue) -> TrialResult:
         """Run a changed case for so long [s], in steps of just what is asked.
@@ -292,14 +296,14 @@ def is_compiled(case: Case) -> bool:
     return cast(bool, isolated(compiles, case.model_path, timeout=TIMEOUT))
 
 
-def find_failure(found: Measurement) -> Failure | None:
+def find_failure(found: Measurement, run: Kind) -> Failure | None:
     """Why a run fails, or None."""
     if found.outcome != Outcome.RAN:
         unseen = found.outcome in (Outcome.DIVERGED, Outcome.NOT_FINITE) and not is_engine_warning(
             found.message
         )
         return Failure(f"{found.outcome}: {found.message}", limit_kind(found), unseen)
-    for kind in JUDGED:
+    for kind in JUDGED[run]:
         if not found.errors.get(kind, 0.0) <= LOST:
             return Failure(
                 f"{format_kind(kind)} off by {found.errors[kind]:.2g} of its range",

@@ -324,7 +324,7 @@ def snapped(stressed: StressedCase, far: float) -> TrialResult:
     task = StudyRun(there_and_back(stressed.case, far), "sweep", stressed.setting, "stress")
     found = measure_once(task, stressed.store, stressed.timeout)
     if found.outcome != Outcome.RAN:
-        return TrialResult(find_failure(found))
+        return TrialResult(find_failure(found, "sweep"))
     curves = stressed.store.curves(key_of(task))
     return TrialResult(parted({name: curves[f"channel.{name}"] for name in places(stressed.case)}))
 

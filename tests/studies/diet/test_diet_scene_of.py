@@ -166,7 +166,7 @@ def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):
         "--watch",
         (
             "no channel of the sidecars reads rate_ and tip; did you mean 'rate'? their channels: "
-            "angle, rate, acceleration, tension.x, kinetic, potential"
+            "angle, rate, acceleration, kinetic, potential"
         ),
     )
 
