@@ -177,7 +177,7 @@ FILLS = ("#cfe0f0", "#f4d9b0", "#d9d2e9", "#d5e8d4", "#f3d0d6", "#e6e6e6")
 """Of regions, pale enough for lines on them, each darker or lighter than its neighbours."""
 STROKES = ("", "////", "....", "xxxx", "----", "++++")
 """Hatches of regions, which tell them apart on a black-and-white print."""
-ROOM = 0.11  # [inch] about the middle of a number that is written into a region
+ROOM = np.array([0.28, 0.07])  # [inch] from the middle of a number in a region to its ends
 FINE = 28  # points across the box of a region where its number is tried
 
 
@@ -196,9 +196,9 @@ def fills(chart: Chart) -> dict[str, dict[str, Any]]:
 
 
 def spread_out(
-    ax: Axes, region: ChartRegion, fill_of: Mapping[str, Any], box: "PanelFrame", wide: float
+    ax: Axes, region: ChartRegion, fill_of: Mapping[str, Any], box: "PanelFrame", cell: Array
 ) -> None:
-    """A region in its colour and hatch, with its area where a panel so wide [inch] has room."""
+    """A region in its colour and hatch, with its area where a panel so large [inch] has room."""
     rings = [np.asarray(outline) * box.scale for outline in region.outlines if len(outline) > 2]
     if not rings:
         return
@@ -207,13 +207,14 @@ def spread_out(
     ax.add_patch(PathPatch(path, zorder=0.5, **fill_of))
     if not np.isfinite(region.area):
         return
-    inch = wide / (box.high - box.low)[0]
-    place, room = widest_place(rings)
-    if room * inch > ROOM:
+    scale = cell / (box.high - box.low) / ROOM
+    place, room = widest_place([ring * scale for ring in rings])
+    if room > 1.0:
+        x, y = place / scale
         unit = f"{pretty(box.units[0])}²" if box.units[0] == box.units[1] else ""
         ax.text(
-            place[0],
-            place[1],
+            x,
+            y,
             f"{number(region.area, 4)} {unit}".rstrip(),
             fontsize=7,
             ha="center",
@@ -224,7 +225,7 @@ def spread_out(
 
 
 def widest_place(rings: list[Array]) -> tuple[Array, float]:
-    """The place in a region that is farthest from its outlines, of a grid, and how far that is.
+    """A place in a region that is far from its outlines, of a grid, and how far that is.
 
     >>> square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
     >>> place, room = widest_place([square])
@@ -245,7 +246,9 @@ def widest_place(rings: list[Array]) -> tuple[Array, float]:
         apart = grid[:, None] - start
         along = np.clip(np.sum(apart * way, axis=2) / long, 0.0, 1.0)
         far = np.minimum(far, np.linalg.norm(apart - along[..., None] * way, axis=2).min(axis=1))
-    best = int(np.argmax(far))
+    wide = np.flatnonzero(far >= 0.98 * far.max())  # in a strip many places are as good
+    middle = grid[wide].mean(axis=0)
+    best = wide[np.argmin(np.linalg.norm(grid[wide] - middle, axis=1))]
     return grid[best], float(far[best])
 
 
@@ -320,7 +323,7 @@ def chart_sheet(title: str, chart: Chart) -> Figure:
         ax = figure.add_subplot(grid[divmod(k, plan.across)])
         ax.set_title(titles[k])
         for region in panel.regions:
-            spread_out(ax, region, filling[region.label], box, plan.cell[0])
+            spread_out(ax, region, filling[region.label], box, plan.cell)
         if panel.field:
             filled(ax, panel.field, contours(chart, panel.field), box.scale)
         for line in panel.lines:
