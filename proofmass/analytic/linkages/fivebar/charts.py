@@ -75,7 +75,7 @@ def workspace(
     Notes
     -----
     The border is arcs of circles, and their area is exact; curves of type 2 are coupler curves of a
-    four-bar whose area is integrated with an error below 1e-10 of the whole.
+    four-bar whose area is integrated with an error below 1e-9 of the whole.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def workspace(
         f"The tip reaches {reach_area(link):.6g} m² in each of the four working modes. Type 1 "
         "singularities bound the reach; type 2 singularities part it into aspects, in each of "
         "which the tip goes everywhere without a singular pose. L and R are the crank pins. "
-        "Numbers are areas of aspects, integrated along their borders with an error below 1e-9 m².",
+        "Numbers are areas of aspects, integrated along their borders with an error below 1e-8 m².",
         alike=True,
     )
 

@@ -150,7 +150,7 @@ def type_2(link: FivebarLengths) -> list[SingularPiece]:
     Returns
     -------
     list of SingularPiece
-        Points within rounding of the curve; areas by Gauss quadrature, error below 1e-10 of all.
+        Points within rounding of the curve; areas by Gauss quadrature, error below 1e-9 of all.
     """
     found: list[SingularPiece] = []
     for stretched in (True, False):
