@@ -190,8 +190,8 @@ WRONG = {
     ),
     "force of a hinge": (
         "fourbar",
-        '"N m"',
-        '"N"',
+        r'(?s)"N m"(.*)"N m"(.*)"N m"',
+        r'"N"\1"N"\2"N"',
         ["channels.holding_moment.unit", "delivers N m"],
     ),
     "moment of a rod": (

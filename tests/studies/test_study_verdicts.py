@@ -724,7 +724,9 @@ OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.O
     ],
 )
 def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, limit, silent):
-    assert find_failure(found, "sweep") == (None if message is None else Failure(message, limit, silent))
+    assert find_failure(found, "sweep") == (
+        None if message is None else Failure(message, limit, silent)
+    )
 
 
 def test_in_time_positions_alone_are_judged():
@@ -974,7 +976,9 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
     monkeypatch.setattr(scene, "done", done)
     monkeypatch.setattr(scene, "bounded", lambda case, kind, function, *told: function(*told))
     monkeypatch.setattr(
-        scene, "reference_for", lambda *told: Curves(x, truth if told == (case, curves) else {})
+        scene,
+        "reference_for",
+        lambda *told: Curves(x, truth if told == (case, "dynamics", curves) else {}),
     )
     run = plan(case, "dynamics", "mujoco")
     watch = scene.watched(case, run, "mujoco", draft)
