@@ -51,6 +51,7 @@ from proofmass.wording import number
 
 USUAL = 2.0  # s, of one run, for engines that take much longer than usual
 REPEATS = 5
+ADDED = 1.5  # times a floor, of an error to which the drives add their own
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
 Halved = dict[SeriesPlace, list[StudyRow]]
@@ -442,6 +443,7 @@ def verdict(
             if cause == UNKNOWN:
                 cause, shown = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
                 evidence = "; ".join(filter(None, (evidence, shown)))
+            evidence = "; ".join(filter(None, (evidence, added_by_drive(rows[k], kind))))
     elif (k := one.risen().get(kind)) is not None:
         points = one.measured.points(kind)
         cause, evidence = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
@@ -469,6 +471,23 @@ def verdict(
         "" if cause == ROUNDING else format_worsened(one.measured, kind),
         motion.words if motion else "",
         motion.horizon if motion else NAN,
+    )
+
+
+def added_by_drive(row: StudyRow, kind: str) -> str:
+    """What the drives add to an error, which is told at the state that they really had.
+
+    >>> row = StudyRow("", "", "", "", "", "", 1.0, errors={"position": 1e-6},
+    ...                asked={"position": 3e-5})
+    >>> added_by_drive(row, "position")
+    'at the motion that drives were asked for the error is 3e-5: their own is added'
+    """
+    error, asked = row.errors.get(kind, NAN), row.asked.get(kind, NAN)
+    if not asked > ADDED * error:
+        return ""
+    return (
+        f"at the motion that drives were asked for the error is {number(asked, 2)}: "
+        "their own is added"
     )
 
 
