@@ -156,7 +156,13 @@ def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried):
 def test_what_a_shorter_step_does_not_change_is_said(tmp_path, unhurried):
     found = unhurried(edited(tmp_path, "fourbar", LONGER), "dynamics")
     assert any("leaves the error as it is" in words for words in found.remarks)
-    assert found.causes[0].changes["rocker"][1] == pytest.approx(2.525, rel=1e-4)
+    # the centre of mass stayed in its place: the site alone explains the moment as well, if there
+    # is time to try the numbers of the model
+    named = [one.changes for one in found.causes[:2]]
+    site = {"site of rocker_end x": (2.525, pytest.approx(2.5, rel=1e-4))}
+    rocker = {"rocker": (2.5, pytest.approx(2.525, rel=1e-4))}
+    assert rocker in named
+    assert named[0] in (rocker, site)
 
 
 def test_agreeing_runs_have_no_diagnosis():
