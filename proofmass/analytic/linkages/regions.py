@@ -4,12 +4,13 @@ A piece runs with its region on the left.  Areas are those of Green's theorem, o
 so they are as exact as the pieces and do not depend on how densely an outline is drawn.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from proofmass.analytic.chart import ChartRegion
 from proofmass.analytic.numerics import Complex
 
 JOIN = 1e-6
@@ -51,6 +52,19 @@ class PlaneRegion:
 
     outlines: tuple[Complex, ...]
     area: float
+
+
+def drawn_regions(
+    found: Mapping[int, Iterable[PlaneRegion]], labels: Mapping[int, str]
+) -> tuple[ChartRegion, ...]:
+    """Regions by a sign, as a chart draws them, with the label of their sign."""
+    return tuple(
+        ChartRegion(
+            tuple(np.stack([z.real, z.imag], axis=1) for z in one.outlines), labels[sign], one.area
+        )
+        for sign, some in found.items()
+        for one in some
+    )
 
 
 def arc(center: complex, radius: float, first: float, last: float) -> CurvePiece:

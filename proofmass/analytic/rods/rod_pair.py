@@ -9,7 +9,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.chart import MOST, Chart, ChartLine, Panel
+from proofmass.analytic.chart import MOST, Chart, ChartLine, Panel, line_through
 from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
@@ -160,7 +160,7 @@ def panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
     ways = min(int(found.negative[which[0]]), MANY)
     lines = [posture(found, int(i), rank) for rank, i in enumerate(which, 1)]
     lines.append(ChartLine(pose[:, 0], pose[:, 1], "pin", ways == 0, points=True))
-    lines.append(ChartLine(clamp.real, clamp.imag, "clamps", points=True))
+    lines.append(line_through(clamp, "clamps", points=True))
     if not ways:
         return Panel(tuple(lines), title="Stable")
     ends = dict.fromkeys(f"{V:.3g}" for V in found.potential[which[[0, -1]]])

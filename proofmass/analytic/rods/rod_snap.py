@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from proofmass.analytic.chart import Chart, ChartLine, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Panel, line_through
 from proofmass.analytic.numerics import TURN, Array, Complex, positive
 from proofmass.analytic.rods.column import whole
 from proofmass.analytic.rods.elastica import from_inflection, rods, stiff
@@ -267,12 +267,11 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
     before = drawn(of, a, length)
     landed = drawn(of, np.array([of.fold]), length)[0].conj()
     way = tuple(
-        ChartLine(p.real, p.imag, f"{angle:.1f}°")
-        for p, angle in zip(before, np.degrees(a), strict=True)
+        line_through(p, f"{angle:.1f}°") for p, angle in zip(before, np.degrees(a), strict=True)
     )
     snap = (
-        ChartLine(before[-1].real, before[-1].imag, "before the snap", stable=False),
-        ChartLine(landed.real, landed.imag, "after it"),
+        line_through(before[-1], "before the snap", stable=False),
+        line_through(landed, "after it"),
     )
     return Chart(
         ("x", "m"),

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from proofmass.analytic.chart import Chart, ChartLine, Field, Panel
+from proofmass.analytic.chart import Chart, ChartLine, Field, Panel, line_through
 from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.rods.continuation import STRAY, follow
 from proofmass.analytic.rods.equilibrium import (
@@ -649,6 +649,4 @@ def posture(s: RodState) -> tuple[ChartLine, ChartLine]:
     pins = s.pose @ [1.0, 1.0j, 0.0][: s.pose.size] + np.exp(1j * s.pose[-1]) * s.assembly.arm
     z = np.concatenate([x + 1j * y, pins[:, None], np.full((len(x), 1), np.nan)], axis=1).ravel()
     z, clamp = np.concatenate([z, pins, pins[:1]]), clamps(s)[1]
-    return ChartLine(z.real, z.imag, "here"), ChartLine(
-        clamp.real, clamp.imag, "clamps", points=True
-    )
+    return line_through(z, "here"), line_through(clamp, "clamps", points=True)

@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Panel
+from proofmass.analytic.chart import GAP, Chart, ChartLine, Panel, line_through
 from proofmass.analytic.linkages.fivebar.kinematics import (
     solve,
     solve_inverse,
@@ -23,6 +23,7 @@ from proofmass.analytic.linkages.fivebar.maps import (
     reach_border,
     type_2,
 )
+from proofmass.analytic.linkages.regions import drawn_regions
 from proofmass.analytic.numerics import Array, Complex
 
 TYPE_1 = {side: f"type 1: {side} crank and coupler in line" for side in ("left", "right")}
@@ -32,7 +33,6 @@ TYPE_2 = {
 }
 ASSEMBLIES = {1: "assembly +1: tip left of L to R", -1: "assembly -1: tip right of L to R"}
 XY = (("x", "m"), ("y", "m"))
-GAP = complex(np.nan, np.nan)
 Traced = tuple[Complex, str]
 """Places x + iy of a curve, and its label."""
 
@@ -98,15 +98,7 @@ def workspace(
             Panel(
                 (*lines, *way, pins),
                 title=f"{named(mode)}: {' + '.join(f'{area:.4g}' for area in areas)} m²",
-                regions=tuple(
-                    ChartRegion(
-                        tuple(np.stack([z.real, z.imag], axis=1) for z in one.outlines),
-                        ASSEMBLIES[assembly],
-                        one.area,
-                    )
-                    for assembly, some in found.items()
-                    for one in some
-                ),
+                regions=drawn_regions(found, ASSEMBLIES),
             )
         )
     return Chart(
@@ -131,7 +123,7 @@ def path_of_tip(path: tuple[float, ...], circle: tuple[float, ...]) -> tuple[Cha
         x, y, radius = circle
         corners = x + 1j * y + radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 121)[:-1])
     closed = np.append(corners, corners[:1])
-    return (drawn_line(closed, "path of the tip"),) if corners.size else ()
+    return (line_through(closed, "path of the tip"),) if corners.size else ()
 
 
 def named(mode: tuple[int, int]) -> str:
@@ -150,17 +142,10 @@ def by_label(curves: Iterable[Traced]) -> tuple[ChartLine, ...]:
         point = bool(np.ptp(points.real) == np.ptp(points.imag) == 0.0)
         found.setdefault((label, point), []).append(np.append(points[:1] if point else points, GAP))
     return tuple(
-        ChartLine(z.real, z.imag, label, points=point)
+        line_through(z, label, points=point)
         for (label, point), parts in found.items()
         for z in [np.concatenate(parts)[:-1]]
     )
-
-
-def drawn_line(
-    points: Complex, label: str, *, stable: bool = True, bars: bool = False
-) -> ChartLine:
-    """A line through places x + iy."""
-    return ChartLine(points.real, points.imag, label, stable, bars=bars)
 
 
 def fixed(link: FivebarLengths) -> ChartLine:
@@ -173,16 +158,16 @@ def links(
 ) -> tuple[ChartLine, ...]:
     """Cranks and couplers of one pose by its pins, and those of another tip on the same pins."""
     ghost = (
-        [drawn_line(np.array([left, other, right]), "other assembly", stable=False, bars=True)]
+        [line_through(np.array([left, other, right]), "other assembly", stable=False, bars=True)]
         if other is not None
         else []
     )
     return (
-        drawn_line(np.array([link.left_x, left, GAP, right, link.right_x]), "cranks", bars=True),
-        drawn_line(np.array([left, tip, right]), "couplers", bars=True),
+        line_through(np.array([link.left_x, left, GAP, right, link.right_x]), "cranks", bars=True),
+        line_through(np.array([left, tip, right]), "couplers", bars=True),
         *ghost,
         fixed(link),
-        ChartLine(np.array([tip.real]), np.array([tip.imag]), "tip", points=True),
+        line_through(np.array([tip]), "tip", points=True),
     )
 
 

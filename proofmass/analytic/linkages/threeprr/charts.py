@@ -8,7 +8,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
+from proofmass.analytic.chart import GAP, Chart, ChartLine, Field, Panel, line_through
+from proofmass.analytic.linkages.regions import drawn_regions
 from proofmass.analytic.linkages.threeprr.kinematics import (
     CORNERS,
     GUIDES,
@@ -32,7 +33,6 @@ from proofmass.analytic.linkages.threeprr.maps import (
 from proofmass.analytic.numerics import TURN, Array, Complex
 
 XY = (("x", "m"), ("y", "m"))
-GAP = complex(np.nan, np.nan)
 SIDES = {1: "singularity measure > 0", -1: "singularity measure < 0"}
 BEYOND = 0.3
 """Of the side: how far guides are drawn beyond sliders and platform."""
@@ -98,7 +98,9 @@ def workspace(
     if side < leg:
         room = leg - side
         corners = np.array([-1.0 - 1.0j, 1.0 - 1.0j, 1.0 + 1.0j, -1.0 + 1.0j, -1.0 - 1.0j]) * room
-        lines.append(ChartLine(guide3_x + corners.real, corners.imag, "reached at every angle"))
+        lines.append(
+            line_through(np.asarray(guide3_x + corners, complex), "reached at every angle")
+        )
         words = f"{4.0 * room**2:.6g} m² at every angle"
     field = Field(x, y, angles, "angles of the platform", "rad")
     return Chart(
@@ -201,17 +203,9 @@ def workspace_slice(
         shown = sorted((area for area in areas if area > 5e-5 * part.area), reverse=True)
         panels.append(
             Panel(
-                (*edges, ChartLine(curves.real, curves.imag, "type 2")),
+                (*edges, line_through(curves, "type 2")),
                 title=f"legs {signs(mode)}: {' + '.join(f'{area:.4g}' for area in shown)} m²",
-                regions=tuple(
-                    ChartRegion(
-                        tuple(np.stack([z.real, z.imag], axis=1) for z in one.outlines),
-                        SIDES[sign],
-                        one.area,
-                    )
-                    for sign, some in found.items()
-                    for one in some
-                ),
+                regions=drawn_regions(found, SIDES),
             )
         )
     return Chart(
@@ -241,16 +235,14 @@ def robot_lines(
     """Platform, legs, sliders and P of one pose."""
     arms = robot.side * CORNERS[:, 0] * np.exp(1j * psi)
     corners = point + arms
-    feet = (origins(robot.guide2_x, robot.guide3_x, robot.guide3_y) + sliders[:, None] * GUIDES)[
-        :, 0
-    ]
+    feet = feet_of(robot, sliders)
     both = np.stack([feet, corners, np.full(3, GAP)], axis=1).ravel()[:-1]
     ring = np.append(corners, corners[:1])
     return (
-        ChartLine(ring.real, ring.imag, "platform", bars=True),
-        ChartLine(both.real, both.imag, "legs", bars=True),
-        ChartLine(feet.real, feet.imag, "sliders", points=True),
-        ChartLine(np.array([point.real]), np.array([point.imag]), "P", points=True),
+        line_through(ring, "platform", bars=True),
+        line_through(both, "legs", bars=True),
+        line_through(feet, "sliders", points=True),
+        line_through(np.array([point]), "P", points=True),
     )
 
 
@@ -312,8 +304,7 @@ def leg_modes(
     robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     panels = []
     for mode in WORKING_MODES:
-        found = solve_inverse([x, y, psi], **asdict(robot), mode=mode)
-        sliders = np.array([float(found[f"slider_{k}"]) for k in (1, 2, 3)])
+        sliders = sliders_of(robot, complex(x, y), psi, mode)
         panels.append(
             Panel(
                 robot_lines(robot, complex(x, y), psi, sliders),
@@ -452,17 +443,25 @@ def singular_poses(
 
 def posed(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple[ChartLine, ...]:
     """The robot with P in a place, in one mode of the legs."""
+    return robot_lines(robot, place, psi, sliders_of(robot, place, psi, mode))
+
+
+def sliders_of(robot: RobotLengths, place: complex, psi: float, mode: int) -> Array:
+    """Where the sliders (3,) stand with P in a place, in one mode of the legs [m]."""
     found = solve_inverse([place.real, place.imag, psi], **asdict(robot), mode=mode)
-    sliders = np.array([float(found[f"slider_{k}"]) for k in (1, 2, 3)])
-    return robot_lines(robot, place, psi, sliders)
+    return np.array([float(found[f"slider_{k}"]) for k in (1, 2, 3)])
+
+
+def feet_of(robot: RobotLengths, sliders: Array) -> Complex:
+    """Places x + iy (3,) of the sliders [m]."""
+    starts = origins(robot.guide2_x, robot.guide3_x, robot.guide3_y)
+    return np.asarray((starts + sliders[:, None] * GUIDES)[:, 0])
 
 
 def meeting(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple[ChartLine, ...]:
     """Lines of the legs to the point where those of legs 1 and 2 meet; none if that is far."""
-    found = solve_inverse([place.real, place.imag, psi], **asdict(robot), mode=mode)
-    sliders = np.array([[float(found[f"slider_{k}"])] for k in (1, 2, 3)])
-    feet: Complex = origins(robot.guide2_x, robot.guide3_x, robot.guide3_y) + sliders * GUIDES
-    e, arms = legs(feet, np.array([place]), np.array([psi]), robot.side)
+    feet = feet_of(robot, sliders_of(robot, place, psi, mode))
+    e, arms = legs(feet[:, None], np.array([place]), np.array([psi]), robot.side)
     p, v = (place + arms)[:, 0], e[:, 0]
     turned = float(np.imag(np.conj(v[0]) * v[1]))
     if abs(turned) < 0.05 * robot.leg**2:
@@ -471,6 +470,6 @@ def meeting(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple
     point = p[0] + share * v[0]
     z = np.array([p[0], point, GAP, p[1], point, GAP, p[2], point])
     return (
-        ChartLine(z.real, z.imag, "lines of the legs", stable=False),
-        ChartLine(np.array([point.real]), np.array([point.imag]), "where they meet", points=True),
+        line_through(z, "lines of the legs", stable=False),
+        line_through(np.array([point]), "where they meet", points=True),
     )
