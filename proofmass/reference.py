@@ -173,7 +173,10 @@ def evaluate(case: Case, kind: Kind, x: Array, state: State | None, **changed: f
     Curves
         One curve a channel, under the channel's name, in SI units.
     """
-    known = quantities(case, kind, x, state, {**case.parameters, **changed})
+    known = reference_quantities(case, kind, x, state, {**case.parameters, **changed})
+    names = [c.equals for c in case.channels.values() if isinstance(c.equals, str)]
+    if any(name.startswith(DRIVE) or name not in known for name in names):
+        known = known | asked_of_drives(case, kind, x)
     return Curves(x, channels(case, x, known))
 
 
@@ -185,19 +188,34 @@ def quantities(
     parameters: dict[str, float | str],
     key: str = "parameters",
 ) -> dict[str, Array]:
-    """All that the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
+    """All that a channel may equal: what the reference knows, and what was asked of the drives.
 
-    What the drives were asked for is known beside it, see `asked_of_drives`.  `kind`, `x` and
-    `state` are those of `evaluate`.
+    See `reference_quantities` and `asked_of_drives`.
+    """
+    return {
+        **reference_quantities(case, kind, x, state, parameters, key),
+        **asked_of_drives(case, kind, x),
+    }
+
+
+def reference_quantities(
+    case: Case,
+    kind: Kind,
+    x: Array,
+    state: State | None,
+    parameters: dict[str, float | str],
+    key: str = "parameters",
+) -> dict[str, Array]:
+    """What the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
+
+    `kind`, `x` and `state` are those of `evaluate`.
     """
     truth = module_of(case)
     if not isinstance(truth, Recorded):
-        known = call(case, kind, truth, x, state, parameters, key)
-    elif parameters:
+        return call(case, kind, truth, x, state, parameters, key)
+    if parameters:
         raise InputError(case.file, key, "the reference is a recorded curve, which has none")
-    else:
-        known = {name: values[: np.size(x)] for name, values in truth.columns.items()}
-    return {**known, **asked_of_drives(case, kind, x)}
+    return {name: values[: np.size(x)] for name, values in truth.columns.items()}
 
 
 def asked_of_drives(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
