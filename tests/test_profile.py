@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ def law(folder: Path, start: float = 0.0, rows: np.ndarray | None = None, **tabl
     if rows is None:
         rows = np.column_stack([TIMES, np.sin(3.0 * TIMES), 3.0 * np.cos(3.0 * TIMES)])
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    folder = Path(mkdtemp(dir=folder))  # a file is read again if its time changed, by ticks
     (folder / "motor.csv").write_text("\n".join(["t [s],q [rad],w [rad/s]", *lines]) + "\n")
     return law_of_profile(folder, ProfileTable(file="motor.csv", **table), start, "rad")
 
@@ -68,7 +70,6 @@ def test_a_spline_is_of_fourth_order_and_says_how_near_it_is(tmp_path):
         t = np.linspace(0.0, 2.0, n)
         rows = np.column_stack([t, np.sin(3.0 * t), 3.0 * np.cos(3.0 * t)])
         follow = law(tmp_path, rows=rows, value="q")
-        (tmp_path / "motor.csv").unlink()
         off.append(float(np.abs(follow(between)[0] - np.sin(3.0 * between)).max()))
         told = float(re.search(r"may be off by (\S+) rad", follow.words)[1])
         assert off[-1] <= told <= 10 * off[-1]
@@ -192,16 +193,25 @@ def test_bad_rows_of_a_profile_are_named(name, edit, models):
     assert all(word in str(error) for word in words), str(error)
 
 
+def test_a_spline_needs_more_rows_than_a_line(tmp_path):
+    rows = np.column_stack([TIMES, TIMES, 2.0 * TIMES])
+    with pytest.raises(InputError, match="3 rows; a spline needs 4"):
+        law(tmp_path, rows=rows[:3], rate="w")
+    assert law(tmp_path, rows=rows[:4], rate="w").pieces.shape == (5, 3)
+    straight = law(tmp_path, rows=rows[:2], rate="w", interpolation="linear")
+    assert straight(TIMES[1:2])[0] == pytest.approx(TIMES[1:2] ** 2)
+    with pytest.raises(InputError, match="at least two rows are needed"):
+        law(tmp_path, rows=rows[:1], rate="w", interpolation="linear")
+
+
 def test_a_step_of_the_angle_is_no_motion_and_a_wrapped_angle_says_so(tmp_path):
     def stepped(by: float) -> np.ndarray:
         return np.column_stack([TIMES, TIMES + by * (TIMES > 1.01), np.ones(TIMES.size)])
 
     with pytest.raises(InputError, match=r"line 43: q jumps .* no drive has the rate"):
         law(tmp_path, rows=stepped(0.5), value="q")
-    (tmp_path / "motor.csv").unlink()
     with pytest.raises(InputError, match="the angle is wrapped; add unwrap = true"):
         law(tmp_path, rows=stepped(-2 * np.pi), value="q")
-    (tmp_path / "motor.csv").unlink()
     whole = law(tmp_path, rows=stepped(-2 * np.pi), value={"column": "q", "unwrap": True})
     assert whole(TIMES)[0] == pytest.approx(TIMES, abs=1e-12)
 
