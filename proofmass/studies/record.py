@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from proofmass import units
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_whole
@@ -59,13 +60,7 @@ class Setting:
 
 
 NAN = float("nan")
-KINDS = {
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s^2", "m/s^2"),
-    "force": ("N", "N m"),
-    "energy": ("J",),
-}
+KINDS = {**units.KINDS, "force": units.FORCES, "energy": ("J",)}
 """Units of each kind of channels; a run has an error of each kind."""
 
 

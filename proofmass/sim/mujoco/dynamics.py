@@ -104,7 +104,7 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if run.drives:
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
     if "qfrc_inverse" in rows:
-        moments = asked_of_drives(rows, dofs, *own)
+        moments = moments_of_drives(rows, dofs, *own)
         channels |= drive_moments(model, linkage, record, moments)
     gaps = record.gaps()
     curves = Curves(
@@ -122,20 +122,20 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     return curves
 
 
-def asked_of_drives(
+def moments_of_drives(
     rows: Mapping[str, Array], dofs: NDArray[np.int32], armature: Array, damping: Array
 ) -> Array:
     """What the mechanism asks of its drives [N m or N] (samples, drives).
 
     The balance of each driven joint, with its own armature and damping and without the flywheel.
     """
-    own = {
-        name: block[:, dofs]
-        for name, block in rows.items()
-        if name.startswith("q") and name != "qpos"
-    }
-    given = own["qfrc_passive"] + own["qfrc_constraint"] + own["qfrc_actuator"]
-    return np.asarray(own["qfrc_inverse"] + armature * own["qacc"] + damping * own["qvel"] - given)
+
+    def own(name: str) -> Array:
+        return rows[name][:, dofs]
+
+    given = own("qfrc_passive") + own("qfrc_constraint") + own("qfrc_actuator")
+    needed = own("qfrc_inverse") + armature * own("qacc") + damping * own("qvel")
+    return np.asarray(needed - given)
 
 
 def step_through(

@@ -43,9 +43,7 @@ def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
 def withhold_interactions(record: Recorder) -> dict[str, str]:
     """Take sensors of forces between bodies out of a record if the engine leaves a force out."""
     model = record.model
-    kinds = [mujoco.mjtTrn(int(kind)) for kind in model.actuator_trntype]
-    on_joints = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
-    others = [k for k, kind in enumerate(kinds) if kind not in on_joints]
+    others = [k for k in range(model.nu) if joint_of(model, k) < 0]
     what = (
         f"actuator {model.actuator(others[0]).name!r}, which acts on no joint"
         if others
