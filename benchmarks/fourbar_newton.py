@@ -1,7 +1,7 @@
 """The four-bar by Newton-Raphson, a pose at a time, with its equations written out.
 
-What `benchmarks.document_scheme` assembles from rows stands here as one array, and neither rank nor
-condition is looked at: as fast as the scheme gets in Python.  B. Díaz Lozano, TFG, Universidad de
+What `proofmass.analytic.linkages.natural_coordinates` assembles from rows stands here as one array,
+and no log is kept: as fast as the scheme gets in Python.  B. Díaz Lozano, TFG, Universidad de
 Almería 2019, text lines 1417-1469 and 1989-2056; stop at |dq| <= 1e-10, each pose from the last.
 """
 

@@ -18,9 +18,15 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import ROOT, command, document_scheme, fourbar_newton
+from benchmarks import ROOT, command, fourbar_newton
 from benchmarks.timing import SPELL, Row, measure
-from proofmass.analytic.linkages import fivebar, fourbar, slider_crank, threeprr
+from proofmass.analytic.linkages import (
+    fivebar,
+    fourbar,
+    natural_coordinates,
+    slider_crank,
+    threeprr,
+)
 from proofmass.analytic.planar.branch import Branch
 from proofmass.analytic.planar.kinematics import rates
 from proofmass.analytic.planar.mechanism import read
@@ -143,8 +149,8 @@ def inverses(count: int) -> Iterator[Row]:
 def document(count: int) -> Iterator[Row]:
     """The document's linkages by its scheme, and the four-bar with its equations written out."""
     turn, arc = np.linspace(0.0, 2.0 * np.pi, count), np.linspace(0.0, 0.1, count)[:, None]
-    for name, (linkage, start) in document_scheme.EXAMPLES.items():
-        first = document_scheme.position(linkage, start).root
+    for name, (linkage, start) in natural_coordinates.EXAMPLES.items():
+        first = natural_coordinates.assemble(linkage, start).root
         ones = (1.0,) * linkage.inputs
         angles = first[-linkage.inputs :] + arc
         yield Row(
@@ -152,7 +158,9 @@ def document(count: int) -> Iterator[Row]:
             "document's scheme, Python",
             "p v a",
             count,
-            partial(document_scheme.sweep, linkage, first, angles, ones, [0.0] * linkage.inputs),
+            partial(
+                natural_coordinates.sweep, linkage, first, angles, ones, [0.0] * linkage.inputs
+            ),
         )
     near, truth = np.array([1.4375, 1.95]), pin(fourbar.solve(turn, **BARS), "pin")
     error = np.abs(fourbar_newton.sweep(turn, near) - truth).max()

@@ -41,7 +41,7 @@ def inventor_shaped() -> tuple[str, Columns]:
     degrees = {name: np.degrees(curve) for name, curve in known.items()}
     head = f"""\
 Made by python -m benchmarks.shaped_exports from the closed form of the hacksaw, in
-proofmass/analytic/linkages/hacksaw.py, driven by its motor profile.
+proofmass/analytic/linkages/hacksaw, driven by its motor profile.
 Disturbance: the zero of the crank is off by {CRANK_ZERO} deg; values are rounded as printed.
 A row every {1e3 * STEP:g} ms. Units and signs are those of the report's workbook:
 R1 = -r1 and Theta3 = theta3 - 180 deg, its rates as they are."""
@@ -67,7 +67,7 @@ def motor_profile() -> tuple[str, Columns]:
     times = np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000)
     head = """\
 The velocity of the hacksaw's motor, as the report's script writes it for Inventor to impose.
-Made by python -m benchmarks.shaped_exports from proofmass/analytic/linkages/hacksaw.py."""
+Made by python -m benchmarks.shaped_exports from proofmass/analytic/linkages/hacksaw."""
     return head, {
         "t [s]": (times, 9),
         "w2 [deg/s]": (np.degrees(hacksaw.motor(times)[1]), 9),

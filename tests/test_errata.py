@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import document_scheme as scheme
 from proofmass.analytic import balancer
 from proofmass.analytic.balancer.measures import precision_points, rmse
 from proofmass.analytic.linkages import fourbar, hacksaw
+from proofmass.analytic.linkages import natural_coordinates as scheme
+from proofmass.analytic.newton_raphson import NotConverged
 from tests.analytic.balancer.balancer_table import DATA
-from tests.independent import hacksaw_newton
-from tests.independent.newton_raphson import NotConverged
 
 ROOT = Path(__file__).parent.parent
 SAW = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
@@ -28,14 +27,14 @@ FIVE = scheme.EXAMPLES["five-bar"]
 
 def test_full_rank_does_not_mean_that_newton_converges():
     with pytest.raises(NotConverged) as failure:
-        scheme.position(scheme.fourbar(1.0, 2.0, 3.0, 50.0), (0.1, 1.0, 1.0, 0.2, 0.0))
-    assert set(failure.value.solution.ranks) == {5}  # line 1064: "it will converge"
+        scheme.assemble(scheme.fourbar(1.0, 2.0, 3.0, 50.0), (0.1, 1.0, 1.0, 0.2, 0.0))
+    assert set(failure.value.log.ranks) == {5}  # line 1064: "it will converge"
 
 
 def test_tolerance_of_one_to_the_minus_ten():
     """Lines 1406-1408 print 1^-10, which is 1; the code has 1e-10."""
     linkage, start = scheme.EXAMPLES["four-bar"]
-    steps = scheme.position(linkage, start).steps
+    steps = scheme.assemble(linkage, start).steps
     stopped = np.argmax(steps <= 1.0**-10)
     assert steps[-1] <= 1e-10
     assert steps[stopped + 1 :].sum() > 0.04  # what would be left of the way [m]
@@ -43,7 +42,7 @@ def test_tolerance_of_one_to_the_minus_ten():
 
 def test_the_cosine_row_is_the_singular_one_at_zero():
     """Lines 4244, 5960, 7819, 9152 choose the rows the wrong way round; the code is right."""
-    q = scheme.position(*scheme.EXAMPLES["four-bar"]).root  # crank angle 0
+    q = scheme.assemble(*scheme.EXAMPLES["four-bar"]).root  # crank angle 0
     for threshold, rank in ((0.5**0.5, 5), (2.0, 4)):  # sine row; cosine row whatever the angle
         linkage = scheme.fourbar(1.0, 2.0, 2.5, 3.0, threshold=threshold)
         assert np.linalg.matrix_rank(linkage.evaluate(q, q)[1], 1e-5) == rank
@@ -52,23 +51,23 @@ def test_the_cosine_row_is_the_singular_one_at_zero():
 def test_bias_of_figures_58_and_80():
     """Figure 58 has a minus sign too many, figure 80 a row for the guide, whose bias is zero."""
     linkage, start = scheme.EXAMPLES["four-bar"]
-    q = scheme.position(linkage, start).root
-    v = scheme.velocity(linkage, q, [1.0])
+    q = scheme.assemble(linkage, start).root
+    v = scheme.velocities(linkage, q, [1.0])
     one, two = v[:2], v[2:4]
     u = two - one
     true = 2.0 * (two @ u - one @ u)
     assert linkage.evaluate(q, v)[2][1] == pytest.approx(true, rel=1e-14)  # rounding
     assert abs(true - 4.0 * two[1] * u[1] - true) > 0.5
     linkage, start = scheme.EXAMPLES["slider-crank"]
-    q = scheme.position(linkage, start).root
-    v = scheme.velocity(linkage, q, [1.0])
+    q = scheme.assemble(linkage, start).root
+    v = scheme.velocities(linkage, q, [1.0])
     assert linkage.evaluate(q, v)[2][2] == 0.0
     assert 2.0 * v[2:4] @ v[2:4] > 0.9
 
 
 def test_collinear_row_of_figure_89():
     linkage, start = scheme.EXAMPLES["inverted slider-crank"]
-    q = scheme.position(linkage, start).root
+    q = scheme.assemble(linkage, start).root
     (_, y1), (_, y2), (_, y3) = q[:6].reshape(3, 2)
     row = linkage.evaluate(q, q)[1][3]
     assert row[[0, 2]] == pytest.approx([y3 - y2, y1 - y3], rel=1e-14)  # rounding
@@ -79,9 +78,9 @@ def test_collinear_row_of_figure_89():
 def test_input_accelerations_that_the_solver_overwrites():
     """Lines 2843, 7262, 10629 set (1, 2); the solver puts (1, 1) in their place."""
     linkage, start = FIVE
-    q = scheme.position(linkage, start).root
-    v = scheme.velocity(linkage, q, [1.0, 2.0])
-    asked, plotted = (scheme.acceleration(linkage, q, v, [1.0, a]) for a in (2.0, 1.0))
+    q = scheme.assemble(linkage, start).root
+    v = scheme.velocities(linkage, q, [1.0, 2.0])
+    asked, plotted = (scheme.accelerations(linkage, q, v, [1.0, a]) for a in (2.0, 1.0))
     assert np.abs(asked - plotted)[2:4].min() > 0.1
 
 
@@ -115,7 +114,7 @@ def test_ground_length_with_its_sign():
 def test_error_plots_end_below_the_errors_they_show():
     """Lines 2297-2339: axes to 1e-15; text line 771 has 1e-14 for the accelerations."""
     law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
-    found, truth = hacksaw_newton.solve(*law, **SAW), hacksaw.solve(*law, **SAW)
+    found, truth = hacksaw.newton_sweep(*law, **SAW), hacksaw.solve(*law, **SAW)
     for name in ("theta1_acceleration", "theta3_acceleration"):
         assert 1e-15 < np.abs(found[name] - truth[name]).max() < 1e-13
 

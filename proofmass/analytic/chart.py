@@ -163,6 +163,8 @@ class Chart:
         What to see, in a sentence or two.
     alike : bool
         One scale across and up, as for shapes.
+    logarithmic : bool
+        A logarithmic axis up, on which values that are not positive are left out.
 
     Examples
     --------
@@ -180,6 +182,7 @@ class Chart:
     panels: tuple[Panel, ...]
     caption: str
     alike: bool = False
+    logarithmic: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.panels) <= MOST:

@@ -362,7 +362,10 @@ def layout(chart: Chart, box: PanelFrame, handles: Sequence[Artist]) -> tuple[La
 
 
 def frame(chart: Chart) -> PanelFrame:
-    """Room for all that is finite; shapes keep one scale, and panels are never slivers."""
+    """Room for all that is finite; shapes keep one scale, and panels are never slivers.
+
+    A logarithmic axis has its room in decades.
+    """
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])
     parts = [np.stack([line.x, line.y]) for line in chart.lines]
@@ -370,6 +373,8 @@ def frame(chart: Chart) -> PanelFrame:
     for field in (panel.field for panel in chart.panels if panel.field):
         parts.append(np.stack(field.places))
     cloud = np.concatenate([np.empty((2, 0)), *parts], axis=1) * scale[:, None]
+    if chart.logarithmic:
+        cloud[1] = np.log10(np.where(cloud[1] > 0.0, cloud[1], np.nan))
     cloud = cloud[:, np.isfinite(cloud).all(axis=0)]
     cloud = cloud if cloud.size else np.array([[0.0, 1.0], [0.0, 1.0]])
     low, top = cloud.min(axis=1), cloud.max(axis=1)
@@ -380,12 +385,20 @@ def frame(chart: Chart) -> PanelFrame:
     if chart.alike:
         half[1] = max(half[1], SQUAT * half[0])
         half[0] = max(half[0], half[1] / SLIM)
-    return PanelFrame(middle - half, middle + half, (across, up), scale)
+    low, top = middle - half, middle + half
+    if chart.logarithmic:
+        low[1], top[1] = 10.0 ** low[1], 10.0 ** top[1]
+    return PanelFrame(low, top, (across, up), scale)
 
 
 def axes(ax: Axes, chart: Chart, box: PanelFrame, *, first: bool, lowest: bool) -> None:
     """What all panels share; names at the left and below the lowest only."""
+    if chart.logarithmic:
+        ax.set_yscale("log", nonpositive="mask")
     ax.set(xlim=(box.low[0], box.high[0]), ylim=(box.low[1], box.high[1]))
+    counted = [line.x == np.rint(line.x) for line in chart.lines if not chart.x[1]]
+    if counted and np.concatenate(counted).all():
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     for axis, unit, span in zip((ax.xaxis, ax.yaxis), box.units, box.high - box.low, strict=True):
         if unit == "deg":
             axis.set_major_locator(

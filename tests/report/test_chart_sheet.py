@@ -346,3 +346,15 @@ def test_lines_stand_out_from_a_field() -> None:
 def test_what_cannot_be_drawn_is_refused_where_it_is_made(make, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_a_logarithmic_axis_spans_decades_and_leaves_zeros_out() -> None:
+    count = np.arange(1.0, 6.0)
+    sizes = np.array([1.0, 1e-2, 1e-4, 1e-8, 0.0])
+    (ax,) = drawn(Panel((ChartLine(count, sizes, "error"),)), x=("iteration", ""), logarithmic=True)
+    assert ax.get_yscale() == "log"
+    low, top = np.log10(ax.get_ylim())
+    assert (low, top) == pytest.approx((-8.24, 0.24), abs=1e-9)  # 3 % of eight decades beyond
+    assert all(tick == round(tick) for tick in ax.get_xticks())  # iterations are whole
+    (ax,) = drawn(Panel((ChartLine(count, sizes, "error"),)))
+    assert ax.get_yscale() == "linear"

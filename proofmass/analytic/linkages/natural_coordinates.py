@@ -1,0 +1,444 @@
+"""Linkages in natural coordinates by Newton-Raphson, as B. Díaz Lozano teaches it.
+
+The coordinates q are those of the moving points, then the driven angles. Every constraint is a
+row of Phi(q) = 0; a driven angle adds the rows that turn a link by it, and a unit row that keeps
+Newton-Raphson from changing it. Positions by Newton-Raphson (stop at |dq| <= 1e-10, at most 101
+iterations), then one linear solve each for rates and accelerations, a pose at a time.
+
+A linkage of one's own is a `NaturalLinkage` of such rows: `distance` for a rigid bar, `collinear`
+and `constant_angle` for a slider, `turned` for an angle to the ground, `relative_angle` for one
+between two links.
+
+Source: TFG, Universidad de Almería 2019, text lines 824-1120 (theory; figures 39-43 for the rows),
+1122-3758 (four linkages); code lines 1417-1469, 1989-2056.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.newton_raphson import NewtonLog, newton_raphson
+from proofmass.analytic.numerics import Array
+
+Row = Callable[[Array, Array], tuple[float, Array, float]]
+"""q, rates -> value of a constraint, its gradient by q, and (d gradient/dt) rates."""
+Point = tuple[Array, Array]
+"""A place: matrix (2, size) on q, and what is added to it (2,) [m]."""
+SQUARE = 0.5**0.5
+
+
+@dataclass(frozen=True)
+class NaturalLinkage:
+    """Constraints on natural coordinates q, of which the last are driven angles.
+
+    Attributes
+    ----------
+    rows : tuple of function
+        The constraints.
+    names : tuple of str
+        The coordinates: X1, Y1, ... of the moving points [m], then the driven angles [rad].
+    inputs : int
+        Number of driven angles.
+
+    Examples
+    --------
+    A four-bar from the document's first guess, which takes 14 iterations.
+
+    >>> log = assemble(fourbar(1.0, 2.0, 2.5, 3.0), (0.1, 1.0, 1.0, 0.2, 0.0))
+    >>> log.iterations, log.root.round(6).tolist()
+    (14, [1.0, -0.0, 1.4375, -1.951562, 0.0])
+    """
+
+    rows: tuple[Row, ...]
+    names: tuple[str, ...]
+    inputs: int = 1
+
+    def evaluate(self, q: Array, rates: Array) -> tuple[Array, Array, Array]:
+        """Residual, Jacobian and bias (dJ/dt) rates; the driven rows last, with zeros.
+
+        Parameters
+        ----------
+        q, rates : ndarray (size,)
+            Coordinates and their rates [SI].
+
+        Returns
+        -------
+        residual : ndarray (equations,)
+            [SI]
+        jacobian : ndarray (equations, size)
+            [SI]
+        bias : ndarray (equations,)
+            [SI]
+        """
+        values, gradients, bias = zip(*(row(q, rates) for row in self.rows), strict=True)
+        driven, none = np.eye(q.size)[-self.inputs :], np.zeros(self.inputs)
+        return np.r_[values, none], np.vstack([*gradients, driven]), np.r_[bias, none]
+
+
+def assemble(linkage: NaturalLinkage, start: ArrayLike, *, most: int = 101) -> NewtonLog:
+    """The position problem: q that fulfils all constraints, for the driven angles of `start`.
+
+    Parameters
+    ----------
+    linkage : NaturalLinkage
+        The constraints.
+    start : array_like (size,)
+        First guess, with the driven angles at the end [m, rad]; it picks the assembly mode.
+    most : int
+        Number of iterations allowed.
+
+    Returns
+    -------
+    NewtonLog
+        `root` is q; printed, the log has q, Phi, J, rank and error of each iteration.
+
+    Raises
+    ------
+    ValueError
+        A start of another length; no root (`NotConverged`) or a Jacobian that has no inverse
+        (`SingularJacobian`), which have the log so far.
+    """
+    first, n = np.asarray(start, float), linkage.inputs
+    if first.shape != (len(linkage.names),):
+        raise ValueError(
+            f"start must be {', '.join(linkage.names)}, got an array of shape {first.shape}"
+        )
+
+    def system(q: Array) -> tuple[Array, Array]:
+        residual, jacobian, _ = linkage.evaluate(q, np.zeros(q.size))
+        residual[-n:] = q[-n:] - first[-n:]  # zero all along, but for least squares
+        return residual, jacobian
+
+    return newton_raphson(system, first, most=most, names=linkage.names)
+
+
+def velocities(linkage: NaturalLinkage, q: Array, inputs: Sequence[float]) -> Array:
+    """Rates (size,) [m/s, rad/s] of q (size,) for the rates of the driven angles [rad/s].
+
+    >>> four = fourbar(1.0, 2.0, 2.5, 3.0)
+    >>> velocities(four, assemble(four, (0.1, 1.0, 1.0, 0.2, 0.0)).root, [1.0]).round(6).tolist()
+    [0.0, 1.0, -0.975781, 0.78125, 1.0]
+    """
+    jacobian = linkage.evaluate(q, np.zeros(q.size))[1]
+    return solved(jacobian, np.r_[np.zeros(len(linkage.rows)), inputs])
+
+
+def accelerations(
+    linkage: NaturalLinkage, q: Array, rates: Array, inputs: Sequence[float]
+) -> Array:
+    """Second derivatives (size,) [m/s^2, rad/s^2] of q for those of the driven angles [rad/s^2].
+
+    The document solves -J a = b with the driven accelerations in b, so that its +1 gives what is
+    true for -1 (text line 2039).
+    """
+    _, jacobian, bias = linkage.evaluate(q, rates)
+    return solved(jacobian, np.r_[-bias[: len(linkage.rows)], inputs])
+
+
+def solved(jacobian: Array, right: Array) -> Array:
+    """x of J x = right, of least squares where there are more rows than unknowns."""
+    if jacobian.shape[0] == jacobian.shape[1]:
+        return np.asarray(np.linalg.solve(jacobian, right))
+    return np.asarray(np.linalg.lstsq(jacobian, right)[0])
+
+
+def sweep(
+    linkage: NaturalLinkage,
+    start: ArrayLike,
+    angles: ArrayLike,
+    rates: Sequence[float],
+    accelerated: Sequence[float],
+) -> Array:
+    """q, rates and accelerations at many values of the driven angles, each pose from the last.
+
+    Parameters
+    ----------
+    linkage : NaturalLinkage
+        The constraints.
+    start : array_like (size,)
+        First guess of the first pose [m, rad].
+    angles : array_like (n,) or (n, inputs)
+        Values of the driven angles [rad].
+    rates, accelerated : sequence of float
+        Their rates [rad/s] and accelerations [rad/s^2], the same at all poses.
+
+    Returns
+    -------
+    ndarray (3, n, size)
+        [m, rad], [m/s, rad/s], [m/s^2, rad/s^2]
+
+    Raises
+    ------
+    ValueError
+        As `assemble`, at the first pose that has no root near the last.
+    """
+    q, poses = np.array(start, float), []
+    for driven in np.reshape(angles, (-1, linkage.inputs)):
+        q[-linkage.inputs :] = driven
+        q = assemble(linkage, q).root
+        v = velocities(linkage, q, rates)
+        poses.append((q, v, accelerations(linkage, q, v, accelerated)))
+    return np.swapaxes(poses, 0, 1)
+
+
+def moving(k: int, size: int) -> Point:
+    """Point number k, from 0, of a linkage with `size` coordinates."""
+    return np.eye(size)[2 * k : 2 * k + 2], np.zeros(2)
+
+
+def fixed(x: float, y: float, size: int) -> Point:
+    """A point of the ground, x and y [m], of a linkage with `size` coordinates."""
+    return np.zeros((2, size)), np.array([x, y])
+
+
+def distance(start: Point, end: Point, length: float) -> Row:
+    """A rigid bar of a length [m]: |end - start|^2 = length^2 (figure 39)."""
+    matrix, shift = end[0] - start[0], end[1] - start[1]
+
+    def row(q: Array, rates: Array) -> tuple[float, Array, float]:
+        along, speed = matrix @ q + shift, matrix @ rates
+        return float(along @ along) - length**2, 2.0 * along @ matrix, float(2.0 * speed @ speed)
+
+    return row
+
+
+def product(u: Point, w: Point, sense: Array, value: float) -> Row:
+    """u' S w = value [m^2] for vectors u and w: their scalar or vector product."""
+    (a, s), (b, t) = u, w
+
+    def row(q: Array, rates: Array) -> tuple[float, Array, float]:
+        first, second, speeds = a @ q + s, b @ q + t, (a @ rates, b @ rates)
+        gradient = sense @ second @ a + first @ sense @ b
+        bias = 2.0 * speeds[0] @ sense @ speeds[1]
+        return float(first @ sense @ second) - value, gradient, float(bias)
+
+    return row
+
+
+SCALAR, VECTOR = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Of `product`."""
+
+
+def between(start: Point, end: Point) -> Point:
+    """The vector from one point to another."""
+    return end[0] - start[0], end[1] - start[1]
+
+
+def collinear(start: Point, middle: Point, end: Point) -> Row:
+    """A slider on a bar: (middle - start) x (end - start) = 0 (figure 41)."""
+    return product(between(start, middle), between(start, end), VECTOR, 0.0)
+
+
+def constant_angle(start: Point, end: Point, base: Point, tip: Point, value: float) -> Row:
+    """A slider that does not turn on its bar: (end - start) . (tip - base) = value (figure 41).
+
+    The angle between both segments is constant as long as their lengths are: value [m^2] is the
+    product of the lengths and the cosine of the angle. A sign of the angle is not in it; where
+    both signs can be assembled the first guess decides.
+    """
+    return product(between(start, end), between(base, tip), SCALAR, value)
+
+
+def relative_angle(
+    corner: Point, reference: Point, turned_to: Point, lengths: tuple[float, float], angle: int
+) -> tuple[Row, Row]:
+    """Angle from one link to another at their pin, as coordinate number `angle` (figure 42).
+
+    ::
+
+        12 . 13 = L12 L13 cos(phi),  12 x 13 = L12 L13 sin(phi)
+
+    Both rows, as the document advises: either alone leaves a mirror image, and has no derivative
+    by the angle where it is flat. With them Newton-Raphson becomes Gauss-Newton.
+
+    Parameters
+    ----------
+    corner, reference, turned_to : point
+        1, 2 and 3.
+    lengths : tuple of float
+        L12 and L13 [m].
+    angle : int
+        Number of the coordinate phi.
+
+    Returns
+    -------
+    tuple of two rows
+    """
+    u, w = between(corner, reference), between(corner, turned_to)
+    scale = lengths[0] * lengths[1]
+
+    def along(sense: Array, axis: int) -> Row:
+        plain = product(u, w, sense, 0.0)
+
+        def row(q: Array, rates: Array) -> tuple[float, Array, float]:
+            value, gradient, bias = plain(q, rates)
+            c, s = scale * np.cos(q[angle]), scale * np.sin(q[angle])
+            gradient[angle] += (s, -c)[axis]
+            reach = (c, s)[axis]
+            return value - reach, gradient, bias + reach * rates[angle] ** 2
+
+        return row
+
+    return along(SCALAR, 0), along(VECTOR, 1)
+
+
+def turned(
+    base: Point, pin: Point, length: float, angle: int, threshold: float | None = None
+) -> tuple[Row, ...]:
+    """pin - base = length (cos, sin) of coordinate number `angle` (figure 43).
+
+    Parameters
+    ----------
+    base, pin : point
+        Ends of the link.
+    length : float
+        Its length [m].
+    angle : int
+        Number of the coordinate.
+    threshold : float or None
+        None: both rows, which leave no mirror image, and Newton-Raphson becomes Gauss-Newton.
+        Otherwise one row as in the document's programs, that of the cosine where |cos| < threshold
+        [1], else that of the sine (text line 2395): the link may then assemble as its mirror image.
+
+    Returns
+    -------
+    tuple of rows
+    """
+    matrix, shift = pin[0] - base[0], pin[1] - base[1]
+
+    def along(axis: int, q: Array, rates: Array) -> tuple[float, Array, float]:
+        c, s = length * np.cos(q[angle]), length * np.sin(q[angle])
+        gradient, reach = matrix[axis].copy(), (c, s)[axis]
+        gradient[angle] += (s, -c)[axis]
+        return matrix[axis] @ q + shift[axis] - reach, gradient, reach * rates[angle] ** 2
+
+    if threshold is None:
+        return tuple(lambda q, rates, axis=axis: along(axis, q, rates) for axis in (0, 1))
+    return (lambda q, rates: along(int(abs(np.cos(q[angle])) >= threshold), q, rates),)
+
+
+def fourbar(
+    crank: float, coupler: float, rocker: float, ground: float, threshold: float | None = SQUARE
+) -> NaturalLinkage:
+    """q = (X1, Y1, X2, Y2, theta): crank pin and pin of coupler and rocker.
+
+    Parameters
+    ----------
+    crank, coupler, rocker, ground : float
+        Lengths between pins [m].
+    threshold : float or None
+        Of `turned` [1].
+    """
+    a, b, one, two = fixed(0, 0, 5), fixed(ground, 0, 5), moving(0, 5), moving(1, 5)
+    return NaturalLinkage(
+        (
+            distance(a, one, crank),
+            distance(one, two, coupler),
+            distance(two, b, rocker),
+            *turned(a, one, crank, 4, threshold),
+        ),
+        ("X1", "Y1", "X2", "Y2", "theta"),
+    )
+
+
+def fivebar(
+    left: float,
+    left_coupler: float,
+    right_coupler: float,
+    right: float,
+    ground: float,
+    threshold: float | None = 0.5,
+) -> NaturalLinkage:
+    """q = (X1, Y1, X2, Y2, X3, Y3, theta, beta): left pin, middle pin, right pin.
+
+    Parameters
+    ----------
+    left, left_coupler, right_coupler, right, ground : float
+        Lengths between pins [m].
+    threshold : float or None
+        Of `turned` [1].
+    """
+    a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
+    return NaturalLinkage(
+        (
+            distance(a, one, left),
+            distance(one, two, left_coupler),
+            distance(two, three, right_coupler),
+            distance(three, b, right),
+            *turned(a, one, left, 6, threshold),
+            *turned(b, three, right, 7, threshold),
+        ),
+        ("X1", "Y1", "X2", "Y2", "X3", "Y3", "theta", "beta"),
+        2,
+    )
+
+
+def slider_crank(
+    crank: float,
+    coupler: float,
+    guide: Sequence[tuple[float, float]],
+    threshold: float | None = SQUARE,
+) -> NaturalLinkage:
+    """q = (X1, Y1, X2, Y2, theta): crank pin and slider on the line through two fixed points.
+
+    Parameters
+    ----------
+    crank, coupler : float
+        Lengths between pins [m].
+    guide : sequence of two pairs
+        Two points of the line [m].
+    threshold : float or None
+        Of `turned` [1].
+    """
+    a, one, two = fixed(0, 0, 5), moving(0, 5), moving(1, 5)
+    b, c = (fixed(*point, 5) for point in guide)
+    return NaturalLinkage(
+        (
+            distance(a, one, crank),
+            distance(one, two, coupler),
+            collinear(b, two, c),
+            *turned(a, one, crank, 4, threshold),
+        ),
+        ("X1", "Y1", "X2", "Y2", "theta"),
+    )
+
+
+def inverted_slider_crank(
+    crank: float, rod: float, bar: float, ground: float, threshold: float | None = 0.95
+) -> NaturalLinkage:
+    """q = (X1, Y1, X2, Y2, X3, Y3, theta, beta): crank pin, end of the rod, slider on the rod.
+
+    Parameters
+    ----------
+    crank, rod, bar, ground : float
+        Lengths between pins, of the rod whole [m].
+    threshold : float or None
+        Of `turned` [1].
+    """
+    a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
+    return NaturalLinkage(
+        (
+            distance(a, one, crank),
+            distance(one, two, rod),
+            distance(b, three, bar),
+            collinear(one, three, two),
+            *turned(a, one, crank, 6, threshold),
+            *turned(b, three, bar, 7, threshold),
+        ),
+        ("X1", "Y1", "X2", "Y2", "X3", "Y3", "theta", "beta"),
+        2,
+    )
+
+
+EXAMPLES: dict[str, tuple[NaturalLinkage, tuple[float, ...]]] = {
+    "four-bar": (fourbar(1.0, 2.0, 2.5, 3.0), (0.1, 1.0, 1.0, 0.2, 0.0)),
+    "five-bar": (fivebar(2.0, 3.5, 4.0, 1.0, 2.0), (0.1, 2.0, 1.0, 0.2, 2.02, 0.1, 0.3, 0.9)),
+    "slider-crank": (slider_crank(1.0, 2.0, ((2.0, 0.0), (3.0, 0.0))), (0.1, 0.2, 1.0, 0.2, 0.5)),
+    "inverted slider-crank": (
+        inverted_slider_crank(2.0, 3.0, 1.0, 2.0),
+        (0.1, 0.2, 1.0, 0.2, 2.0 + np.cos(0.8), np.sin(0.8), 0.5, 0.8),
+    ),
+}
+"""The document's linkages and its first guesses (text lines 1262, 5898, 7762, 9091)."""

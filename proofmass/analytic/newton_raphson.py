@@ -1,0 +1,274 @@
+"""Newton-Raphson iteration that keeps a log of every step, as it is taught."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from proofmass.analytic.chart import Chart, ChartLine, Panel
+from proofmass.analytic.numerics import Array
+
+System = Callable[[Array], tuple[Array, Array]]
+"""Unknowns x (unknowns,) -> F (equations,) and its Jacobian (equations, unknowns)."""
+RANK_MARGIN = 1e-5  # singular values below it count as zero, as in the documents
+DRAWN = 1e-17  # of steps and residuals; smaller ones are rounding of nothing
+
+
+@dataclass(frozen=True)
+class NewtonLog:
+    """Last iterate and log: row i tells of iterate i before its step, and of that step.
+
+    ``print(log)`` writes q, Phi, J, rank and error of each iteration.
+
+    Attributes
+    ----------
+    iterates : ndarray (iterations + 1, unknowns)
+        The first guess, and what each step led to [SI].
+    values : ndarray (iterations, equations)
+        F of each iterate [SI].
+    jacobians : ndarray (iterations, equations, unknowns)
+        Its derivatives [SI].
+    names : tuple of str
+        The unknowns, for prints and charts; may be empty.
+    """
+
+    iterates: Array
+    values: Array
+    jacobians: Array
+    names: tuple[str, ...] = ()
+
+    @property
+    def root(self) -> Array:
+        """Last iterate (unknowns,) [SI]."""
+        return np.asarray(self.iterates[-1])
+
+    @property
+    def iterations(self) -> int:
+        """Number of steps."""
+        return len(self.values)
+
+    @property
+    def steps(self) -> Array:
+        """Norm of each step (iterations,) [SI], units mixed: the documents' error."""
+        return np.asarray(np.linalg.norm(np.diff(self.iterates, axis=0), axis=1))
+
+    @property
+    def residuals(self) -> Array:
+        """Norm of F before each step (iterations,) [SI]."""
+        return np.asarray(np.linalg.norm(self.values, axis=1))
+
+    @property
+    def ranks(self) -> NDArray[np.intp]:
+        """Rank of each Jacobian (iterations,): its singular values above `RANK_MARGIN`."""
+        return np.asarray(np.sum(self._sizes > RANK_MARGIN, axis=1))
+
+    @property
+    def conditions(self) -> Array:
+        """Condition number of each Jacobian (iterations,) [1]."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(self._sizes[:, 0] / self._sizes[:, -1])
+
+    @property
+    def _sizes(self) -> Array:
+        return np.asarray(np.linalg.svd(self.jacobians, compute_uv=False))
+
+    def __str__(self) -> str:
+        equations, unknowns = self.jacobians.shape[1:]
+        names = self.names or tuple(f"q{k + 1}" for k in range(unknowns))
+        wide = max(map(len, names), default=0)
+        lines = []
+        for k in range(self.iterations):
+            lines.append(
+                f"iteration {k + 1}: |Phi| = {self.residuals[k]:.3e}, rank {self.ranks[k]}, "
+                f"error |dq| = {self.steps[k]:.3e}"
+            )
+            lines.append(f"  {'':{wide}} {'q':>13} {'Phi':>11}   J")
+            for row in range(max(equations, unknowns)):
+                q = f"{self.iterates[k, row]:13.8f}" if row < unknowns else ""
+                name = names[row] if row < unknowns else ""
+                line = f"  {name:{wide}} {q:>13}"
+                if row < equations:
+                    slope = "".join(f"{entry:11.4g}" for entry in self.jacobians[k, row])
+                    line += f" {self.values[k, row]:11.3e}{slope}"
+                lines.append(line)
+        found = "  ".join(
+            f"{name} = {value:.8f}" for name, value in zip(names, self.root, strict=True)
+        )
+        return "\n".join([*lines, f"after {self.iterations} iterations: {found}"])
+
+
+class NotConverged(ValueError):
+    """No root within the iterations allowed; `log` is as far as it came."""
+
+    def __init__(self, message: str, log: NewtonLog) -> None:
+        super().__init__(message)
+        self.log = log
+
+
+class SingularJacobian(NotConverged):
+    """The Jacobian of an iterate has no inverse, or is not finite."""
+
+
+def newton_raphson(
+    system: System,
+    start: ArrayLike,
+    *,
+    tolerance: float = 1e-10,
+    most: int = 101,
+    names: tuple[str, ...] = (),
+) -> NewtonLog:
+    r"""Root of F(x) = 0 by x <- x + dx with J(x) dx = -F(x), until |dx| <= tolerance.
+
+    Parameters
+    ----------
+    system : function
+        x (unknowns,) -> F (equations,), J (equations, unknowns). With more equations than unknowns
+        the step is that of least squares (Gauss-Newton).
+    start : array_like (unknowns,)
+        First iterate [SI].
+    tolerance : float
+        Largest norm of the last step [SI], in the mixed units of x.
+    most : int
+        Number of iterations allowed.
+    names : tuple of str
+        The unknowns, for prints.
+
+    Returns
+    -------
+    NewtonLog
+        The root, whose error is about tolerance^2 where J is regular, and every step.
+
+    Raises
+    ------
+    NotConverged
+        After `most` iterations, or once an iterate is not finite.
+    SingularJacobian
+        A square Jacobian has no inverse, or any is not finite.
+
+    Notes
+    -----
+    The test is on the step, not on the residual, as in the two documents solved by it: B. Díaz
+    Lozano, TFG, Universidad de Almería 2019, text lines 1417-1469 (1e-10, 101 iterations) and the
+    power hacksaw report, Universidad Nacional de Colombia, text lines 196, 345 (1e-6). It does not
+    know which root it meets: check the branch.
+
+    Examples
+    --------
+    >>> log = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.5], tolerance=1e-3)
+    >>> print(log)
+    iteration 1: |Phi| = 2.500e-01, rank 1, error |dq| = 8.333e-02
+                     q         Phi   J
+      q1    1.50000000   2.500e-01          3
+    iteration 2: |Phi| = 6.944e-03, rank 1, error |dq| = 2.451e-03
+                     q         Phi   J
+      q1    1.41666667   6.944e-03      2.833
+    iteration 3: |Phi| = 6.007e-06, rank 1, error |dq| = 2.124e-06
+                     q         Phi   J
+      q1    1.41421569   6.007e-06      2.828
+    after 3 iterations: q1 = 1.41421356
+    """
+    iterates = [np.array(start, float)]
+    values: list[Array] = []
+    jacobians: list[Array] = []
+
+    def log() -> NewtonLog:
+        if not values:
+            none = np.empty((0, 0, iterates[0].size))
+            return NewtonLog(np.array(iterates), none[:, :, 0], none, names)
+        return NewtonLog(np.array(iterates), np.array(values), np.array(jacobians), names)
+
+    size = np.inf
+    for _ in range(most):
+        residual, jacobian = system(iterates[-1])
+        try:
+            if not np.isfinite(jacobian).all():
+                raise np.linalg.LinAlgError
+            step = _step(jacobian, -residual)
+        except np.linalg.LinAlgError:
+            raise SingularJacobian(
+                f"singular Jacobian at iteration {len(values) + 1}", log()
+            ) from None
+        values.append(residual)
+        jacobians.append(jacobian)
+        iterates.append(iterates[-1] + step)
+        size = float(np.linalg.norm(step))
+        if size <= tolerance:
+            return log()
+        if not np.isfinite(size):
+            break
+    raise NotConverged(f"no root in {len(values)} iterations: the last step is {size:.3g}", log())
+
+
+def _step(jacobian: Array, right: Array) -> Array:
+    square = jacobian.shape[0] == jacobian.shape[1]
+    step = np.linalg.solve(jacobian, right) if square else np.linalg.lstsq(jacobian, right)[0]
+    return np.asarray(step, float)
+
+
+def convergence(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
+    """Error of each unknown, of all, and the residual, over the iterations.
+
+    Parameters
+    ----------
+    logs : dict of NewtonLog
+        By the titles of their panels.
+    caption : str
+        What to see.
+
+    Returns
+    -------
+    Chart
+        Lines over the number of the iteration; sizes below `DRAWN` are left out.
+    """
+
+    def lines(log: NewtonLog) -> tuple[ChartLine, ...]:
+        count = np.arange(1.0, log.iterations + 1)
+        each = np.abs(np.diff(log.iterates, axis=0)).T
+        named = [*zip(log.names, each, strict=True)] if log.names else []
+        rows = [*named, ("error: norm of the step", log.steps), ("residual", log.residuals)]
+        return tuple(
+            ChartLine(
+                count, np.where(size > DRAWN, size, np.nan), label, points=label == "residual"
+            )
+            for label, size in rows
+        )
+
+    return Chart(
+        ("iteration", ""),
+        ("size, SI units", ""),
+        tuple(Panel(lines(log), title=title) for title, log in logs.items()),
+        caption,
+        logarithmic=True,
+    )
+
+
+def course(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
+    """Values of the unknowns over the iterations, from the first guess on.
+
+    Parameters
+    ----------
+    logs : dict of NewtonLog
+        By the titles of their panels; with names of the unknowns.
+    caption : str
+        What to see.
+
+    Returns
+    -------
+    Chart
+    """
+    return Chart(
+        ("iteration", ""),
+        ("value, SI units", ""),
+        tuple(
+            Panel(
+                tuple(
+                    ChartLine(np.arange(log.iterations + 1.0), values, name)
+                    for name, values in zip(log.names, log.iterates.T, strict=True)
+                ),
+                title=title,
+            )
+            for title, log in logs.items()
+        ),
+        caption,
+    )
