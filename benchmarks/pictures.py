@@ -2,9 +2,10 @@
 
     python -m benchmarks.pictures [--quick]
 
-Checks the linkages, of whose four-bar the rocker is made 1 % longer in the model, and takes the
-pictures with the Chromium of the system.  Writes docs/report_index.png, docs/report_case.png and
-docs/fourbar.webp; with --quick it takes pictures of one case and writes nothing.
+Checks the linkages, of whose four-bar the rocker is made 1 % longer in the model, takes pictures of
+its pages with the Chromium of the system, and animates it.  Writes docs/report_index.png,
+docs/report_case.png and docs/fourbar.webp; with --quick it takes pictures of one case and writes
+nothing.
 """
 
 import io
@@ -18,6 +19,7 @@ from typing import Any
 from PIL import Image
 
 from benchmarks import ROOT, command
+from proofmass import load_case
 from proofmass.check import check
 from proofmass.report import write_report
 
@@ -29,10 +31,6 @@ SCREEN = {"width": 1440, "height": 900}
 LONGER = ('name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
 ACROSS = 1100  # pixels of a picture in docs/
 COLOURS = 256  # of a picture's palette
-SECONDS, FRAMES = 4.0, 60  # of the recording
-PLAYING = 440  # pixels across the recording
-QUALITY = 55  # of its frames, as WebP counts it
-ADDRESS = "#sweep/mujoco/pin.x@0;m=1"  # differences ten times as large
 
 
 @contextmanager
@@ -49,13 +47,13 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
-def opened(browser: Any, page: Path, address: str = "") -> Any:
+def opened(browser: Any, page: Path) -> Any:
     """A page on light paper whose mechanism does not play by itself."""
     context = browser.new_context(
         viewport=SCREEN, reduced_motion="reduce", color_scheme="light", device_scale_factor=1
     )
     tab = context.new_page()
-    tab.goto(page.as_uri() + address)
+    tab.goto(page.as_uri())
     tab.wait_for_load_state()
     return tab
 
@@ -70,18 +68,6 @@ def few_colours(image: Image.Image) -> Image.Image:
     return image.quantize(
         COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE
     )
-
-
-def recording(tab: Any, frames: int) -> list[Image.Image]:
-    """The mechanism of a page at places of its run, from the first sample to the last."""
-    panel = tab.locator("#mechanism")
-    last = tab.evaluate("current().x.length - 1")
-    found = []
-    for k in range(frames):
-        tab.evaluate(f"goTo({round(k * last / frames)})")
-        frame = Image.open(io.BytesIO(panel.screenshot())).convert("RGB")
-        found.append(frame.resize((PLAYING, round(PLAYING * frame.height / frame.width))))
-    return found
 
 
 def reported(folder: Path, quick: bool) -> Path:
@@ -117,23 +103,14 @@ def main() -> None:
         report = reported(Path(folder), quick)
         index = picture(opened(browser, report / "index.html"))
         case = picture(opened(browser, report / "fourbar.html"))
-        frames = recording(
-            opened(browser, report / "fourbar.html", ADDRESS), 2 if quick else FRAMES
-        )
+        wrong = load_case(Path(folder) / "linkages" / "fourbar.toml")
+        motion = wrong.animate(solvers=["mujoco"], frames=2 if quick else 60, magnify=10)
     if quick:
-        print(f"pictures of {index.size} and {case.size}, {len(frames)} frames")
+        print(f"pictures of {index.size} and {case.size}, {len(motion.frames)} frames")
         return
     save(index, "report_index.png")
     save(case, "report_case.png")
-    frames[0].save(
-        ROOT / "docs" / "fourbar.webp",
-        save_all=True,
-        append_images=frames[1:],
-        duration=round(1000 * SECONDS / FRAMES),
-        loop=0,
-        quality=QUALITY,
-        method=6,
-    )
+    motion.save(ROOT / "docs" / "fourbar.webp")
     for name in ("report_index.png", "report_case.png", "fourbar.webp"):
         print(f"docs/{name}: {(ROOT / 'docs' / name).stat().st_size / 1000:.0f} kB")
 

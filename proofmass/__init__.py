@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from proofmass.compare import compare as compare
     from proofmass.errors import InputError as InputError
     from proofmass.reference import evaluate as evaluate
+    from proofmass.report.animation import Animation as Animation
+    from proofmass.report.animation import animate as animate
     from proofmass.sidecar import load_case as load_case
     from proofmass.sim.protocol import Curves as Curves
     from proofmass.solve import solve as solve
@@ -19,8 +21,10 @@ if TYPE_CHECKING:
     __version__: str
 
 PUBLIC = {
+    "Animation": "report.animation",
     "Case": "case",
     "load_case": "sidecar",
+    "animate": "report.animation",
     "check": "check",
     "Comparison": "compare",
     "compare": "compare",
@@ -32,10 +36,12 @@ PUBLIC = {
 """Modules by the names that they give to the package; they are imported when a name is used."""
 
 __all__ = [
+    "Animation",
     "Case",
     "Comparison",
     "Curves",
     "InputError",
+    "animate",
     "check",
     "compare",
     "evaluate",

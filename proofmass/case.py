@@ -14,11 +14,12 @@ of many segments (Richardson), except for terms of higher order:
     p = log(e1 / e2) / log r          v = v2 + (v2 - v1) / (r^p - 1)
 """
 
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
@@ -28,6 +29,9 @@ from proofmass.sim.protocol import Rod
 from proofmass.strict import Kind, Strict
 from proofmass.units import si_unit
 from proofmass.worker import MEMORY
+
+if TYPE_CHECKING:
+    from proofmass import Animation
 
 
 def known_unit(unit: str) -> str:
@@ -664,6 +668,20 @@ class Case(Strict):
                     f"{len(hits)} tolerances cover channel {name!r} of {solver} in "
                     f"{kind}; exactly one may"
                 )
+
+    def animate(
+        self,
+        run: Kind | None = None,
+        solvers: Iterable[str] | None = None,
+        *,
+        frames: int = 60,
+        seconds: float = 4.0,
+        magnify: float = 1.0,
+    ) -> "Animation":
+        """The mechanism in motion, see `proofmass.animate`, which takes the same arguments."""
+        from proofmass import animate  # the core draws nothing; the report does when it is asked
+
+        return animate(self, run, solvers, frames=frames, seconds=seconds, magnify=magnify)
 
     def has_inertia(self, kind: str) -> bool:
         """Whether moments and forces of a run are those of a motion, and not those at rest."""

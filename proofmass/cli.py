@@ -1,4 +1,4 @@
-"""The command line: check, report, list, show, explain, design, trade, choose, stress, diet.
+"""The command line: check, report, animate, list, show, explain, design and the studies.
 
 Commands import what they need when they are called, so that help and errors of options come at
 once.
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 from rich.text import Text
 
-from proofmass.command import Dask, Jobs, answering, counting, errors, not_one_case
+from proofmass.command import Dask, Jobs, answering, counting, errors, one_case
 from proofmass.errors import InputError, suggest
 from proofmass.studies import BUDGET, LONGEST
 
@@ -206,6 +206,69 @@ def report_command(
         )
     print(index)
     raise typer.Exit(result.exit_code)
+
+
+@app.command("animate")
+def animate_command(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="File to write, .webp or .gif.",
+            show_default="NAME.webp",
+            metavar="FILE",
+        ),
+    ] = None,
+    run: Annotated[
+        Runs | None,
+        typer.Option(help="Which run of the case.", show_default="the first that is not at rest"),
+    ] = None,
+    solver: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Engine or engine:variant to draw; several times.",
+            show_default="the first of each engine",
+        ),
+    ] = None,
+    frames: Annotated[int, typer.Option(min=2, max=600, help="Pictures.")] = 60,
+    seconds: Annotated[float, typer.Option(min=0.1, max=600.0, help="How long it plays.")] = 4.0,
+    magnify: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Differences to the reference are drawn so many times as large."
+        ),
+    ] = 1.0,
+) -> None:
+    """Write the mechanism in motion as a picture: pale the reference, lines what engines found.
+
+    Exit code 0: written; 1: written, but a solver was lost; 2: bad input, or a file that cannot be
+    written.
+    """
+    from proofmass.check import load
+    from proofmass.report.animation import animate, require_writable
+
+    with answering("nothing is kept"):
+        case = load(one_case(path))
+        file = output or Path(f"{case.name}.webp")
+        require_writable(file)
+        with errors.status("running and drawing"):
+            found = animate(
+                case,
+                cast("Kind | None", run and run.value),
+                solver or None,
+                frames=frames,
+                seconds=seconds,
+                magnify=magnify,
+            )
+            found.save(file)
+    for name, why in found.lost.items():
+        errors.print(f"{name} {why}", style="bold red")
+    if found.stopped:
+        errors.print(f"the motion ends early: {found.stopped}")
+    print(file)
+    raise typer.Exit(1 if found.lost else 0)
 
 
 @app.command("list")
@@ -537,15 +600,12 @@ def show_command(
 
     The text is a sidecar of the same case. Nothing is run. Exit code 0, or 2: bad input.
     """
-    from proofmass.check import find, read
+    from proofmass.check import read
     from proofmass.sidecar import as_toml
     from proofmass.terminal import not_checked
 
     with answering("nothing is kept"):
-        (file,) = find([path]) if path.is_file() else [path]
-        if file.suffix != ".toml":
-            raise not_one_case(path)
-        case = read(file)
+        case = read(one_case(path))
         print(as_toml(case), end="")
         if case.unmatched:
             errors.print(not_checked(case))

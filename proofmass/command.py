@@ -45,6 +45,22 @@ def not_one_case(path: Path) -> InputError:
     )
 
 
+def one_case(path: Path) -> Path:
+    """The sidecar that a path is, or that belongs to the model that it is.
+
+    Raises
+    ------
+    InputError
+        It is not the sidecar of a single case.
+    """
+    from proofmass.check import find
+
+    (file,) = find([path]) if path.is_file() else [path]
+    if file.suffix != ".toml":
+        raise not_one_case(path)
+    return file
+
+
 def in_words(error: BaseException) -> str:
     """What an error says, with the file first if the system refused one."""
     if isinstance(error, OSError) and error.strerror:

@@ -10,8 +10,8 @@ from textwrap import wrap
 from rich.table import Table
 
 from proofmass.case import Case
-from proofmass.check import find, load
-from proofmass.command import answering, counting, errors, not_one_case
+from proofmass.check import load
+from proofmass.command import answering, counting, errors, one_case
 from proofmass.coverage import Coverage, coverage_of
 from proofmass.coverage_search import Finding
 from proofmass.reference import compiled
@@ -56,9 +56,7 @@ TRIED = (
 def run_explain(path: Path, as_json: bool, jobs: int | None) -> None:
     """What ``proofmass explain`` does; `proofmass.cli` says what it is given."""
     with answering("the groups that were tried are kept"):
-        (file,) = find([path]) if path.is_file() else [path]
-        if file.suffix != ".toml":
-            raise not_one_case(path)
+        file = one_case(path)
         case = load(file)
         with counting() as advance:
             found = coverage_of(case, jobs, advance)

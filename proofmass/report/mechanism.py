@@ -146,8 +146,6 @@ SIGNS = {"hinge": "o", "slide": "s", "pin": "o"}
 WORDS = {"hinge": "hinge", "slide": "slide, dashed: its guide", "pin": "loop (connect)"}
 TURN = np.linspace(0.0, 5 * np.pi, 60)
 FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] where a pivot stands on the ground
-SPIRAL = (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
-"""The drawing of a torsion spring [pt]."""
 Tracks = Mapping[str, Array]
 
 
@@ -214,7 +212,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
         ax.plot(*path.T, color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
     poses(ax, picture, main, scale)
     coils = [
-        mark.at[main] + SPIRAL / scale.points
+        mark.at[main] + spiral() / scale.points
         for mark in picture.marks
         if mark.kind == "hinge" and mark.name in sprung(case)
     ]
@@ -275,9 +273,20 @@ def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0
         sign(ax, mark.kind, mark.driven, mark.at[main], size)
 
 
-def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> None:
+def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
+    """The drawing of a torsion spring (k, 2) [pt], whose ends are turned so far [rad].
+
+    >>> ends = spiral(0.0, np.pi / 2)[[0, -1]]
+    >>> bool(np.allclose(ends, [[4.0, 0.0], [0.0, -10.6]], atol=0.01))
+    True
+    """
+    turn = inner + TURN * (1.0 + (outer - inner) / TURN[-1])
+    return (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line2D]:
     """The sign of a joint: filled when it is driven, with a dot when it closes a loop."""
-    ax.plot(
+    found = ax.plot(
         *at,
         SIGNS[kind],
         markersize=(7.5 if kind == "slide" else 5.5) * size,
@@ -287,7 +296,8 @@ def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> None:
         zorder=8 + driven,
     )
     if kind == "pin":
-        ax.plot(*at, "o", markersize=1.6 * size, color=INK, zorder=9.5)
+        found += ax.plot(*at, "o", markersize=1.6 * size, color=INK, zorder=9.5)
+    return found
 
 
 def support(ax: Axes, at: Array, scale: Scale, size: float) -> None:
@@ -438,7 +448,8 @@ def key_of_parts(
             [],
             color=INK if k == main else shade(picture, k),
             linewidth=2.2 if k == main else 1.3,
-            label=spoken(case, picture, k) + " (named)" * (k == main and count > 1),
+            label=pose_in_words(case, float(picture.x[k]), picture.inputs[:, k])
+            + " (named)" * (k == main and count > 1),
         )
         for k in range(count)
     ]
@@ -479,10 +490,10 @@ def key_of_parts(
     )
 
 
-def spoken(case: Case, picture: Picture, k: int) -> str:
-    """The drives at pose number k; the time where they do not run steadily or are none."""
+def pose_in_words(case: Case, x: float, inputs: Array) -> str:
+    """The drives at a pose; the time where they do not run steadily or are none."""
     words = []
-    for drive, unit, value in zip(case.drive, drive_units(case), picture.inputs[:, k], strict=True):
+    for drive, unit, value in zip(case.drive, drive_units(case), inputs, strict=True):
         words.append(
             f"{drive.joint} "
             + (
@@ -494,7 +505,7 @@ def spoken(case: Case, picture: Picture, k: int) -> str:
     if case.leader is None and "equilibrium" in case.run:
         return "at rest"
     if case.leader is None or not case.leader.steady:
-        words.insert(0, f"t {number(picture.x[k])} s")
+        words.insert(0, f"t {number(x)} s")
     return ",\n".join(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))
 
 

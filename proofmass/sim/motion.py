@@ -14,6 +14,7 @@ from the pose that is nearest in what is measured.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -96,6 +97,8 @@ class Spot:
         Whether it is driven, stands on the ground, has a spring.
     to : ndarray (2,), optional
         The other end of a guide [m]; a point ahead of a clamp.
+    parent : int
+        Number of the body against which a joint's body moves; -1 of the ground.
     """
 
     name: str
@@ -106,6 +109,7 @@ class Spot:
     ground: bool = False
     spring: bool = False
     to: Array | None = None
+    parent: int = -1
 
 
 @dataclass(frozen=True)
@@ -248,7 +252,7 @@ class MovingScene(PictureScene):
         marks = {mark.name: mark for mark in drawn.marks}
 
         def spot(
-            name: str, kind: str, body: int, at: Array, to: Array | None = None, **more: bool
+            name: str, kind: str, body: int, at: Array, to: Array | None = None, **more: Any
         ) -> None:
             root = int(model.body_weldid[body])
             number = self.number.get(root, -1)
@@ -272,6 +276,7 @@ class MovingScene(PictureScene):
                 driven=mark.driven,
                 ground=mark.ground,
                 spring=bool(model.jnt_stiffness[j] or curved[j]),
+                parent=self.number.get(int(model.body_weldid[parent]), -1),
             )
         for i in connects(model):
             ground = 0 in model.body_weldid[list(anchor_bodies(model, i))]

@@ -1,0 +1,528 @@
+"""A mechanism in motion as a picture file: pale the reference, lines what the solvers found.
+
+The poses are those of the report's page, see `proofmass.sim.motion`: rods bend, torsion springs
+wind. Where a run has fewer samples than the animation has pictures, those between are interpolated,
+but not over a jump to another equilibrium.
+"""
+
+import io
+from base64 import b64encode
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from PIL import Image
+
+from proofmass.analytic.numerics import Array
+from proofmass.case import Case
+from proofmass.check import CheckTask, Result, judge, run_one
+from proofmass.compare import compare
+from proofmass.engines import computes
+from proofmass.errors import InputError, suggest
+from proofmass.files import write_whole
+from proofmass.outcome import LOST
+from proofmass.report.case_data import vertices
+from proofmass.report.data import Shown, shown
+from proofmass.report.drawing import (
+    SECONDS,
+    jumps_of_mechanism,
+    measured,
+    moved_here,
+    tracks,
+)
+from proofmass.report.mechanism import (
+    COIL,
+    INK,
+    MARGIN,
+    SOFT,
+    TRACK,
+    Scale,
+    Tracks,
+    guide,
+    pose_in_words,
+    scale_for,
+    sign,
+    spiral,
+    support,
+    wall,
+)
+from proofmass.report.style import RC, REFERENCE, looks
+from proofmass.sim.motion import Motion
+from proofmass.sim.picture import Picture
+from proofmass.strict import Kind
+from proofmass.wording import number, spoken
+from proofmass.worker import isolated
+
+FRAMES, MOST_FRAMES = 60, 600
+LASTS = 4.0  # [s] an animation, if nothing else is asked for
+FORMATS = {".gif": "GIF", ".webp": "WEBP"}
+QUALITY = 50  # of WebP's pictures, as it counts
+COLOURS = 64  # of a GIF's palette
+WIDE, HIGH, DOTS = 350.0, 300.0, 80  # [pt] room for the mechanism, and dots an inch
+HEAD, FOOT, RIGHT = 16.0, 40.0, 8.0  # [pt] above it, below its axis for the legend, and beside it
+PAD = 26.0  # [pt] around the mechanism
+STILL = 1e-9  # of the mechanism's size: what moves less does not move
+CLOSED = 1e-3  # of a curve's range: an end so near to the start is the start again
+Places = Array
+
+
+@dataclass(frozen=True)
+class Animation:
+    """A mechanism in motion.
+
+    Attributes
+    ----------
+    title : str
+        What is shown, in words.
+    frames : ndarray (pictures, height, width, 3) of uint8
+        The pictures, red, green, blue [1].
+    seconds : float
+        How long it plays [s].
+    lost : dict of str to str
+        Solvers that were lost, and why; they are drawn as far as they came.
+    stopped : str
+        Why the motion ends before the run does; empty if it does not.
+    """
+
+    title: str
+    frames: Array
+    seconds: float
+    lost: dict[str, str]
+    stopped: str = ""
+
+    def save(self, file: Path | str) -> None:
+        """Write it as a file, GIF or WebP by its ending, that plays again and again.
+
+        Raises
+        ------
+        InputError
+            Another ending.
+        OSError
+            The file cannot be written.
+        """
+        file = Path(file)
+        write_whole(file, self.encoded(format_of(file)))
+
+    def encoded(self, form: str = "WEBP") -> bytes:
+        """The file's content; `form` is GIF or WEBP."""
+        images = [Image.fromarray(frame) for frame in self.frames]
+        pause = 1000 * self.seconds / len(images)
+        if form == "GIF":  # which counts time in 10 ms
+            middle = images[len(images) // 2]
+            palette = middle.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2)
+            images = [i.quantize(palette=palette, dither=Image.Dither.NONE) for i in images]
+            how = {"duration": max(round(pause / 10) * 10, 20), "optimize": False}
+        else:
+            how = {"duration": max(round(pause), 1), "quality": QUALITY, "method": 4}
+        stream = io.BytesIO()
+        images[0].save(stream, form, save_all=True, append_images=images[1:], loop=0, **how)
+        return stream.getvalue()
+
+    def __repr__(self) -> str:
+        return f"Animation({self.title!r}, {len(self.frames)} pictures, {self.seconds:g} s)"
+
+    def _repr_html_(self) -> str:
+        """The animation in a notebook."""
+        data = b64encode(self.encoded()).decode()
+        return f'<img src="data:image/webp;base64,{data}" alt="{escape(self.title)}">'
+
+
+def animate(
+    case: Case,
+    run: Kind | None = None,
+    solvers: Iterable[str] | None = None,
+    *,
+    frames: int = FRAMES,
+    seconds: float = LASTS,
+    magnify: float = 1.0,
+) -> Animation:
+    """Run a case and show its mechanism in motion, the solvers beside the reference.
+
+    Parameters
+    ----------
+    case : Case
+        The sidecar.
+    run : "sweep" or "dynamics", optional
+        Which of its runs; the first in which something moves, if not given.
+    solvers : iterable of str, optional
+        Engines or ``engine:variant``; the run's first of each engine, if not given.
+    frames : int
+        Pictures, 2 to 600 [1]; evenly over the run, without its end where that is its start again.
+    seconds : float
+        How long it plays [s].
+    magnify : float
+        Differences to the reference are drawn so many times as large [1].
+
+    Returns
+    -------
+    Animation
+        With a method `save`, for a GIF or a WebP file; a notebook plays it.
+
+    Raises
+    ------
+    InputError
+        The case has no such run or no motion, or does not move in a plane; or it cannot be run.
+    ValueError
+        A number is out of its range.
+
+    Examples
+    --------
+    >>> from proofmass import load_case
+    >>> load_case("models/linkages/fourbar.toml").animate(solvers=["mujoco"], frames=8)
+    Animation('fourbar, sweep: reference and MuJoCo', 8 pictures, 4 s)
+    """
+    require_numbers(frames, seconds, magnify)
+    kind = run_in_motion(case, run)
+    table = case.run[kind]
+    chosen = tuple(dict.fromkeys(first_of_engines(table.solvers) if solvers is None else solvers))
+    case = case.model_copy(
+        update={"run": {kind: table.model_copy(update={"solvers": chosen})}, "tolerance": ()}
+    )
+    result, hold = Result(cases=[case]), partial(compare, detectable=False)
+    tasks: list[CheckTask] = [(case, kind, solver) for solver in chosen]
+    judge(tasks, {k: run_one(case, kind, s, hold) for k, s in enumerate(chosen)}, result)
+    lost = {c.solver: f"{c.outcome}: {c.message}" for c in result.comparisons if c.outcome in LOST}
+    names = [spoken(solver) for solver in chosen]
+    title = f"{case.name}, {kind}: reference and {' and '.join(names)}"
+    if magnify != 1:
+        title += f", differences {number(magnify)} times as large"
+    try:
+        pictures, stopped = isolated(
+            drawn_frames, case, kind, result, frames, magnify, timeout=SECONDS
+        )
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(case.model_path, "", f"it cannot be drawn: {error}") from None
+    return Animation(title, pictures, seconds, lost, stopped)
+
+
+def first_of_engines(solvers: Iterable[str]) -> list[str]:
+    """The first solver of each engine; of recorded parties all.
+
+    >>> first_of_engines(["mujoco:settled", "pymunk", "pymunk:default"])
+    ['mujoco:settled', 'pymunk']
+    """
+    first: dict[str, str] = {}
+    for solver in solvers:
+        first.setdefault(solver.partition(":")[0] if computes(solver) else solver, solver)
+    return list(first.values())
+
+
+def require_numbers(frames: int, seconds: float, magnify: float) -> None:
+    """Raise ValueError where a number is out of its range."""
+    if not 2 <= frames <= MOST_FRAMES:
+        raise ValueError(f"frames = {frames}: a motion has 2 to {MOST_FRAMES} pictures")
+    if not 0 < seconds < np.inf:
+        raise ValueError(f"seconds = {seconds:g}: give a time above 0")
+    if not 0 <= magnify < np.inf:
+        raise ValueError(f"magnify = {magnify:g}: give 1, or how many times as large, such as 10")
+
+
+def format_of(file: Path) -> str:
+    """GIF or WEBP by the ending of a file.
+
+    Raises
+    ------
+    InputError
+        Another ending.
+    """
+    try:
+        return FORMATS[file.suffix.lower()]
+    except KeyError:
+        ending = f"ends in {file.suffix!r}" if file.suffix else "has no ending"
+        raise InputError(file, "", f"{ending}; {suggest(file.suffix, FORMATS, 'known')}") from None
+
+
+def require_writable(file: Path) -> None:
+    """Raise InputError if a file has another ending, or there is no folder for it."""
+    format_of(file)
+    if not file.parent.is_dir():
+        raise InputError(file, "", f"there is no folder {str(file.parent)!r} to write it to")
+
+
+def run_in_motion(case: Case, run: Kind | None = None) -> Kind:
+    """The run that is shown: the one that is asked for, or the first that is not at rest.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    moving = [kind for kind in case.run if kind != "equilibrium"]
+    if run is None and not moving:
+        raise InputError(
+            case.file, "run", "nothing moves: it has run.equilibrium alone; give it a sweep"
+        )
+    if run == "equilibrium":
+        raise InputError(case.file, "run.equilibrium", "nothing moves in it; take another run")
+    if run is not None and run not in moving:
+        raise InputError(case.file, f"run.{run}", f"no such run; {suggest(run, moving)}")
+    return run or moving[0]
+
+
+def drawn_frames(
+    case: Case, kind: Kind, result: Result, frames: int, magnify: float
+) -> tuple[Array, str]:
+    """The pictures (n, height, width, 3), drawn in this process, and why there are no more."""
+    view = shown(result, case, kind)
+    again = returns(view)
+    jumps = jumps_of_mechanism(view)
+    moved = moved_here(case, kind, measured(view), frames + again, jumps)
+    if not moves(moved.picture):
+        raise InputError(
+            case.file, f"run.{kind}", moved.picture.stopped or "nothing moves in this run"
+        )
+    with rc_context(RC):
+        stage = Stage(
+            case, view.solvers, moved, tracks([view] if view.curves else [], moved.picture), magnify
+        )
+        share = np.arange(frames) / (frames if again else frames - 1)
+        return stage.frames(share), moved.picture.stopped
+
+
+def corners(picture: Picture) -> Array:
+    """All points of a picture (poses, points, 2) [m]."""
+    lines = [outline for link in picture.links for outline in link.outlines]
+    return np.concatenate([*lines, *(mark.at[:, None] for mark in picture.marks)], axis=1)
+
+
+def moves(picture: Picture) -> bool:
+    """Whether anything changes its place between the poses of a picture."""
+    points = corners(picture)
+    return bool(np.ptp(points, axis=0).max() > STILL * np.ptp(points, axis=(0, 1)).max())
+
+
+def returns(view: Shown) -> bool:
+    """Whether all places and angles of the reference are at the end of a run what they were first.
+
+    Angles may have made whole turns.
+    """
+    units = {name: view.case.channels[name].si_unit for name in view.channels if view.curves}
+    ends = [
+        (view.longest.channels[name], 2 * np.pi if unit == "rad" else np.inf)
+        for name, unit in units.items()
+        if unit in ("m", "rad")
+    ]
+    off = [
+        abs(np.remainder(y[-1] - y[0] + turn / 2, turn) - turn / 2) / (np.ptp(y) or 1.0)
+        if np.isfinite(turn)
+        else abs(y[-1] - y[0]) / (np.ptp(y) or 1.0)
+        for y, turn in ends
+    ]
+    return bool(off) and max(off) < CLOSED
+
+
+def placed(points: Array, places: Array) -> Array:
+    """Points (k, 2) about the origin of a body whose places are (poses, 3): (poses, k, 2)."""
+    cos, sin = np.cos(places[:, 2]), np.sin(places[:, 2])
+    turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], 1)
+    return np.asarray(points @ turn.transpose(0, 2, 1) + places[:, None, :2])
+
+
+def between(rows: Array, at: Array, jumps: Sequence[int]) -> Array:
+    """Rows of poses at numbers of poses that may lie between two; the nearest beside a jump.
+
+    >>> between(np.array([0.0, 1.0, 5.0]), np.array([0.5, 1.2, 2.0]), [2])
+    array([0.5, 1. , 5. ])
+    """
+    first = np.clip(np.floor(at).astype(int), 0, max(len(rows) - 2, 0))
+    second = np.minimum(first + 1, len(rows) - 1)
+    share = at - first
+    share = np.where(np.isin(second, list(jumps)), np.round(share), share)
+    share = share.reshape(-1, *[1] * (rows.ndim - 1))
+    with np.errstate(invalid="ignore"):
+        mixed = rows[first] + share * (rows[second] - rows[first])
+    return np.where(share == 0, rows[first], np.where(share == 1, rows[second], mixed))
+
+
+class Stage:
+    """What stands still is drawn once; what moves is drawn on it again for each picture."""
+
+    def __init__(
+        self, case: Case, solvers: Sequence[str], moved: Motion, paths: Tracks, magnify: float
+    ) -> None:
+        self.case, self.motion, self.magnify = case, moved, magnify
+        picture = moved.picture
+        self.scale = scale_for(picture, paths, WIDE, HIGH, PAD)
+        wide, high = (self.scale.high - self.scale.low) * self.scale.points
+        size = np.array([max(MARGIN + wide + RIGHT, 300.0), HEAD + high + FOOT + MARGIN / 2])
+        self.figure = Figure(figsize=tuple(size / 72), dpi=DOTS, facecolor="white")
+        self.canvas = FigureCanvasAgg(self.figure)
+        self.axes = self.figure.add_axes(
+            (MARGIN / size[0], (FOOT + MARGIN / 2) / size[1], wide / size[0], high / size[1])
+        )
+        self.axes.set(
+            xlim=(self.scale.low[0], self.scale.high[0]),
+            ylim=(self.scale.low[1], self.scale.high[1]),
+            xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
+            ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]",
+        )
+        self.words = self.axes.text(
+            0.0, 1.0 + 4.0 / high, "", transform=self.axes.transAxes, fontsize=8.5, weight="bold"
+        )
+        stand_still(self.axes, picture, paths, self.scale)
+        style = looks(solvers)
+        present = [solver for solver in solvers if solver in moved.away]
+        self.first = present[0] if present else ""
+        self.keys = list[Line2D]()
+        self.parties = {
+            "": self.party("reference", REFERENCE["color"], 6.0, 0)
+            if present
+            else self.party("model", INK, 2.2, 0)
+        }
+        for k, solver in enumerate(present):
+            self.parties[solver] = self.party(spoken(solver), style[solver].colour, 2.0, k)
+        self.guides = self.lines(SOFT, 1.0, 1, zorder=2.5)
+        self.coils = self.lines(COIL, 1.1, 0, zorder=7)
+        self.signs = [
+            (number, sign(self.axes, spot.kind, spot.driven, np.zeros(2), 1.0))
+            for number, spot in enumerate(moved.spots)
+            if spot.kind in ("hinge", "slide", "pin")
+        ]
+        self.legend(bool(paths))
+
+    def lines(self, colour: str, width: float, gaps: int, zorder: float = 5) -> LineCollection:
+        """Lines to come, the second party's dashed so that the first one's show through."""
+        found = LineCollection(
+            [],
+            colors=colour,
+            linewidths=width,
+            linestyles=(0, (3.0, 3.0 * gaps)) if gaps else "solid",
+            capstyle="butt" if gaps else "round",
+            zorder=zorder + gaps / 10,
+        )
+        self.axes.add_collection(found, autolim=False)
+        return found
+
+    def party(self, name: str, colour: str, width: float, gaps: int) -> LineCollection:
+        """The lines to come of the reference or of a solver, which the legend names."""
+        dash: Any = (0, (1.5, 1.5 * gaps)) if gaps else "-"
+        self.keys.append(Line2D([], [], color=colour, linewidth=width, linestyle=dash, label=name))
+        return self.lines(colour, width, gaps)
+
+    def legend(self, paths: bool) -> None:
+        """Who is drawn how, below the axes."""
+        rows = self.keys
+        if paths:
+            rows.append(Line2D([], [], color=TRACK, linewidth=0.9, linestyle="--", label="path"))
+        if self.magnify != 1:
+            label = f"differences × {number(self.magnify)}"
+            rows.append(Line2D([], [], linestyle="", label=label))
+        self.figure.legend(
+            handles=rows,
+            loc="lower center",
+            ncols=len(rows),
+            fontsize=8,
+            handlelength=2.4,
+            columnspacing=1.4,
+        )
+
+    def frames(self, share: Array) -> Array:
+        """The pictures at shares of the way through the run."""
+        moved, picture = self.motion, self.motion.picture
+        first, last = picture.x[[0, -1]]
+        at = np.interp(share, (picture.x - first) / (last - first), np.arange(len(picture.x)))
+        drawn = {party: self.places_of(party, at) for party in self.parties}
+        strokes = {party: self.strokes(places) for party, places in drawn.items()}
+        lead = drawn[self.first]
+        moving = [*self.parties.values(), self.guides, self.coils, self.words]
+        moving += [line for _, signs in self.signs for line in signs]
+        for artist in moving:
+            artist.set_animated(True)
+        self.canvas.draw()
+        still = self.canvas.copy_from_bbox(self.figure.bbox)
+        inputs = between(picture.inputs.T, at, moved.jumps).T
+        spots = self.spots(lead)
+        found = []
+        for k in range(len(share)):
+            self.canvas.restore_region(still)
+            for party, lines in self.parties.items():
+                lines.set_segments([stroke[k] for stroke in strokes[party]])
+            self.guides.set_segments([spots[i][k] for i in self.numbers("guide")])
+            self.coils.set_segments([self.coil(i, lead[k], spots[i][k, 0]) for i in self.springs()])
+            for i, signs in self.signs:
+                for line in signs:
+                    line.set_data(*spots[i][k, :1].T)
+            self.words.set_text(
+                pose_in_words(self.case, first + share[k] * (last - first), inputs[:, k]).replace(
+                    "\n", " "
+                )
+            )
+            for artist in sorted(moving, key=lambda artist: artist.get_zorder()):
+                self.axes.draw_artist(artist)
+            found.append(np.asarray(self.canvas.buffer_rgba())[..., :3].copy())
+        return np.array(found)
+
+    def places_of(self, party: str, at: Array) -> Places:
+        """Where bodies are drawn at numbers of poses: of a solver, or without a name the reference.
+
+        The difference between the two is magnified.
+        """
+        moved = self.motion
+        places = between(moved.places, at, moved.jumps)
+        if party:
+            places = places + self.magnify * between(moved.away[party], at, moved.jumps)
+        return places
+
+    def strokes(self, places: Places) -> list[Array]:
+        """All lines of the mechanism (poses, points, 2): rods, and outlines of bodies."""
+        in_rods = {k for links in self.motion.rods.values() for k in links}
+        found = []
+        for k, body in enumerate(self.motion.bodies):
+            for outline in body.outlines if k not in in_rods else ():
+                closed = np.vstack([outline, outline[:1]]) if len(outline) > 2 else outline
+                found.append(placed(closed, places[:, k]))
+        for links in self.motion.rods.values():
+            ends = vertices(self.motion, links)
+            points = [placed(at[None], places[:, k]) for k, at in ends]
+            found.append(np.concatenate(points, axis=1))
+        return found
+
+    def spots(self, places: Places) -> list[Array]:
+        """Where each spot is, and the other end of a guide: (poses, 1 or 2, 2)."""
+        found = []
+        for spot in self.motion.spots:
+            points = np.stack([spot.at] if spot.to is None else [spot.at, spot.to])
+            grounded = np.broadcast_to(points, (len(places), *points.shape))
+            found.append(placed(points, places[:, spot.body]) if spot.body >= 0 else grounded)
+        return found
+
+    def numbers(self, kind: str) -> list[int]:
+        """Numbers of the spots of a kind that are on moving bodies."""
+        return [i for i, s in enumerate(self.motion.spots) if s.kind == kind and s.body >= 0]
+
+    def springs(self) -> list[int]:
+        """Numbers of the hinges with a spring."""
+        return [i for i, s in enumerate(self.motion.spots) if s.spring and s.kind == "hinge"]
+
+    def coil(self, number: int, places: Array, at: Array) -> Array:
+        """The spiral of a torsion spring, its ends turned with the two bodies of its joint."""
+        spot = self.motion.spots[number]
+        inner, outer = (places[b, 2] if b >= 0 else 0.0 for b in (spot.body, spot.parent))
+        return np.asarray(at + spiral(inner, outer) / self.scale.points)
+
+
+def stand_still(ax: Axes, picture: Picture, paths: Tracks, scale: Scale) -> None:
+    """The ground, what stands on it, and the paths of measured points."""
+    for outline in picture.ground.outlines:
+        ax.fill(*outline[0].T, facecolor="#d5d9de", edgecolor=SOFT, linewidth=1.0, zorder=1)
+    for path in paths.values():
+        ax.plot(*path.T, color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+    for mark in picture.marks:
+        if mark.kind == "clamp" and mark.guide is not None:
+            wall(ax, mark.guide[0], scale, 1.0)
+        elif mark.guide is not None and mark.ground:
+            guide(ax, mark.guide[0], True, scale, 1.0)
+        elif mark.ground and mark.kind != "slide":
+            support(ax, mark.at[0], scale, 1.0)

@@ -1,0 +1,237 @@
+"""Animations: what they draw obeys closed forms, the files play, bad input is said in a line."""
+
+import io
+from collections.abc import Callable
+from functools import cache, partial
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from proofmass import Case, InputError, animate, compare, evaluate, load_case
+from proofmass.analytic.linkages import fourbar
+from proofmass.check import Result, judge, run_one
+from proofmass.cli import app
+from proofmass.reference import grid
+from proofmass.report.animation import Stage, returns
+from proofmass.report.data import Shown, shown
+from proofmass.report.drawing import measured, moved_here
+from proofmass.solve import plan
+from tests.shipped import shipped
+
+POSES = 13
+LENGTHS = {"crank": 1.0, "coupler": 2.0, "ground": 3.0}
+
+
+CRANK = np.linspace(0, 2 * np.pi, POSES)
+
+
+def command(*args: object):
+    return CliRunner().invoke(app, ["animate", *map(str, args)])
+
+
+def staged(case: Case, magnify: float = 1.0, poses: int = POSES) -> Stage:
+    """What is drawn of the first run of a case in MuJoCo."""
+    kind, solver = next(iter(case.run)), "mujoco"
+    table = case.run[kind].model_copy(update={"solvers": (solver,), "n": poses})
+    case = case.model_copy(update={"run": {kind: table}})
+    result = Result(cases=[case])
+    ran = run_one(case, kind, solver, partial(compare, detectable=False))
+    judge([(case, kind, solver)], {0: ran}, result)
+    view = shown(result, case, kind)
+    return Stage(case, [solver], moved_here(case, kind, measured(view), poses), {}, magnify)
+
+
+@cache
+def fourbar_stage() -> Stage:
+    return staged(load_case(shipped("fourbar.toml")))
+
+
+@cache
+def playing() -> object:
+    return animate(load_case(shipped("fourbar.toml")), solvers=["pymunk"], frames=6, seconds=0.6)
+
+
+def ends(stage: Stage, body: str) -> np.ndarray:
+    """Where the first outline of a body has its ends, as the reference has it: (poses, 2, 2)."""
+    drawn = [b.name for b in stage.motion.bodies for _ in b.outlines]
+    return stage.strokes(stage.motion.places)[drawn.index(body)][:, :2]
+
+
+def rocker_angle(rocker: float) -> np.ndarray:
+    """By the closed form, at the poses."""
+    found = fourbar.solve(CRANK, 0 * CRANK, 0 * CRANK, rocker=rocker, **LENGTHS)
+    return np.asarray(found["rocker_angle"])
+
+
+def test_bars_are_where_the_closed_form_has_them() -> None:
+    stage = fourbar_stage()
+    wanted = {
+        "crank": (0.0, np.exp(1j * CRANK)),
+        "rocker": (3.0, 3.0 + 2.5 * np.exp(1j * rocker_angle(2.5))),
+    }
+    for body, (start, end) in wanted.items():
+        there = ends(stage, body)
+        far = np.abs(there[:, :, 0] + 1j * there[:, :, 1] - start).argmax(axis=1)
+        there = np.where(far[:, None, None] == 1, there, there[:, ::-1])
+        assert there[:, 0] == pytest.approx(np.tile([start, 0.0], (POSES, 1)), abs=1e-12)
+        assert there[:, 1] == pytest.approx(np.stack([end.real, end.imag], 1), abs=1e-12)
+
+
+@pytest.mark.parametrize("magnify", [1.0, 10.0])
+def test_differences_are_drawn_as_large_as_asked(edit: Callable[..., Path], magnify: float) -> None:
+    """A rocker 1 % too long, whose angle is off by up to 8 mrad; it is a channel of the case."""
+    edit("fourbar.xml", 'name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
+    case = load_case(shipped("fourbar.toml"))
+    stage = staged(
+        case.model_copy(update={"file": edit("fourbar.toml", "title", "title")}), magnify=magnify
+    )
+    truth, found = (stage.places_of(party, np.arange(POSES))[:, 2, 2] for party in ("", "mujoco"))
+    wanted = rocker_angle(2.525) - rocker_angle(2.5)
+    assert np.abs(wanted).max() > 7e-3
+    assert found - truth == pytest.approx(magnify * wanted, abs=1e-6 * magnify)
+    assert truth - truth[0] == pytest.approx(rocker_angle(2.5) - rocker_angle(2.5)[0], abs=1e-9)
+
+
+def test_springs_wind_with_their_joints() -> None:
+    """The two ends of a spiral turn apart by what the closed form says of the spring."""
+    stage = staged(load_case(shipped("balancer_sine.toml")))
+    case = stage.case
+    run = plan(case, "sweep", "mujoco")
+    truth = evaluate(case, "sweep", run.x, run.motion(run.x)).channels
+    places = stage.motion.places
+    springs, spots = stage.springs(), stage.spots(places)
+    assert [stage.motion.spots[i].name for i in springs] == ["joint1", "joint2", "joint3"]
+    for number, i in enumerate(springs, 1):
+        at = spots[i][:, 0]
+        coils = np.array([stage.coil(i, places[k], at[k]) for k in range(POSES)])
+        turned = np.unwrap(np.angle((coils - at[:, None]) @ [1, 1j]), axis=1)
+        wound = turned[:, 0] - turned[:, -1]  # of the inner end; the model counts clockwise
+        winding = -truth[f"winding{number}"]
+        assert np.abs(winding).max() > 0.3
+        assert wound - wound[0] == pytest.approx(winding, abs=1e-9)
+
+
+def test_rods_bend_and_keep_their_length(edit: Callable[..., Path]) -> None:
+    """Links of a chain are rigid, so is the length of its line; half a link is the slider's."""
+    file = edit("pfr3.toml", "segments = 10", "segments = 4", count=3)
+    stage = staged(load_case(file), poses=3)
+    lines = stage.strokes(stage.motion.places)[-3:]
+    straight = []
+    for line in lines:
+        steps = np.linalg.norm(np.diff(line, axis=1), axis=2)
+        assert steps.sum(axis=1) == pytest.approx(np.full(len(line), 1 - 1 / 8), rel=1e-9)
+        straight.append(np.linalg.norm(line[:, -1] - line[:, 0], axis=1))
+    assert np.ptp(straight, axis=1).min() > 1e-3  # they bend more, or less, along the way
+
+
+@pytest.mark.parametrize(("ending", "form"), [(".webp", "WEBP"), (".GIF", "GIF")])
+def test_a_file_plays(tmp_path: Path, ending: str, form: str) -> None:
+    """Six pictures of a turn all differ: its end, which is its start again, is left out."""
+    found, file = playing(), tmp_path / f"mine{ending}"
+    found.save(file)
+    with Image.open(file) as image:
+        assert image.format == form
+        assert image.n_frames == len(found.frames) == 6
+        assert image.info["loop"] == 0
+        pictures = []
+        for k in range(image.n_frames):
+            image.seek(k)
+            image.load()
+            assert image.info["duration"] == 100  # 0.6 s in six pictures
+            pictures.append(np.asarray(image.convert("RGB"), int))
+        assert all(np.abs(a - b).max() > 100 for a, b in pairwise(pictures))
+        for drawn, there in zip(found.frames, pictures, strict=True):
+            assert np.abs(drawn - there).mean() < 2.0  # of 255: few colours, and losses of WebP
+
+
+def test_a_notebook_plays_it() -> None:
+    html = playing()._repr_html_()
+    assert html.startswith('<img src="data:image/webp;base64,')
+    assert 'alt="fourbar, sweep: reference and pymunk"' in html
+    assert playing().encoded() == playing().encoded()  # nothing of the time or the machine in it
+    with Image.open(io.BytesIO(playing().encoded())) as image:
+        assert image.size == playing().frames.shape[2:0:-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "last", "closed"),
+    [
+        ("fourbar.toml", 2 * np.pi, True),
+        ("fourbar.toml", 3.0, False),
+        ("balancer_sine.toml", None, True),  # up and down
+        ("threeprr.toml", None, False),
+    ],
+)
+def test_whether_the_end_is_the_start_again(name: str, last: float | None, closed: bool) -> None:
+    case = load_case(shipped(name))
+    if last is not None:
+        drive = case.drive[0].model_copy(update={"to": last})
+        case = case.model_copy(update={"drive": (drive,)})
+    x = grid(case, "sweep")
+    run = plan(case, "sweep", "mujoco")
+    truth = evaluate(case, "sweep", x, run.motion(x))
+    view = Shown(case, "sweep", [], {"mujoco": truth}, {"mujoco": truth})
+    assert returns(view) == closed
+
+
+def test_what_is_no_animation() -> None:
+    case = load_case(shipped("fourbar.toml"))
+    for options, wrong in (
+        ({"frames": 1}, "frames = 1: a motion has 2 to 600 pictures"),
+        ({"frames": 601}, "2 to 600"),
+        ({"seconds": 0.0}, "seconds = 0: give a time above 0"),
+        ({"magnify": float("nan")}, "magnify = nan"),
+    ):
+        with pytest.raises(ValueError, match=wrong):
+            case.animate(**options)
+    with pytest.raises(InputError, match=r"run.equilibrium: nothing moves in it"):
+        case.animate("equilibrium")
+    with pytest.raises(InputError, match=r"mine.png: ends in '.png'; .*known: .gif, .webp"):
+        playing().save("mine.png")
+
+
+@pytest.mark.parametrize(
+    ("args", "wrong"),
+    [
+        (("rod_cantilever.toml",), "run: nothing moves: it has run.equilibrium alone"),
+        (("fourbar.toml", "-o", "mine.mp4"), "mine.mp4: ends in '.mp4'; known: .gif, .webp"),
+        (("fourbar.toml", "-o", "mine"), "mine: has no ending; known: .gif, .webp"),
+        (("fourbar.toml", "-o", "no/mine.gif"), "there is no folder 'no' to write it to"),
+        (("fourbar.toml", "--frames", "1"), "Invalid value for '--frames'"),
+        (("pendulum.toml", "--run", "sweep"), "run.sweep: no such run; there are: dynamics"),
+        (("fourbar.toml", "--solver", "mujco"), "no simulator 'mujco'; did you mean 'mujoco'?"),
+        ((".",), "give the sidecar of one case"),
+    ],
+)
+def test_bad_input_is_said_in_a_line(
+    models: Path, monkeypatch: pytest.MonkeyPatch, args: tuple[str, ...], wrong: str
+) -> None:
+    monkeypatch.chdir(models)
+    answer = command(*args)
+    assert answer.exit_code == 2
+    assert wrong in answer.output
+    assert "Traceback" not in answer.output
+    assert not list(models.glob("mine*"))
+
+
+def test_a_file_that_cannot_be_written(models: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(models)
+    (models / "mine.gif").mkdir()
+    answer = command("fourbar.toml", "--solver", "mujoco", "--frames", "2", "-o", "mine.gif")
+    assert answer.exit_code == 2
+    assert "error: mine.gif: Is a directory" in answer.output
+
+
+def test_a_lost_solver_is_told_and_the_model_drawn(
+    edit: Callable[..., Path], tmp_path: Path
+) -> None:
+    file = edit("pendulum.toml", "n = 1001", "n = 1001\ntimeout = 1e-3")
+    answer = command(file, "--solver", "mujoco", "--frames", "3", "-o", tmp_path / "mine.webp")
+    assert answer.exit_code == 1
+    assert "mujoco timed out: " in answer.output
+    with Image.open(tmp_path / "mine.webp") as image:
+        assert image.n_frames == 3
