@@ -38,14 +38,14 @@ HEAD = """# Error floors in bare engines
 `python -m benchmarks.floors` made this. `proofmass trade` states {count} error floors in dynamics
 runs, in {settings} settings of {cases} cases. Each setting was written as a program, with the step
 that was measured, half and a quarter of it, and run with `python -I`, in which there is no
-proofmass. Errors are those of the CSV files that the programs wrote, at the motion that was asked
-for, as shares of the range.
+proofmass. Errors are those of the CSV files that the programs wrote, as shares of the range, at the
+motion that the drives really had: `trade` states floors so, and the files have columns of it. Where
+a drive changes its speed, its own error is added at the motion that was asked for; `trade` tells it
+beside the floor.
 
 A floor is *confirmed* where the two halvings each change the program's error by less than 5 %, and
 the error is within 5 % of the stated one. Of a floor by rounding, finer steps must be worse, or as
-before. `trade` states floors of loops at the motion that a drive really had; in a program the error
-of the drive is added where the drive changes its speed. Then the program must have, within 5 %, the
-error that `trade` itself measured at the motion that was asked for.
+before.
 
 | result | floors |
 |---|---|
@@ -63,19 +63,17 @@ TABLE = """
 class BareFloor:
     """A floor that a study states, and what programs gave with the step, half and a quarter of it.
 
-    `asked` is the study's own error at the motion that was asked for, NaN where no drive moves in
-    time [share of range]; `why` says why there are no programs.
+    `why` says why there are no programs.
     """
 
     verdict: Verdict
-    asked: float = NAN
     runs: tuple[ProgramRun, ...] = ()
     why: str = ""
 
     @property
     def errors(self) -> list[float]:
-        """Of the programs [share of range]; NaN where one failed."""
-        return [run.errors.get(self.verdict.kind, NAN) for run in self.runs]
+        """Of the programs [share of range]; NaN where one failed, or has no such curves."""
+        return [run.driven.get(self.verdict.kind, NAN) for run in self.runs]
 
     @property
     def result(self) -> str:
@@ -85,13 +83,13 @@ class BareFloor:
         if failed := next((run.failure for run in self.runs if run.failure), ""):
             return f"a program failed: {failed}"
         errors = self.errors
+        if errors[0] != errors[0]:
+            return f"programs have no curves of {self.verdict.kind}"
         if self.verdict.cause == ROUNDING:
             worse = all(fine > 0.95 * errors[0] for fine in errors[1:])
             return "confirmed" if worse else "a finer step is better"
         if halved(errors) and alike(self.verdict.floor, errors[0]):
             return "confirmed"
-        if alike(self.asked, errors[0]):
-            return "the error of the drive is added"
         return "another error" if halved(errors) else "a halving of the step changes the error"
 
 
@@ -128,7 +126,7 @@ def confirm(study: Trade, store: Store) -> Iterator[BareFloor]:
         }
         for verdict, row in floors.items():
             runs, why = futures[row.key].result()
-            yield BareFloor(verdict, row.asked.get(verdict.kind, NAN), runs, why)
+            yield BareFloor(verdict, runs, why)
 
 
 def row_of(study: Trade, verdict: Verdict) -> StudyRow:

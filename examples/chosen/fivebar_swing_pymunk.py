@@ -230,6 +230,12 @@ def curves(pose, before, after):
             0.38033392869572036, 0.2405121674320836)[0]),
         'tip_acceleration.y': acceleration(lambda pose: point(pose, left_coupler,
             0.38033392869572036, 0.2405121674320836)[1]),
+        'left drive': value(lambda pose: 2.0 + angle(pose, left_crank)),
+        'left drive rate': rate(lambda pose: 2.0 + angle(pose, left_crank)),
+        'left drive acceleration': acceleration(lambda pose: 2.0 + angle(pose, left_crank)),
+        'right drive': value(lambda pose: 0.4 + angle(pose, right_crank)),
+        'right drive rate': rate(lambda pose: 0.4 + angle(pose, right_crank)),
+        'right drive acceleration': acceleration(lambda pose: 0.4 + angle(pose, right_crank)),
     }
 
 

@@ -156,6 +156,9 @@ def main(file="curves.csv"):
         "rocker_acceleration.z": sensors[:, 25],
         "point_acceleration.x": sensors[:, 26],
         "point_acceleration.y": sensors[:, 27] - 9.81,
+        "crank drive": state[:, 0],
+        "crank drive rate": state[:, 3],
+        "crank drive acceleration": state[:, 6],
     }
     times = FIRST + STEPS * STEP * np.arange(SAMPLES)
     with open(file, "w", newline="", encoding="utf-8") as stream:

@@ -187,6 +187,9 @@ def main(file="curves.csv"):
         "upper": sensors[:, 18],
         "upper_rate": sensors[:, 19],
         "upper_acceleration": state[:, 17],
+        "crank drive": state[:, 0],
+        "crank drive rate": state[:, 7],
+        "crank drive acceleration": state[:, 14],
     }
     times = FIRST + STEPS * STEP * np.arange(SAMPLES)
     with open(file, "w", newline="", encoding="utf-8") as stream:

@@ -232,6 +232,9 @@ def curves(pose, before, after):
         'slide_acceleration': acceleration(lambda pose: 1.0 + slid(pose, ground, slider, (3.0, 0.0),
             (0.0, 0.0), (1.0, 0.0))),
         'slider_acceleration.x': acceleration(lambda pose: point(pose, slider, 0.0, 0.0)[0]),
+        'crank drive': value(lambda pose: angle(pose, crank)),
+        'crank drive rate': rate(lambda pose: angle(pose, crank)),
+        'crank drive acceleration': acceleration(lambda pose: angle(pose, crank)),
     }
 
 

@@ -19,11 +19,12 @@ from proofmass.case import Case
 from proofmass.files import write_whole
 from proofmass.report.data import Shown, drive_units
 from proofmass.report.page import slug
+from proofmass.sim.protocol import drive_columns
 from proofmass.units import si_unit
 
 FOLDER = "data"
 Table = dict[str, Array]
-ORDERS = (("", ""), (" rate", "/s"), (" acceleration", "/s^2"))
+PER = "", "/s", "/s^2"
 
 
 def write_curves(folder: Path, case: Case, runs: list[Shown]) -> None:
@@ -88,14 +89,14 @@ def columns(view: Shown) -> Iterator[tuple[str, str, dict[str, Array]]]:
         for row, (drive, unit) in enumerate(
             zip(view.case.drive, drive_units(view.case), strict=True)
         ):
-            for order, (suffix, per) in enumerate(ORDERS):
+            for order, (name, per) in enumerate(zip(drive_columns(drive.joint), PER, strict=True)):
                 moved = {
                     s: c.drive[order][row]
                     for s, c in view.curves.items()
                     if c.drive and not c.by_law
                 }
                 if moved:
-                    yield f"{drive.joint} drive{suffix}", f"{unit}{per}", moved
+                    yield name, f"{unit}{per}", moved
     for name in view.channels:
         symbol = si_unit(view.case.channels[name].unit or "1")[0] or "1"
         for word, source in (("", view.curves), (" reference", view.truth)):

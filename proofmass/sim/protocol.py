@@ -287,6 +287,15 @@ class Run:
         return count, width / count
 
 
+def drive_columns(joint: str) -> tuple[str, str, str]:
+    """Names in tables of what the drive of a joint did: value, rate and acceleration.
+
+    >>> drive_columns("crank")
+    ('crank drive', 'crank drive rate', 'crank drive acceleration')
+    """
+    return f"{joint} drive", f"{joint} drive rate", f"{joint} drive acceleration"
+
+
 @dataclass(frozen=True)
 class Curves:
     """Named curves on one rising parameter, and what they cost.

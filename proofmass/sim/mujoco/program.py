@@ -4,6 +4,7 @@ import base64
 import json
 import re
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -22,7 +23,7 @@ from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
 from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
 from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
 from proofmass.sim.program_text import TEMPLATES, escaped
-from proofmass.sim.protocol import BadModel, Imposed, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Imposed, Run, Unsupported, drive_columns
 
 IMPOSED = (
     Imposed("flywheel"),
@@ -136,8 +137,8 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
             if (getattr(data, name) != getattr(fresh, name)).any()
         },
         curves={
-            json.dumps(name, ensure_ascii=False): curve_of(recorder, name)
-            for name in recorder.sensors
+            json.dumps(name, ensure_ascii=False): line
+            for name, line in (*curves_of(recorder), *curves_of_drives(linkage))
         },
         **values,
     )
@@ -379,6 +380,21 @@ def joint_element(root: Element, name: str) -> Element:
     raise Unsupported(
         f"a program whose drive moves joint {name!r}, which is no element of the file"
     )
+
+
+def curves_of_drives(linkage: Linkage) -> Iterator[tuple[str, str]]:
+    """Columns of the driven joints, and the lines of Python that cut them out of the states."""
+    model = linkage.model
+    for joint, adr, dof in zip(linkage.joints, linkage.adr, linkage.dofs, strict=True):
+        places = adr, model.nq + dof, model.nq + model.nv + dof
+        for name, place in zip(drive_columns(joint), places, strict=True):
+            yield name, f"state[:, {place}]"
+
+
+def curves_of(recorder: Recorder) -> Iterator[tuple[str, str]]:
+    """Channels, and the lines of Python that cut them out of what was recorded."""
+    for name in recorder.sensors:
+        yield name, curve_of(recorder, name)
 
 
 def curve_of(recorder: Recorder, name: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 import pymunk
 
 from proofmass.sim.program_text import TEMPLATES, escaped
-from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported
+from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, LinkJoint, Links
 from proofmass.sim.pymunk.model import find_channels, read_model
@@ -249,7 +249,7 @@ def _rendered(
     parts = list(writer.parts(space))
     channels = {
         repr(name): writer.channel(name, channel)
-        for name, channel in find_channels(links, run)[0].items()
+        for name, channel in [*find_channels(links, run)[0].items(), *drive_channels(links)]
         if channel.order > -2
     }
     asks_energy = any("value(potential)" in text for text in channels.values())
@@ -305,6 +305,13 @@ def _rendered(
         potential=potential,
         lost=LOST,
     )
+
+
+def drive_channels(links: Links) -> Iterator[tuple[str, Sensor]]:
+    """Columns of the driven joints: value, rate and acceleration of each."""
+    for joint in links.drives:
+        for order, name in enumerate(drive_columns(joint.name)):
+            yield name, Sensor(order, Value(joint))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from proofmass.case import Case
 from proofmass.drive import motion_source
 from proofmass.engines import engine_of
 from proofmass.files import write_whole
-from proofmass.sim.protocol import Curves, Imposed, Run
+from proofmass.sim.protocol import Curves, Imposed, Run, drive_columns
 from proofmass.studies.bounded import limited
 from proofmass.studies.measure import own_core, pinned, relative_errors
 from proofmass.studies.record import Setting
@@ -60,17 +60,22 @@ class ProgramRun:
     Attributes
     ----------
     errors : dict of str to float
-        Largest error of each kind of channel, as a share of the reference's range [1].
+        Largest error of each kind of channel at the motion that was asked for, as a share of the
+        reference's range [1].
     seconds, steps : float, int
         Wall time of the program's loop [s], and number of time steps.
     failure : str
         Why there are no errors, in the program's own words.
+    driven : dict of str to float
+        The same as `errors`, at the motion that the program's drives really had; equal to it
+        without drives.
     """
 
     errors: dict[str, float] = field(default_factory=dict)
     seconds: float = float("nan")
     steps: int = 0
     failure: str = ""
+    driven: dict[str, float] = field(default_factory=dict)
 
 
 def imposed(case: Case, engine: str) -> Sequence[Imposed]:
@@ -149,18 +154,30 @@ def run_program(
     lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
     if lost:
         return ProgramRun(failure=f"{lost[0]} is not finite")
-    return ProgramRun(relative_errors(case, "dynamics", curves), float(printed[2]), int(printed[1]))
+    return ProgramRun(
+        relative_errors(case, "dynamics", at_law(curves, run)),
+        float(printed[2]),
+        int(printed[1]),
+        driven=relative_errors(case, "dynamics", curves),
+    )
+
+
+def at_law(curves: Curves, run: Run) -> Curves:
+    """Curves at the state that the drives were asked to have, whatever they did."""
+    return replace(curves, drive=run.motion(run.x) if run.drives else None)
 
 
 def read_curves(file: Path, run: Run) -> Curves:
-    """The curves that a program wrote, at the state that its drives were asked to have."""
+    """The curves that a program wrote, with the state that its drives really had."""
     with file.open(encoding="utf-8", newline="") as stream:
         names = next(csv.reader(stream))
         rows = np.loadtxt(stream, delimiter=",", ndmin=2)
     if not np.allclose(rows[:, 0], run.x, rtol=0.0, atol=1e-9 * np.ptp(run.x)):
         raise ValueError("the program sampled at other times than it was asked to")
-    state = run.motion(run.x) if run.drives else None
-    return Curves(run.x, dict(zip(names[1:], rows[:, 1:].T, strict=True)), drive=state)
+    found = dict(zip(names[1:], rows[:, 1:].T, strict=True))
+    drives = [[found.pop(name) for name in drive_columns(each.joint)] for each in run.drives]
+    value, rate, acceleration = np.array(drives).reshape(-1, 3, len(rows)).swapaxes(0, 1)
+    return Curves(run.x, found, drive=(value, rate, acceleration) if drives else None)
 
 
 def drive_words(drive: Imposed) -> str:

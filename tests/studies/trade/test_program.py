@@ -32,6 +32,7 @@ from proofmass.studies.trade.program import (
     written,
 )
 from tests.shipped import shipped
+from tests.studies.trade.driven import driven
 
 COARSE = {
     "timestep": 4e-3,
@@ -85,6 +86,7 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
     wanted = simulate("mujoco", case.model_path, run)
     # no sensor of a program shows the moment of its drive, which moves a flywheel
     curves = {n: y for n, y in wanted.channels.items() if case.channels[n].unit != "N m"}
+    curves |= driven(run, wanted)
     assert list(found) == ["t", *curves]
     assert found["t"] == pytest.approx(wanted.x, abs=1e-12)
     for channel, curve in curves.items():
@@ -186,6 +188,7 @@ def test_a_law_that_is_written_wrongly_is_noticed() -> None:
     text = written(case, setting, IMPOSED[0], "")
     good = run_program(case, setting, text, 30.0)
     assert 0 < good.errors["position"] < 1e-5
+    assert good.driven["position"] == pytest.approx(good.errors["position"], rel=0.1)
     assert good.steps > 0
     assert good.seconds > 0
     wrong = text.replace("0.0 + 1.0 * t", "0.0 + 1.001 * t").replace(
@@ -193,7 +196,9 @@ def test_a_law_that_is_written_wrongly_is_noticed() -> None:
     )
     head, _, tail = wrong.partition("1.001 * np.array([")
     wrong = head + "1.001 * np.array([" + tail.replace("]", "])", 1)
-    assert run_program(case, setting, wrong, 30.0).errors["position"] > 1e-3
+    ran = run_program(case, setting, wrong, 30.0)
+    assert ran.errors["position"] > 1e-3
+    assert ran.driven["position"] < 1e-4  # the linkage itself follows its crank
 
 
 @pytest.mark.parametrize(
@@ -489,14 +494,9 @@ def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
         file.unlink()
     assert str(tmp_path) not in text
     found = bare(text, tmp_path)
-    for name, curve in wanted.channels.items():
+    for name, curve in (wanted.channels | driven(run, wanted)).items():
         assert found[name].tolist() == curve.tolist()
-    assert run_channels(tmp_path / "out.csv", run) == list(run.channels)
-
-
-def run_channels(file: Path, run: Run) -> list[str]:
-    """Names that proofmass finds in a file of curves."""
-    return list(read_curves(file, replace(run, drives=())).channels)
+    assert list(read_curves(tmp_path / "out.csv", run).channels) == list(run.channels)
 
 
 @pytest.mark.parametrize("drive", [Imposed("servo", 0.5), Imposed("equality", 0.25)])

@@ -10,7 +10,6 @@ import doctest
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,12 +24,22 @@ from proofmass.case import Case
 from proofmass.drive import Swing, motion_source
 from proofmass.sidecar import load_case
 from proofmass.sim import program_text
-from proofmass.sim.protocol import BadSetting, Curves, Diverged, Drive, Imposed, Run, Unsupported
+from proofmass.sim.protocol import (
+    BadSetting,
+    Curves,
+    Diverged,
+    Drive,
+    Imposed,
+    Run,
+    Unsupported,
+    drive_columns,
+)
 from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from proofmass.units import FORCES
 from tests.shipped import models_like, shipped
+from tests.studies.trade.driven import driven
 
 ALL = sorted(
     file.stem
@@ -100,18 +109,21 @@ def assert_alike(
         np.testing.assert_allclose(got[name], curve, atol=atol, rtol=0, err_msg=name)
 
 
-def roundings(case: Case, names: Iterable[str], dt: float) -> dict[str, float]:
+def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
     """What rounding of points and of a table of a law leaves in rates and accelerations.
 
     1e-14 m or rad is six roundings of a point 8 m away (2^-49 m); a rate divides it by dt, an
     acceleration by dt^2.
     """
     orders = {"rad/s": 1, "m/s": 1, "rad/s^2": 2, "m/s^2": 2}
-    return {
-        name: 1e-14 / dt ** orders[unit]
-        for name in names
+    order = {
+        name: orders[unit]
+        for name in run.channels
         if (unit := case.channels[name].si_unit) in orders
     }
+    for each in run.drives:
+        order |= {name: k for k, name in enumerate(drive_columns(each.joint))}
+    return {name: 1e-14 / dt**k for name, k in order.items()}
 
 
 def motion_of(run: Run) -> str:
@@ -147,7 +159,7 @@ def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tup
         for name, curve in wanted.channels.items()
         if case.channels[name].si_unit not in FORCES
     }
-    return ran(folder / "bare", text), replace(wanted, channels=shown)
+    return ran(folder / "bare", text), replace(wanted, channels=shown | driven(run, wanted))
 
 
 @pytest.mark.parametrize(
@@ -155,25 +167,33 @@ def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tup
 )
 def test_a_program_does_what_simulate_does(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
-    got, wanted = both(case, run_of(case), tmp_path)
+    run = run_of(case)
+    got, wanted = both(case, run, tmp_path)
     np.testing.assert_allclose(got.x, wanted.x, rtol=1e-15)  # rounding of a shortened grid
     assert got.steps == wanted.steps
     # 1e-9: rounding of laws, numpy's cosine and that of math.
     dt = float(str(wanted.settings["timestep"]))
-    assert_alike(got.curves, wanted.channels, 1e-9, roundings(case, wanted.channels, dt))
+    assert_alike(got.curves, wanted.channels, 1e-9, roundings(case, run, dt))
 
 
 @pytest.mark.parametrize("name", ["fourbar", "inverted_slider_crank"])
 def test_motors_do_what_gears_do(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
-    got, wanted = both(case, run_of(case), tmp_path, Imposed("motor"))
+    run = run_of(case)
+    got, wanted = both(case, run, tmp_path, Imposed("motor"))
     assert "SimpleMotor" in got.text
     assert "GearJoint" not in got.text.partition("drives = [")[2]
-    still = {n: c for n, c in wanted.channels.items() if case.channels[n].unit in ("rad", "m")}
+    still = {
+        n: c
+        for n, c in wanted.channels.items()
+        if n in case.channels and case.channels[n].unit in ("rad", "m")
+    }
     # 1e-13 m in the ends of grooves, 100 extents away
     assert_alike({n: got.curves[n] for n in still}, still, 1e-11)
     # .. which an acceleration divides by dt^2 = 1e-6 s2, over ranges of 0.02
-    assert_alike(got.curves, wanted.channels, 1e-5)
+    # .. and rounding of the drives, whose rates are constant
+    dt = float(str(wanted.settings["timestep"]))
+    assert_alike(got.curves, wanted.channels, 1e-5, roundings(case, run, dt))
 
 
 def test_a_motor_does_not_drift(tmp_path):
@@ -306,7 +326,7 @@ def test_springs_limits_loads_and_all_channels(drives, tmp_path):
     got = ran(tmp_path / "bare", text)
     # the program's linear springs are Chipmunk's own: 1e-14 m of rounding in ends of springs 100
     # extents away, which an acceleration divides by dt^2
-    assert_alike(got.curves, wanted.channels, 1e-7)
+    assert_alike(got.curves, wanted.channels | driven(run, wanted), 1e-7)
     # the mutation: stops are reached, so that without them the motion is another
     free, hits = re.subn(r"space\.add\(pymunk\.(RotaryLimit|Slide)Joint\([^#]*?\)\)\n", "", text)
     assert hits == 2
