@@ -119,14 +119,24 @@ def main(file="curves.csv"):
     data.qpos[:] = [0.0, 1.350263065874063, 2.2459278597319283]
     data.qvel[:] = [0.9999999999999998, -1.4999999999999998, -0.5000000000000002]
     data.ctrl[:1] = [0.0]
+    dofs = [model.joint(name).dofadr[0] for name in DRIVES]
     sensors, state = [], []
     times = FIRST + STEP * np.arange((SAMPLES - 1) * STEPS + 1)
+
+    def moments():
+        """What the mechanism asks of its drives [N m or N]."""
+        needed = np.empty(model.nv)
+        mujoco.mj_rne(model, data, 1, needed)  # without armatures, and so without the flywheels
+        given = data.qfrc_passive + data.qfrc_constraint + data.qfrc_actuator
+        return ((needed - given)[dofs]
+                + np.array([0.0]) * data.qacc[dofs]
+                + np.array([0.0]) * data.qvel[dofs])
 
     def record():
         """Keep what the sensors show at this time."""
         mujoco.mj_forward(model, data)
         sensors.append(data.sensordata.copy())
-        state.append(np.concatenate([data.qpos, data.qvel, data.qacc]))
+        state.append(np.concatenate([data.qpos, data.qvel, data.qacc, moments()]))
 
     began = time.perf_counter()
     for k in range(SAMPLES):
@@ -156,6 +166,7 @@ def main(file="curves.csv"):
         "rocker_acceleration.z": sensors[:, 25],
         "point_acceleration.x": sensors[:, 26],
         "point_acceleration.y": sensors[:, 27] - 9.81,
+        "holding_moment": state[:, 9],
         "crank drive": state[:, 0],
         "crank drive rate": state[:, 3],
         "crank drive acceleration": state[:, 6],

@@ -123,11 +123,15 @@ def main(file="curves.csv"):
     # each servo aims at its joint's value, led by what its own damping would keep it back
     shown = stepped = value.T + LEAD * rate.T
 
+    def moments():
+        """What the mechanism asks of its drives [N m or N]."""
+        return data.actuator_force[-len(DRIVES):]
+
     def record():
         """Keep what the sensors show at this time."""
         mujoco.mj_forward(model, data)
         sensors.append(data.sensordata.copy())
-        state.append(np.concatenate([data.qpos, data.qvel, data.qacc]))
+        state.append(np.concatenate([data.qpos, data.qvel, data.qacc, moments()]))
 
     began = time.perf_counter()
     for k in range(SAMPLES):
@@ -160,6 +164,7 @@ def main(file="curves.csv"):
         "rocker_acceleration.z": sensors[:, 25],
         "point_acceleration.x": sensors[:, 26],
         "point_acceleration.y": sensors[:, 27] - 9.81,
+        "holding_moment": state[:, 9],
         "crank drive": state[:, 0],
         "crank drive rate": state[:, 3],
         "crank drive acceleration": state[:, 6],

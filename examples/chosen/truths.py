@@ -6,8 +6,8 @@ two equations of motion, integrated by DOP853 at a relative tolerance of 1e-12.
 
     python examples/chosen/truths.py fourbar curves.csv
 
-prints the largest error of the positions, rates and accelerations in a file, each as a share of the
-range of the true curve.
+prints the largest error of the positions, rates, accelerations and moments in a file, each as a
+share of the range of the true curve.
 """
 
 import csv
@@ -24,7 +24,7 @@ Curve = np.ndarray
 Curves = dict[str, Curve]
 Point = tuple[Curve, Curve, Curve]
 """A complex place, its velocity and acceleration."""
-KINDS = "position", "velocity", "acceleration"
+KINDS = "position", "velocity", "acceleration", "force"
 
 
 # ---- POINTS ----------------------------------------------------------------------------------
@@ -148,9 +148,25 @@ def of_fourbar(crank: Point, a: float = 1.0, b: float = 2.0, c: float = 2.5, gro
             "rocker_acceleration.z": angle(minus(two, foot))[2]}
 
 
+def moment(crank: Point, *bars: tuple[float, Point, Point]) -> Curve:
+    """What a crank must give [N m] for uniform bars of masses [kg] between two points to move.
+
+    Its power is that of the inertia and of the weight of all bars.
+    """
+    power = 0.0 * crank[1]
+    for mass, a, b in bars:
+        power = power + mass / 6 * (
+            2 * dot(a[2], a[1]) + dot(a[2], b[1]) + dot(b[2], a[1]) + 2 * dot(b[2], b[1]))
+        power = power + mass * G / 2 * (a[1] + b[1]).imag
+    return power / crank[1]
+
+
 def fourbar(t: Curve) -> Curves:
-    """Crank-rocker 1, 2, 2.5, 3 m, open, its crank at 1 rad/s."""
-    return of_fourbar(steady(t))
+    """Crank-rocker 1, 2, 2.5, 3 m, open, of bars of 1, 2, 2.5 kg; its crank at 1 rad/s."""
+    crank = steady(t)
+    one, two, foot = fourbar_pose(crank, 1.0, 2.0, 2.5, 3.0, 1)
+    bars = (1.0, fixed(0.0, t), one), (2.0, one, two), (2.5, two, foot)
+    return {**of_fourbar(crank), "holding_moment": moment(crank, *bars)}
 
 
 def slider_crank(t: Curve) -> Curves:
@@ -330,6 +346,8 @@ def read(file: str) -> tuple[Curve, Curves]:
 
 def kind_of(name: str) -> str:
     """What a curve is, by its name."""
+    if name.endswith("moment"):
+        return "force"
     if "acceleration" in name:
         return "acceleration"
     return "velocity" if "rate" in name or "velocity" in name else "position"

@@ -97,9 +97,9 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     count, step = run.steps(model.opt.timestep)
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
-    resting = model.dof_armature.copy()
+    armature, damping = model.dof_armature[linkage.dofs], model.dof_damping[linkage.dofs]
     start(linkage, run, times)
-    wheels = (model.dof_armature - resting)[linkage.dofs]
+    wheels = model.dof_armature[linkage.dofs] - armature
     root = expanded(path)
     files = carried(root)
     apply_settings(root, model, step)
@@ -108,8 +108,7 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
         values = impose(root, linkage, wheels, step, drive)
     recorder = Recorder(model, data, run.channels, 1)
     withhold_drives(model, linkage, recorder)
-    for channel in drive_sensors(model, linkage, recorder):  # not what moves the flywheels
-        del recorder.sensors[channel]
+    curves = dict(curves_of(recorder, linkage))
     rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
     moves = bool(np.ptp(rate, axis=1).any())
     by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
@@ -136,10 +135,10 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
             for name in MORE
             if (getattr(data, name) != getattr(fresh, name)).any()
         },
-        curves={
-            json.dumps(name, ensure_ascii=False): line
-            for name, line in (*curves_of(recorder), *curves_of_drives(linkage))
-        },
+        moments=bool(drive_sensors(model, linkage, recorder)),
+        armature=armature.tolist(),
+        damping=damping.tolist(),
+        curves={json.dumps(name, ensure_ascii=False): line for name, line in curves.items()},
         **values,
     )
 
@@ -382,19 +381,25 @@ def joint_element(root: Element, name: str) -> Element:
     )
 
 
-def curves_of_drives(linkage: Linkage) -> Iterator[tuple[str, str]]:
-    """Columns of the driven joints, and the lines of Python that cut them out of the states."""
+def curves_of(recorder: Recorder, linkage: Linkage) -> Iterator[tuple[str, str]]:
+    """Columns of a program, and the lines of Python that cut them out of what was recorded.
+
+    They are the channels, and what the drives did.  A state is positions, rates and accelerations
+    of all joints, and the moments of the drives.
+    """
     model = linkage.model
+    moments = drive_sensors(model, linkage, recorder)
+    for name in recorder.sensors:
+        if name in moments:
+            drive, gear = moments[name]
+            over = "" if gear == 1.0 else f" / {gear!r}"
+            yield name, f"state[:, {model.nq + 2 * model.nv + drive}]{over}"
+        else:
+            yield name, curve_of(recorder, name)
     for joint, adr, dof in zip(linkage.joints, linkage.adr, linkage.dofs, strict=True):
         places = adr, model.nq + dof, model.nq + model.nv + dof
         for name, place in zip(drive_columns(joint), places, strict=True):
             yield name, f"state[:, {place}]"
-
-
-def curves_of(recorder: Recorder) -> Iterator[tuple[str, str]]:
-    """Channels, and the lines of Python that cut them out of what was recorded."""
-    for name in recorder.sensors:
-        yield name, curve_of(recorder, name)
 
 
 def curve_of(recorder: Recorder, name: str) -> str:
