@@ -20,7 +20,17 @@ def docs():
     return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").iterdir()}
 
 
-LONG = "accuracy", "choose", "design_balancer", "diet", "rod_settling", "rod_solutions", "stress"
+LONG = (
+    "accuracy",
+    "choose",
+    "design_balancer",
+    "diet",
+    "kinematics",
+    "pictures",
+    "rod_settling",
+    "rod_solutions",
+    "stress",
+)
 """Which take many seconds even then."""
 
 

@@ -95,13 +95,14 @@ def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("files", "sidecar", "old", "new", "words", "line"),
     [
-        (
+        pytest.param(
             ("hacksaw.xml", "hacksaw_recorded.toml", "hacksaw_recorded.csv"),
             "hacksaw_recorded",
             'name="crank_end" pos="0.075 0 0"',
             'name="crank_end" pos="0.0755 0 0"',
             "in hacksaw.xml: site of crank_end x = 0.075 m instead of 0.0755 m",
             "0.0755 stands in hacksaw.xml, line 20",
+            marks=pytest.mark.slow,
         ),
         (
             ("peaucellier.xml", "peaucellier.toml"),

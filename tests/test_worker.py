@@ -156,7 +156,7 @@ def test_a_reference_that_takes_too_long_costs_itself_only(models, edit, pendulu
 def test_more_samples_than_memory_cost_themselves_only(models, edit, keep_solver):
     keep_solver("pendulum.toml", "mujoco")
     keep_solver("slider_crank.toml", "mujoco")
-    edit("pendulum.toml", "n = 1001", "n = 100000000\nmemory = 1.0")
+    edit("pendulum.toml", "n = 1001", "n = 30000000\nmemory = 0.5")
     result = check([models / "pendulum.toml", models / "slider_crank.toml"])
     assert outcomes(result, "pendulum") == {"out of memory"}
     assert any("memory in [run.dynamics] allows more" in c.message for c in result.comparisons)

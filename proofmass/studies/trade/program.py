@@ -67,7 +67,7 @@ class ProgramRun:
     failure : str
         Why there are no errors, in the program's own words.
     driven : dict of str to float
-        The same as `errors`, at the motion that the program's drives really had; equal to it
+        The same as `errors` [1], at the motion that the program's drives really had; equal to it
         without drives.
     """
 
