@@ -164,7 +164,7 @@ def holds(case: Case, one: Finding, folder: Path) -> None:
 
 
 def quick(name: str) -> Case:
-    """A case of which much is asked here; the four-bar is not run in time by pymunk, the slowest."""
+    """A case of which much is asked here; the four-bar is not run in time by pymunk."""
     case = load_case(shipped(f"{name}.toml"))
     if name != "fourbar":
         return case
