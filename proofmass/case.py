@@ -322,7 +322,8 @@ class RodTable(Strict):
     that is free.  `turn` is that of its tangent from end to end in the start pose, an arc [rad]:
     which of several equilibria it comes to rest in.  Sensors on the sites ``NAME.middle`` and
     ``NAME.tip`` stay in place whatever the number of `segments`.  `mass` is needed where gravity
-    acts.
+    acts.  Without `axial`, EA [N], it does not stretch; without `shear`, GA [N], its sections stay
+    normal to it.
     """
 
     start: str = Field(alias="from")
@@ -337,6 +338,8 @@ class RodTable(Strict):
     scheme: Literal["half", "double", "naive"] = "half"
     mass: float | None = Field(None, gt=0)
     turn: float = 0.0
+    axial: float | None = Field(None, gt=0)
+    shear: float | None = Field(None, gt=0)
 
     @model_validator(mode="before")
     @classmethod
@@ -371,6 +374,8 @@ class RodTable(Strict):
             self.scheme,
             self.mass,
             self.turn,
+            self.axial,
+            self.shear,
         )
 
 

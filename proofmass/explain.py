@@ -32,6 +32,8 @@ PLURALS = {
     "mass": "masses",
     "mass of a rod": "masses of the rods",
     "stiffness of a rod": "stiffnesses of the rods",
+    "axial stiffness of a rod": "axial stiffnesses of the rods",
+    "shear stiffness of a rod": "shear stiffnesses of the rods",
     "centre of mass": "centres of mass",
     "stiffness": "stiffnesses",
     "softness of the loop": "softness of the loop",

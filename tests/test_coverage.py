@@ -79,8 +79,8 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
     key = root.find(f".//key[@name='{case.start}']")
     zero = (0.0, 0.0, 0.0)
     match one.kind:
-        case "length" | "stiffness of a rod" | "mass of a rod":
-            name = {"length": "length"}.get(one.kind, one.kind.split()[0])
+        case kind if kind == "length" or kind.endswith(" of a rod"):
+            name = kind.split()[0]
             value = getattr(rods[one.of], name) + change
             rods[one.of] = rods[one.of].model_copy(update={name: value})
         case "place":

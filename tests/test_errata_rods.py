@@ -99,6 +99,29 @@ def test_equation_29_of_a_planar_cosserat_rod():
     assert abs(printed - slope[1]) > 0.1
 
 
+def test_equation_27_keeps_the_force_of_a_rod_constant():
+    """In a rod without load per length, of stiffnesses that vary, n' = 0 and m' = -p' x n."""
+    theta, v_x, v_z, u = 0.4, 0.3, 1.2, 0.8
+    ea, ga, ei, ea_slope, ga_slope, ei_slope = 5.0, 3.0, 2.0, 0.6, -0.4, 0.5
+
+    def balance(lack: float) -> np.ndarray:
+        """n' in the frame of the section, and m' + p' x n; `lack` is the share of the misprints."""
+        x = -(ga_slope * (v_x + lack * (1.0 - v_x)) + ea * u * (v_z - 1.0)) / ga
+        z = -(ea_slope * (v_z - 1.0) - (1.0 - 2.0 * lack) * ga * u * v_x) / ea
+        own = -(ei_slope * u - (ea - ga) * v_x * v_z + (1.0 - lack) * ea * v_x) / ei
+        axial, shear = ea * (v_z - 1.0), ga * v_x
+        axial_slope = ea_slope * (v_z - 1.0) + ea * z - u * shear
+        shear_slope = ga_slope * v_x + ga * x + u * axial
+        bend = ei_slope * u + ei * own + v_z * shear - v_x * axial
+        return np.array([axial_slope, shear_slope, bend])
+
+    np.testing.assert_allclose(balance(0.0), 0.0, atol=1e-14)  # rounding
+    assert np.all(np.abs(balance(1.0)) > 0.1)  # as printed
+    turn = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
+    slope = [v_z * np.cos(theta) - v_x * np.sin(theta), v_x * np.cos(theta) + v_z * np.sin(theta)]
+    assert turn @ [v_z, v_x] == pytest.approx(slope, rel=1e-14)  # its first two rows are right
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_energy_of_the_program_is_twice_the_energy(name):
     """Simpson's rule over m^2/EI with 41 nodes, as in its code; the half is missing."""

@@ -227,7 +227,7 @@ class MovingScene(PictureScene):
         self.across = np.cross(*self.basis)
         self.before = np.empty(0)
         self.plane = find_plane(model, self.data)
-        self.name_of_rod = {link: rod.name for rod in run.rods for link in chain(rod).names}
+        self.name_of_rod = {link: rod.name for rod in run.rods for link in chain(rod).bodies}
         self.hidden = {name for rod in run.rods for name in joints_of(chain(rod))}
         self.rods: dict[str, tuple[int, ...]] = {}
         for k, root in enumerate(self.roots):

@@ -79,6 +79,8 @@ def numbers_of(source: Source, sizes: Sizes, driven: Sequence[str] = ()) -> list
 KINDS = {
     "length": "m",
     "stiffness of a rod": "N m^2",
+    "axial stiffness of a rod": "N",
+    "shear stiffness of a rod": "N",
     "mass of a rod": "kg",
     "place": "m",
     "anchor": "m",
@@ -375,6 +377,8 @@ def of_rods(source: Source) -> Iterator[Number]:
         for kind, attribute in (
             ("length", "length"),
             ("stiffness of a rod", "stiffness"),
+            ("axial stiffness of a rod", "axial"),
+            ("shear stiffness of a rod", "shear"),
             ("mass of a rod", "mass"),
         ):
             if (value := getattr(rod, attribute)) is not None:

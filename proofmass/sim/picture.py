@@ -125,7 +125,7 @@ class PictureScene:
         rod_of = {
             name: rod.name
             for rod in run.rods
-            for name in (*joints_of(chain(rod)), *chain(rod).names)
+            for name in (*joints_of(chain(rod)), *chain(rod).bodies)
         }
         links: dict[str, tuple[Array, ...]] = {}
         for b in roots:

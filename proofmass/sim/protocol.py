@@ -178,7 +178,7 @@ class Imposed:
 
 @dataclass(frozen=True)
 class Rod:
-    """An elastic rod between two sites of the MJCF: inextensible, bending in the model's plane.
+    """An elastic rod between two sites of the MJCF, bending in the model's plane.
 
     Attributes
     ----------
@@ -202,6 +202,8 @@ class Rod:
         Of all of it [kg]; without gravity statics does not know it.
     turn : float
         Of its tangent from end to end in the start pose [rad].
+    axial, shear : float, optional
+        EA and GA [N]; None: it does not stretch, and its sections stay normal to it.
     """
 
     name: str
@@ -214,6 +216,8 @@ class Rod:
     scheme: str = "half"
     mass: float | None = None
     turn: float = 0.0
+    axial: float | None = None
+    shear: float | None = None
 
 
 @dataclass(frozen=True)

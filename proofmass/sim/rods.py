@@ -9,6 +9,13 @@ A rod of n segments of h = L / n:
 The links' angles are the rod's tangent at `nodes`: at 0, h, 2h, ..., L of the first scheme, in the
 middle of the links of the others.  A pinned end has no spring.
 
+A rod that stretches or shears has slides in the middle of its links, with springs EA/h along them
+and GA/h across.  Bodies behind slides share mass and inertia of a link in equal parts.  Which of
+two slides comes first changes from link to link: what the part between them weighs, which only one
+of them bears, cancels:
+
+    o==xy==o==yx==o==xy==   springs bear what acts beyond the middle of a link: order 2
+
 A rod starts in an arc that is closed with the least change of its bends.  A pinned far end is a
 ``connect``.  A clamped one is two, the second on a slider of the far body, so that nothing is held
 twice:
@@ -24,8 +31,10 @@ A rod hangs on the body of its first site; its links follow each other along the
 actuators and loops of the MJCF may name what is added:
 
     NAME.1, NAME.2, ...     bodies, joints, and sites in the links' middles
+    NAME.1.x, NAME.1.y ...  bodies and joints behind slides, if it stretches or shears
     NAME.middle, NAME.tip   sites half way and at the far end, their x axes along the rod; they keep
-                            their places when the rod is cut into other segments
+                            their places when the rod is cut into other segments, but for half the
+                            strain of a link where NAME.middle is in the middle of one
     NAME                    the loop that holds the far end
 """
 
@@ -69,6 +78,20 @@ class Chain:
         first = 0 if self.rod.scheme == "half" else 1
         return [f"{self.rod.name}.{k + first}" for k in range(self.lengths.size)]
 
+    def slides(self, link: int) -> tuple[str, ...]:
+        """Axes of a link's slides, in their order along it."""
+        axes = {"x": self.rod.axial, "y": self.rod.shear}
+        return tuple(axis for axis, value in axes.items() if value is not None)[:: (-1) ** link]
+
+    @property
+    def bodies(self) -> list[str]:
+        """All bodies, in their order along the rod; a joint has the name of the body it moves."""
+        return [
+            body
+            for k, name in enumerate(self.names)
+            for body in (name, *(f"{name}.{axis}" for axis in self.slides(k)))
+        ]
+
     @cached_property
     def vertices(self) -> Array:
         """Arc length [m] of the links' ends (links + 1,)."""
@@ -109,7 +132,7 @@ def chain(rod: Rod) -> Chain:
 
 def check_rod(rod: Rod) -> None:
     """Raise `BadRod` if there is no such rod."""
-    for key in ("length", "stiffness", "mass"):
+    for key in ("length", "stiffness", "mass", "axial", "shear"):
         value = getattr(rod, key)
         if value is not None and not value > 0:
             raise BadRod(rod.name, key, f"{value:g} must be positive")
@@ -194,7 +217,8 @@ PLAIN = {
 
 def joints_of(chain: Chain) -> list[str]:
     """The joints that a rod adds."""
-    joints = [name for name, jointed in zip(chain.names, chain.jointed, strict=True) if jointed]
+    fixed = {name for name, jointed in zip(chain.names, chain.jointed, strict=True) if not jointed}
+    joints = [name for name in chain.bodies if name not in fixed]
     return [*joints, f"{chain.rod.name}.slider"] if chain.rod.ends[1] == "clamped" else joints
 
 
@@ -204,37 +228,62 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
     body, place, turn = spec.site(rod.start).parent, site.pos, site.quat
     half = rod.length / 2
     starts, ends = chain.vertices[:-1], chain.vertices[1:]
-    for name, length, spring, first, last in zip(
-        chain.names, chain.lengths, chain.springs, starts, ends, strict=True
+    for k, (name, length, spring, first, last) in enumerate(
+        zip(chain.names, chain.lengths, chain.springs, starts, ends, strict=True)
     ):
+        slides, reached = chain.slides(k), length / 2 if chain.slides(k) else length
         body = body.add_body(name=name, pos=place, quat=turn)
         if np.isfinite(spring):
-            body.add_joint(
-                name=name,
-                type=HINGE,
-                axis=[0, 0, 1],
-                pos=[0, 0, 0],
-                stiffness=[spring, 0, 0],
-                **PLAIN,
-            )
-        weigh(body, rod, length)
-        body.add_site(name=name, pos=[length / 2, 0, 0])
+            spring_joint(body, HINGE, [0, 0, 1], spring)
+        parts = [(body, 0.0, reached)]  # a body, and the part of the link that it is
+        for axis in slides:
+            body = body.add_body(name=f"{name}.{axis}", pos=[reached - parts[-1][1], 0, 0])
+            if axis == "x":
+                spring_joint(body, SLIDE, [1, 0, 0], rod.axial / length)
+            else:
+                spring_joint(body, SLIDE, [0, 1, 0], rod.shear / length)
+            parts.append((body, reached, length if axis == slides[-1] else reached))
+        for part, begin, end in parts:
+            weigh(part, rod, length, len(parts), begin)
+            if end > begin:
+                draw(part, rod, end - begin)
+        middle, at, _ = parts[len(slides) // 2]
+        middle.add_site(name=name, pos=[length / 2 - at, 0, 0])
         if first < half <= last:
-            body.add_site(name=f"{rod.name}.middle", pos=[half - first, 0, 0])
-        place, turn = [length, 0, 0], [1, 0, 0, 0]
+            if half - first > 0.75 * length:  # at the end of the link
+                middle, at, _ = parts[-1]
+            middle.add_site(name=f"{rod.name}.middle", pos=[half - first - at, 0, 0])
+        place, turn = [length - parts[-1][1], 0, 0], [1, 0, 0, 0]
     tip = body.add_site(name=f"{rod.name}.tip", pos=place)
     if rod.end is not None:
         connect(spec, rod.name, tip.name, rod.end)
     if rod.ends[1] == "clamped":
-        guide(spec, bare, rod, body, place[0])
+        guide(spec, bare, rod, body, place[0], chain.lengths[-1])
 
 
-def weigh(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
-    """Give a link its share of the rod's mass, as a slender bar, and its looks."""
-    mass = (rod.mass or LIGHT) * length / rod.length
+def spring_joint(body: mujoco._specs.MjsBody, kind: int, axis: list[int], spring: float) -> None:
+    """Let a body move against a spring; the joint has its name."""
+    stiffness = [spring, 0, 0]
+    body.add_joint(
+        name=body.name, type=kind, axis=axis, pos=[0, 0, 0], stiffness=stiffness, **PLAIN
+    )
+
+
+def weigh(
+    body: mujoco._specs.MjsBody, rod: Rod, length: float, parts: int = 1, begin: float = 0.0
+) -> None:
+    """Give a body its share of a link's mass, that of a slender bar of which it is one of `parts`.
+
+    The body's frame lies `begin` [m] beyond the beginning of the link.
+    """
+    mass = (rod.mass or LIGHT) * length / rod.length / parts
     across = mass * length**2 / 12
-    body.mass, body.ipos, body.explicitinertial = mass, [length / 2, 0, 0], True
+    body.mass, body.ipos, body.explicitinertial = mass, [length / 2 - begin, 0, 0], True
     body.inertia = [across / 2, across, across]
+
+
+def draw(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
+    """Give a body the looks of so much of a rod."""
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=[0, 0, 0, length, 0, 0],
@@ -251,17 +300,23 @@ def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:
 
 
 def guide(
-    spec: mujoco.MjSpec, bare: mujoco.MjModel, rod: Rod, last: mujoco._specs.MjsBody, length: float
+    spec: mujoco.MjSpec,
+    bare: mujoco.MjModel,
+    rod: Rod,
+    last: mujoco._specs.MjsBody,
+    end: float,
+    length: float,
 ) -> None:
-    """Keep the last link on the x axis of the far site."""
+    """Keep the last link, whose body ends at `end` [m], on the x axis of the far site."""
     name, ahead = f"{rod.name}.slider", rod.length
     site = bare.site(rod.end)
     carrier = spec.site(rod.end).parent.add_body(name=f"{name}.0", pos=site.pos, quat=site.quat)
     slider = carrier.add_body(name=name, pos=[ahead, 0, 0])
     slider.add_joint(name=name, type=SLIDE, axis=[1, 0, 0], stiffness=[0, 0, 0], **PLAIN)
     weigh(slider, rod, length)
+    draw(slider, rod, length)
     slider.add_site(name=name)
-    last.add_site(name=f"{name}.end", pos=[length + ahead, 0, 0])
+    last.add_site(name=f"{name}.end", pos=[end + ahead, 0, 0])
     connect(spec, name, f"{name}.end", name)
 
 

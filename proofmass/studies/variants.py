@@ -156,7 +156,13 @@ def stiffer(case: Case, folder: Path, factor: float) -> Case:
             times(key, "ctrl", factor)
 
     rods = {
-        name: rod.model_copy(update={"stiffness": rod.stiffness * factor})
+        name: rod.model_copy(
+            update={
+                key: value * factor
+                for key in ("stiffness", "axial", "shear")
+                if (value := getattr(rod, key)) is not None
+            }
+        )
         for name, rod in case.rod.items()
     }
     changed = with_model(case, folder, change).model_copy(update={"rod": rods})

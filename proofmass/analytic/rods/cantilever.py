@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import romb
 
-from proofmass.analytic.numerics import TURN, Array, finite, positive
-from proofmass.analytic.rods.elastica import from_inflection, stiff
+from proofmass.analytic.numerics import TURN, Array, Complex, finite, positive
+from proofmass.analytic.rods.elastica import compliant, from_inflection, stiff
 from proofmass.analytic.rods.shooting import from_tip, stability
 
 Function = Callable[[Array], Array]
@@ -69,8 +69,9 @@ def _ridders(function: Function, a: Array, b: Array, fa: Array, fb: Array, most:
         same = np.signbit(values) == np.signbit(fa)
         a, b = np.where(same, ends, -np.inf).max(axis=0), np.where(same, np.inf, ends).min(axis=0)
         fa, fb = _at(ends, values, a), _at(ends, values, b)
-        if np.all((b - a <= 4e-16 * (1.0 + np.abs(a))) | (fb == 0.0) | (fa == 0.0)):
-            break
+        left = (b - a) * np.minimum(1.0, np.minimum(np.abs(fa), np.abs(fb)) / np.abs(fb - fa))
+        if np.all((left <= 4e-16 * (1.0 + np.abs(a))) | (fb == 0.0) | (fa == 0.0)):
+            break  # a secant moves the better end no further
     return np.where(np.abs(fa) <= np.abs(fb), a, b)
 
 
@@ -91,6 +92,8 @@ class Load:
     force: complex  # [N]
     moment: float  # [N m]
     weight: complex  # [N/m]
+    axial: float  # EA [N]
+    shear: float  # GA [N]
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -100,12 +103,23 @@ class Load:
             "weight_y": self.weight.imag,
             "length": self.length,
             "stiffness": self.stiffness,
+            "axial": self.axial,
+            "shear": self.shear,
         }
 
     @property
     def elliptic(self) -> bool:
-        """Whether the tip is an inflection and the load does not pull straight along the rod."""
-        return self.moment == 0.0 and self.weight == 0.0 and abs(np.sin(0.5 * self.psi)) > 1e-100
+        """Whether the tip is an inflection and the load does not pull straight along the rod.
+
+        The rod neither stretches nor shears.
+        """
+        return (
+            self.moment == 0.0
+            and self.weight == 0.0
+            and abs(np.sin(0.5 * self.psi)) > 1e-100
+            and np.isinf(self.axial)
+            and np.isinf(self.shear)
+        )
 
     @property
     def psi(self) -> float:
@@ -116,6 +130,11 @@ class Load:
     def waves(self) -> float:
         """L sqrt(R/EI)."""
         return float(self.length * np.sqrt(abs(self.force) / self.stiffness))
+
+    def local(self, arc: Array, theta: Array) -> Complex:
+        """Force at arc lengths along the section's normal, real, and across it, imaginary [N]."""
+        beyond = self.force + self.weight * (self.length - arc)
+        return np.asarray(beyond * np.exp(-1j * theta))
 
 
 def solve(
@@ -131,6 +150,8 @@ def solve(
     x0: float = 0.0,
     y0: float = 0.0,
     theta0: float = 0.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
     branch: int = 1,
 ) -> dict[str, Array]:
     r"""Shape of a clamped rod under dead loads at arc lengths `s` from the clamp.
@@ -147,16 +168,21 @@ def solve(
 
         k cd(L sqrt(R/EI), |k|) = cos(psi/2)
 
-    and everything else by shooting from the tip, whose angle is then the one unknown.
+    and everything else by shooting from the tip, whose angle is then the one unknown.  So is a rod
+    that stretches and shears, whose sections have normals of angle theta::
+
+        x' + i y' = (1 + A/EA + i S/GA) exp(i theta),     m' = N_x y' - N_y x'
+        A + i S = (N_x + i N_y) exp(-i theta)
 
     Parameters
     ----------
-    s : [m], in [0, length]  (...)
+    s : [m], in [0, length], of the rod without load  (...)
     length, stiffness : L [m], EI [N m^2]
     force_x, force_y : F on the tip [N]
     moment : M on the tip [N m]
     weight_x, weight_y : w, dead load per length of rod [N/m]
     x0, y0, theta0 : the clamp [m] and its tangent [rad]
+    axial, shear : EA, and GA with the section's area of shear [N]; left out: without that strain
     branch : 1 is the equilibrium of least potential energy, 2 the next (`equilibria`)
 
     Returns
@@ -167,13 +193,16 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter out of its domain, an s beyond the rod, a branch that there is not.
+        A parameter out of its domain, an s beyond the rod, a branch that there is not or in which
+        the rod is pressed to nothing, 1 + A/EA <= 0.
 
     Notes
     -----
     Within 1e-13 L for a force alone, 1e-11 L otherwise, up to L sqrt(R/EI) of about 10.  In mirror
-    image equilibria the one to the left comes first.  Source: Pérez Gámiz 2018, eq. 30 and 33-46;
-    K. E. Bisshopp and D. C. Drucker, Q. Appl. Math. 3 (1945) 272-275 for psi = pi/2.
+    image equilibria the one to the left comes first.  Source: Pérez Gámiz 2018, eq. 24-30 and
+    33-46, misprints of eq. 27-29 corrected (docs/errata.md); E. Reissner, J. Appl. Math. Phys. 23
+    (1972) 795-804 for the strains; K. E. Bisshopp and D. C. Drucker, Q. Appl. Math. 3 (1945)
+    272-275 for psi = pi/2.
 
     Examples
     --------
@@ -182,7 +211,14 @@ def solve(
     [0.4450044022, 0.8106090249, 1.4302855388]
     """
     load = _load(
-        length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y), theta0
+        length,
+        stiffness,
+        complex(force_x, force_y),
+        moment,
+        complex(weight_x, weight_y),
+        theta0,
+        axial,
+        shear,
     )
     arc = np.asarray(s, float)
     if not np.all((arc >= 0.0) & (arc <= length)):
@@ -194,6 +230,8 @@ def solve(
         v[0].reshape(arc.shape)
         for v in _shape(load, found["tip"][branch - 1 : branch], arc.ravel())
     )
+    if found["least"][branch - 1] <= 0.0:
+        raise ValueError(f"axial must be more than {axial:g} N: the loads press the rod to nothing")
     place = complex(x0, y0) + place * np.exp(1j * theta0)
     beyond = complex(force_x, force_y) + complex(weight_x, weight_y) * (length - arc)
     return {
@@ -216,32 +254,41 @@ def equilibria(
     weight_x: float = 0.0,
     weight_y: float = 0.0,
     theta0: float = 0.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
 ) -> dict[str, Array]:
     """All equilibria of the rod of `solve`, by rising potential energy.
 
     Returns
     -------
     dict of (branches,) arrays: theta [rad] of the tip; x, y [m] of the tip from the clamp; m0
-    [N m]; energy of bending and potential [J], energy less the work of the loads from the straight
-    rod's clamp; unstable, the number of negative directions.
+    [N m]; energy of the strains and potential [J], energy less the work of the loads from the
+    straight rod's clamp; unstable, the number of negative directions.
 
     Notes
     -----
-    A search over the tip's angle, |theta_L - theta_0| <= L (|M| + |F| L/2 + |w| L^2/6)/EI, on a
-    grid that is fine where rods under tension are; pairs of equilibria closer than about 1e-6 rad
-    (next to a fold) may be missed together.
+    A search over the tip's angle, |theta_L - theta_0| <= L (|M| + |F| L/2 + |w| L^2/6)/EI of a rod
+    that does not stretch, on a grid that is fine where rods under tension are; pairs of equilibria
+    closer than about 1e-6 rad (next to a fold) may be missed together.
 
     >>> found = equilibria(force_x=-3.0)                 # a column beyond pi^2/4 = 2.467
     >>> found["theta"].round(4).tolist(), found["unstable"].tolist()
     ([1.2245, -1.2245, 0.0], [0, 0, 1])
     """
     load = _load(
-        length, stiffness, complex(force_x, force_y), moment, complex(weight_x, weight_y), theta0
+        length,
+        stiffness,
+        complex(force_x, force_y),
+        moment,
+        complex(weight_x, weight_y),
+        theta0,
+        axial,
+        shear,
     )
     found = _tips(load)
     place = found.pop("place") * np.exp(1j * theta0)
     state = stability(load.force.real, load.force.imag, found["theta"], moment, **load.keywords)
-    del found["tip"]
+    del found["tip"], found["least"]
     return {
         **found,
         "theta": found["theta"] + theta0,
@@ -252,10 +299,18 @@ def equilibria(
 
 
 def _load(
-    length: float, stiffness: float, force: complex, moment: float, weight: complex, theta0: float
+    length: float,
+    stiffness: float,
+    force: complex,
+    moment: float,
+    weight: complex,
+    theta0: float,
+    axial: float,
+    shear: float,
 ) -> Load:
     positive(length=length)
     stiff(stiffness)
+    compliant(axial, shear)
     finite(
         force_x=force.real,
         force_y=force.imag,
@@ -265,7 +320,9 @@ def _load(
         theta0=theta0,
     )
     turn = np.exp(-1j * theta0)
-    return Load(length, stiffness, complex(force * turn), moment, complex(weight * turn))
+    return Load(
+        length, stiffness, complex(force * turn), moment, complex(weight * turn), axial, shear
+    )
 
 
 def _tips(load: Load) -> dict[str, Array]:
@@ -274,7 +331,9 @@ def _tips(load: Load) -> dict[str, Array]:
     arc = np.linspace(0.0, load.length, NODES)
     place, theta, m = _shape(load, tip, arc)
     step = arc[1]
-    energy = romb(m**2, step) / (2.0 * load.stiffness)
+    local = load.local(arc, theta)
+    strained = m**2 / load.stiffness + local.real**2 / load.axial + local.imag**2 / load.shear
+    energy = romb(strained, step) / 2.0
     work = (np.conj(load.force) * place[:, -1] + romb(np.conj(load.weight) * place, step)).real
     found = {
         "tip": tip,
@@ -283,6 +342,7 @@ def _tips(load: Load) -> dict[str, Array]:
         "m0": m[:, 0],
         "energy": energy,
         "potential": energy - work - load.moment * theta[:, -1],
+        "least": 1.0 + local.real.min(axis=1) / load.axial,
     }
     scale = load.stiffness / load.length
     order = np.lexsort((-found["theta"], np.round(found["potential"] / scale, 9)))
@@ -302,7 +362,8 @@ def _grid(load: Load) -> Array:
         + abs(load.force) * load.length / 2.0
         + abs(load.weight) * load.length**2 / 6.0
     )
-    reach = mean * load.length / load.stiffness
+    most = abs(load.force) + abs(load.weight) * load.length
+    reach = mean * load.length / load.stiffness * (1.0 + most / min(load.axial, load.shear))
     even = np.linspace(-reach - 0.01, reach + 0.013, 801 + int(40.0 * reach))
     near = np.geomspace(1e-13, 1.0, 53)
     aims = np.angle(load.force) + TURN * np.arange(-1, 2)[:, None]

@@ -386,6 +386,13 @@ def stiff(stiffness: float) -> None:
         raise ValueError(f"stiffness must be a positive finite EI [N m^2], got {stiffness}")
 
 
+def compliant(axial: float, shear: float) -> None:
+    """ValueError for an EA or a GA that is not positive; infinite is a rod without that strain."""
+    for name, value in (("axial", axial), ("shear", shear)):
+        if not value > 0.0:
+            raise ValueError(f"{name} must be a positive stiffness of a section [N], got {value}")
+
+
 INFLECTION = 1e-6  # how far the tip may be from one, of a half wave
 
 

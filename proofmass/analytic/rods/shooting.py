@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
-from proofmass.analytic.numerics import Array, positive
-from proofmass.analytic.rods.elastica import stiff
+from proofmass.analytic.numerics import Array, cross, positive
+from proofmass.analytic.rods.elastica import compliant, stiff
 
 RK4 = (
     np.array([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], float),
@@ -54,6 +54,8 @@ def integrate(
     weight_y: float = 0.0,
     length: float = 1.0,
     stiffness: float = 1.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
     nodes: int | Array = 41,
     scheme: str = "dop853",
     slopes: bool = False,
@@ -62,10 +64,12 @@ def integrate(
 
     ::
 
-        theta' = m/EI,   m' = N_x sin(theta) - N_y cos(theta),   x' = cos(theta),   y' = sin(theta)
-        N(s) = n + w (L - s)
+        theta' = m/EI,   m' = N_x y' - N_y x',   N(s) = n + w (L - s)
+        x' + i y' = (1 + A/EA + i S/GA) exp(i theta),   A + i S = (N_x + i N_y) exp(-i theta)
 
-    n and m0 are what shooting looks for; nothing is asked of the tip.
+    A is the force along the section's normal, whose angle is theta, and S the one across it.
+    Without an EA and a GA the normal is the tangent of an inextensible rod.  n and m0 are what
+    shooting looks for; nothing is asked of the tip.
 
     Parameters
     ----------
@@ -74,8 +78,9 @@ def integrate(
     x0, y0 : clamp [m]
     weight_x, weight_y : w, dead load per length [N/m]
     length, stiffness : L [m], EI [N m^2]
+    axial, shear : EA and GA, the section's area of shear included [N]
     nodes : number of nodes, 2 or more, evenly spaced; or their arc lengths [m]
-        (nodes,) from 0 to L
+        (nodes,) from 0 to L, of the rod without load
     scheme : "rk4", or "dop853" of order 8
     slopes : whether to integrate the variational equations too
 
@@ -87,9 +92,9 @@ def integrate(
     Notes
     -----
     Order 4 and 8 in the step.  "dop853" with 41 nodes is at rounding for a rod of a few half waves.
-    Source: Pérez Gámiz 2018, eq. 30, 78 and annex II line 1616: RK4 with 61 and 41 nodes; eq.
-    29 for an extensible rod lacks a factor, and is not used here either.  Order 8: scipy's
-    coefficients of Dormand and Prince, with constant steps.
+    Source: Pérez Gámiz 2018, eq. 24-26, 30, 78 and annex II line 1616: RK4 with 61 and 41 nodes;
+    eq. 29 for a rod that stretches and shears has two misprints (docs/errata.md).  Order 8:
+    scipy's coefficients of Dormand and Prince, with constant steps.
 
     Examples
     --------
@@ -99,6 +104,7 @@ def integrate(
     """
     positive(length=length)
     stiff(stiffness)
+    compliant(axial, shear)
     if scheme not in SCHEMES:
         raise ValueError(f"scheme must be one of {', '.join(SCHEMES)}, got {scheme!r}")
     s = np.linspace(0.0, length, nodes) if isinstance(nodes, int) else nodes
@@ -114,7 +120,10 @@ def integrate(
     weight = np.zeros((2, width) + (1,) * fx.ndim)
     weight[:, 0] = np.reshape((weight_x, weight_y), (2,) + (1,) * fx.ndim)
     path = march(
-        lambda at, z: _slope(z, force + weight * (length - at), stiffness), state, s, scheme
+        lambda at, z: _slope(z, force + weight * (length - at), stiffness, axial, shear),
+        state,
+        s,
+        scheme,
     )
     theta, moment, x, y = np.moveaxis(path[:, :, 0], 1, 0)
     return ShotRods(s, theta, moment, x, y, path[:, :, 1:])
@@ -130,6 +139,8 @@ def from_tip(
     weight_y: float = 0.0,
     length: float = 1.0,
     stiffness: float = 1.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
     nodes: int | Array = 41,
     scheme: str = "dop853",
     slopes: bool = False,
@@ -155,6 +166,8 @@ def from_tip(
         weight_y=-weight_y,
         length=length,
         stiffness=stiffness,
+        axial=axial,
+        shear=shear,
         nodes=nodes,
         scheme=scheme,
         slopes=slopes,
@@ -175,16 +188,20 @@ def march(rate: Callable[[float, Array], Array], state: Array, s: Array, scheme:
     return path.reshape(s.size, *state.shape)
 
 
-def _slope(state: Array, force: Array, stiffness: float) -> Array:
+def _slope(state: Array, force: Array, stiffness: float, axial: float, shear: float) -> Array:
     """d/ds of (theta, m, x, y) in row 0 of the second axis, of its tangents in the other rows."""
-    c, s = np.cos(state[0, 0]), np.sin(state[0, 0])
-    out = np.empty_like(state)
-    out[0] = state[1] / stiffness
-    out[1] = force[0] * s - force[1] * c
-    out[1, 1:] += (force[0, 0] * c + force[1, 0] * s) * state[0, 1:]
-    out[2], out[3] = -s * state[0], c * state[0]
-    out[2, 0], out[3, 0] = c, s
-    return out
+    turn, load = np.exp(1j * state[0, 0]), force[0] + 1j * force[1]
+    path = 1j * turn * state[0]
+    path[0] = turn
+    if np.isfinite(axial) or np.isfinite(shear):
+        local = load * turn.conj()
+        local[1:] -= 1j * local[0] * state[0, 1:]
+        strain = (local.real / axial + 1j * (local.imag / shear)) * turn
+        strain[1:] += 1j * strain[0] * state[0, 1:]
+        path += strain
+    bend = cross(load, path[0])
+    bend[1:] += cross(load[0], path[1:])
+    return np.stack([state[1] / stiffness, bend, path.real, path.imag])
 
 
 @dataclass(frozen=True)
@@ -210,6 +227,8 @@ def stability(
     weight_y: float = 0.0,
     length: float = 1.0,
     stiffness: float = 1.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
     nodes: int = 201,
 ) -> Stability:
     r"""Negative directions of the second variation at an equilibrium, known by its tip.
@@ -219,8 +238,9 @@ def stability(
         d2V[h] = int EI h'^2 + (N_x cos(theta) + N_y sin(theta)) h^2 ds,    h(0) = 0
 
     Tip free: as many as Jacobi's field has zeros on (0, L), which begins at the tip with h = 1 and
-    h' = 0 and obeys EI h'' = (N . t) h.  Tip pinned: with C = d(x, y)/d(n_x, n_y) at constant clamp
-    and constant moment of the tip::
+    h' = 0 and obeys EI h'' = (N . t) h.  A rod that stretches and shears has its strains in the
+    equilibrium of each h, so that (N . t) is A + (A^2 - S^2) (1/EA - 1/GA).  Tip pinned: with
+    C = d(x, y)/d(n_x, n_y) at constant clamp and constant moment of the tip::
 
         pinned = free - (number of negative eigenvalues of C)
 
@@ -230,7 +250,7 @@ def stability(
     ----------
     n_x, n_y, theta, moment : force [N] on the tip, its angle [rad], moment [N m] on it (...)
     weight_x, weight_y : dead load per length [N/m]
-    length, stiffness, nodes : of `integrate` [m, N m^2]
+    length, stiffness, axial, shear, nodes : of `integrate` [m, N m^2, N, N, 1]
 
     Returns
     -------
@@ -258,6 +278,8 @@ def stability(
         weight_y=weight_y,
         length=length,
         stiffness=stiffness,
+        axial=axial,
+        shear=shear,
         nodes=nodes,
         slopes=True,
     )

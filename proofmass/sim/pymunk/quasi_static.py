@@ -575,9 +575,9 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
 def shape(links: Links, pose: Array, one: Chain) -> RodPose:
     """Vertices, angles and bends of a rod's links."""
     bodies = [links.model.body(name).id for name in one.names]
-    tip = links.model.site(f"{one.rod.name}.tip").id
+    tip = links.model.site(f"{one.rod.name}.tip")
     places = [place(links, pose, b, links.data.xpos[b]) for b in bodies]
-    places.append(place(links, pose, bodies[-1], links.data.site_xpos[tip]))
+    places.append(place(links, pose, tip.bodyid[0], links.data.site_xpos[tip.id]))
     ahead = links.plane.flat(links.data.xmat[bodies].reshape(-1, 3, 3)[:, :, 0])
     angles = np.arctan2(ahead[:, 1], ahead[:, 0]) + pose[links.of_body[bodies], 2]
     bends = [

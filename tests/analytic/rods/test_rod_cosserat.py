@@ -1,0 +1,128 @@
+"""Rods that stretch and shear: a second formulation, limits, buckling, energy, bad input."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from proofmass.analytic.rods import equilibria, integrate, solve
+from proofmass.analytic.rods.shooting import stability
+from tests.independent.rods.cosserat import Section, shoot
+
+ARC = np.linspace(0.0, 1.2, 7)
+LOADS = {
+    "force": {"force": (-2.0, 5.0), "moment": 0.3},
+    "pull": {"force": (9.0, 2.0), "moment": -0.5},
+    "own weight": {"line": (0.0, -6.0)},
+    "weight and force": {"line": (-1.5, 2.0), "force": (1.0, -3.0), "moment": 0.2},
+}
+SECTIONS = {"both": (40.0, 20.0), "soft": (12.0, 9.0), "axial": (15.0, 1e4), "shear": (1e4, 15.0)}
+
+
+def named(force=(0.0, 0.0), line=(0.0, 0.0), moment=0.0):
+    """The loads as `solve` calls them."""
+    return {
+        "force_x": force[0],
+        "force_y": force[1],
+        "weight_x": line[0],
+        "weight_y": line[1],
+        "moment": moment,
+    }
+
+
+@pytest.mark.parametrize(
+    ("section", "load"),
+    [("both", load) for load in LOADS] + [(section, "force") for section in SECTIONS][1:],
+)
+def test_shooting_in_the_frame_of_the_sections(load, section):
+    """Other unknowns, another integrator, another way to the solution: all curves to 1e-10."""
+    axial, shear = SECTIONS[section]
+    own = shoot(ARC, Section(0.9, axial, shear), **LOADS[load])
+    strained = {"axial": axial, "shear": shear}
+    found = solve(ARC, length=1.2, stiffness=0.9, **strained, **named(**LOADS[load]))
+    for name, values in own.items():
+        # the steps of both: 1e-13 in a step of DOP853, order 8 in 64 steps of ours; m is up to 10
+        np.testing.assert_allclose(found[name], values, rtol=1e-10, atol=1e-10)
+    stiff = solve(ARC, length=1.2, stiffness=0.9, **named(**LOADS[load]))
+    assert np.abs(stiff["y"] - own["y"]).max() > 1e-3  # both strains are noticed
+
+
+def test_a_pull_along_the_rod_stretches_it():
+    rod = solve(np.array([0.5, 2.0]), length=2.0, force_x=3.0, weight_x=1.0, axial=10.0, shear=4.0)
+    s = np.array([0.5, 2.0])
+    exact = s + (3.0 * s + 2.0 * s - s**2 / 2.0) / 10.0  # the integral of 1 + (F + w (L - s))/EA
+    np.testing.assert_allclose(rod["x"], exact, rtol=0, atol=1e-13)  # rounding
+    np.testing.assert_allclose(rod["theta"], 0.0, atol=1e-13)
+
+
+def test_small_loads_bend_and_shear_as_timoshenko_says():
+    """F L^3/3EI + F L/GA, and w L^4/8EI + w L^2/2GA; a moment shears nothing."""
+    small, section = 1e-6, {"length": 1.5, "stiffness": 0.7, "axial": 30.0, "shear": 8.0}
+    for load, deflection in (
+        ("force_y", 1.5**3 / (3.0 * 0.7) + 1.5 / 8.0),
+        ("weight_y", 1.5**4 / (8.0 * 0.7) + 1.5**2 / 16.0),
+        ("moment", 1.5**2 / (2.0 * 0.7)),
+    ):
+        rod = solve(1.5, **section, **{load: small})
+        # what is of third order in the load, and rounding of a length of 1.5 over the load
+        assert rod["y"] / small == pytest.approx(deflection, abs=1e-8)
+
+
+@pytest.mark.parametrize(("axial", "shear"), [(30.0, np.inf), (np.inf, 9.0), (30.0, 9.0)])
+def test_a_column_buckles_where_its_strains_say(axial, shear):
+    """Linear about the pressed column: EI theta'' + P (1 - P/EA + P/GA) theta = 0."""
+
+    def beyond(load):
+        return load * (1.0 - load / axial + load / shear) - np.pi**2 / 4.0
+
+    load = brentq(beyond, 0.1, 4.0, xtol=1e-14)
+    assert abs(load - np.pi**2 / 4.0) > 0.2
+    shares = -load * np.array([1.0 - 1e-4, 1.0 + 1e-4])
+    straight = stability(shares, 0.0, 0.0, axial=axial, shear=shear)
+    assert straight.free.tolist() == [0, 1]
+
+
+def test_potential_by_virtual_work():
+    """dV by the load is minus its place; dV by 1/EA is minus the integral of A^2/2, as of 1/GA."""
+    section, step, load = {"axial": 25.0, "shear": 15.0}, 1e-4, {"force_x": -2.0, "weight_y": -8.0}
+    s, weights = np.polynomial.legendre.leggauss(30)
+    rod = solve(np.append(0.5 * (1.0 + s), 1.0), **load, **section)
+    local = (rod["force_x"] + 1j * rod["force_y"])[:-1] * np.exp(-1j * rod["theta"][:-1])
+
+    def slope(change):
+        ahead, behind = (
+            equilibria(**load | section | change(sign * step))["potential"][0] for sign in (1, -1)
+        )
+        return (ahead - behind) / (2.0 * step)
+
+    # step^2, and rounding over the step
+    assert -slope(lambda d: {"force_x": d - 2.0}) == pytest.approx(rod["x"][-1], abs=1e-7)
+    place = 0.5 * weights @ rod["y"][:-1]
+    assert -slope(lambda d: {"weight_y": d - 8.0}) == pytest.approx(place, abs=1e-7)
+    for key, force in (("axial", local.real), ("shear", local.imag)):
+        own = slope(lambda d, key=key: {key: 1.0 / (1.0 / section[key] + d)})
+        assert -own == pytest.approx(0.25 * weights @ force**2, rel=1e-5, abs=1e-7)  # likewise
+
+
+def test_slopes_by_differences():
+    given, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
+    shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "axial": 7.0, "shear": 5.0}
+    exact = integrate(*given[:3], theta0=given[3], slopes=True, **shared).slope[-1]
+    offsets = step * np.concatenate([np.eye(4), -np.eye(4)])
+    moved = (given + offsets).T
+    ends = integrate(*moved[:3], theta0=moved[3], **shared)
+    values = np.array([ends.theta[-1], ends.m[-1], ends.x[-1], ends.y[-1]])
+    slope = (values[:, :4] - values[:, 4:]) / (2.0 * step)
+    np.testing.assert_allclose(exact, slope, rtol=0, atol=1e-7)  # third derivatives times step^2
+
+
+@pytest.mark.parametrize("name", ["axial", "shear"])
+@pytest.mark.parametrize("value", [0.0, -3.0, np.nan])
+def test_a_stiffness_that_is_none_is_named(name, value):
+    for function in (lambda **k: solve(1.0, **k), lambda **k: integrate(0, 0, 0, **k)):
+        with pytest.raises(ValueError, match=f"^{name} must be a positive stiffness of a section"):
+            function(**{name: value})
+
+
+def test_a_rod_that_is_pressed_to_nothing_is_refused():
+    with pytest.raises(ValueError, match=r"^axial must be more than 5 N: the loads press the rod"):
+        solve(1.0, stiffness=100.0, force_x=-6.0, axial=5.0)

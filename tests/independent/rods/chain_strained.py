@@ -1,0 +1,56 @@
+"""A clamped chain whose links stretch and shear in their middles, from the balance of its links.
+
+With N_k the force on what lies beyond the middle of link k, as a complex number, A + i S the same
+in the frame of the link, which has the length h_k, and moments M_k of the springs at the links'
+beginnings::
+
+    M_k - M_(k+1) = Im(conj(h_k e_k exp(i a_k)) N_k),      M_k = c_k (a_k - a_(k-1))
+    e_k = 1 + A/EA + i S/GA
+"""
+
+import numpy as np
+from scipy.optimize import root
+
+from proofmass.analytic.numerics import Array
+
+
+def free(
+    lengths: Array,
+    springs: Array,
+    force: complex,
+    moment: float,
+    axial: float,
+    shear: float,
+    line: complex = 0.0,
+) -> tuple[Array, Array]:
+    """Angles of the links [rad], and places of their ends as complex numbers [m].
+
+    A spring that is infinite keeps its link along +x.
+    """
+    beyond = force + line * (np.sum(lengths) - np.cumsum(lengths) + 0.5 * lengths)
+    free = np.isfinite(springs)
+
+    def ends(angles: Array) -> Array:
+        local = beyond * np.exp(-1j * angles)
+        return lengths * (1.0 + local.real / axial + 1j * local.imag / shear) * np.exp(1j * angles)
+
+    def balance(turns: Array, share: float) -> Array:
+        angles = np.zeros(lengths.size)
+        angles[free] = turns
+        moments = np.zeros(lengths.size + 1)
+        moments[:-1][free] = springs[free] * np.diff(angles, prepend=0.0)[free]
+        moments[-1] = share * moment
+        load = share * beyond
+        local = load * np.exp(-1j * angles)
+        strain = 1.0 + local.real / axial + 1j * local.imag / shear
+        arm = lengths * strain * np.exp(1j * angles)
+        return (moments[:-1] - moments[1:] - np.imag(np.conj(arm) * load))[free]
+
+    turns = np.zeros(int(free.sum()))
+    for share in np.arange(1, 6) / 5.0:
+        turns = root(balance, turns, args=(share,), tol=1e-14).x
+    if np.abs(balance(turns, 1.0)).max() > 1e-11:
+        raise ValueError("the links do not balance")
+    angles = np.zeros(lengths.size)
+    angles[free] = turns
+    return angles, np.cumsum(ends(angles))

@@ -1,0 +1,92 @@
+"""A clamped rod that stretches and shears, in the frame of its sections: a second formulation.
+
+The unknowns are the strains themselves, as in Pérez Gámiz 2018, eq. 27 without its misprints: v_z
+along the section's normal, v_x across it, and the curvature u, with constant stiffnesses and a dead
+load f per length,
+
+    GA v_x' = -EA u (v_z - 1) - f . d        t = (cos theta, sin theta), the normal
+    EA v_z' =  GA u v_x       - f . t        d = (-sin theta, cos theta)
+    EI u'   =  EA v_x (v_z - 1) - GA v_x v_z
+    theta' = u,    p' = v_z t + v_x d
+
+from the clamp, whose three strains are found by `scipy.optimize.root` while the loads are put on.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from proofmass.analytic.numerics import Array
+
+
+@dataclass(frozen=True)
+class Section:
+    """EI [N m2], EA and GA [N]."""
+
+    bending: float = 1.0
+    axial: float = 1.0
+    shear: float = 1.0
+
+
+def rates(state: Array, section: Section, line: Array) -> Array:
+    """d/ds of (v_z, v_x, u, theta, x, y) under a dead load per length."""
+    v_z, v_x, u, theta = state[:4]
+    c, s = np.cos(theta), np.sin(theta)
+    along, across = line @ [c, s], line @ [-s, c]
+    ea, ga = section.axial, section.shear
+    return np.array(
+        [
+            (ga * u * v_x - along) / ea,
+            -(ea * u * (v_z - 1.0) + across) / ga,
+            (ea * v_x * (v_z - 1.0) - ga * v_x * v_z) / section.bending,
+            u,
+            v_z * c - v_x * s,
+            v_z * s + v_x * c,
+        ]
+    )
+
+
+def shoot(
+    s: Array,
+    section: Section,
+    force: tuple[float, float] = (0.0, 0.0),
+    moment: float = 0.0,
+    line: tuple[float, float] = (0.0, 0.0),
+    steps: int = 3,
+) -> dict[str, Array]:
+    """x, y, theta and m at arc lengths s from a clamp along +x, the last one being the tip."""
+
+    def path(strains: Array, share: float) -> Array:
+        start = np.concatenate([strains, np.zeros(3)])
+        load = share * np.array(line)
+        return solve_ivp(
+            lambda _, z: rates(z, section, load),
+            (0.0, s[-1]),
+            start,
+            "DOP853",
+            t_eval=s,
+            rtol=1e-13,
+            atol=1e-14,
+        ).y
+
+    def missed(strains: Array, share: float) -> Array:
+        v_z, v_x, u, theta = path(strains, share)[:4, -1]
+        pull = share * complex(*force) * np.exp(-1j * theta)
+        return np.array(
+            [
+                v_z - 1.0 - pull.real / section.axial,
+                v_x - pull.imag / section.shear,
+                u - share * moment / section.bending,
+            ]
+        )
+
+    strains = np.array([1.0, 0.0, 0.0])
+    for share in np.arange(1, steps + 1) / steps:
+        found = root(missed, strains, args=(share,), tol=1e-12)
+        strains = found.x
+    if np.abs(found.fun).max() > 1e-11:
+        raise ValueError(found.message)
+    _, _, u, theta, x, y = path(strains, 1.0)
+    return {"x": x, "y": y, "theta": theta, "m": section.bending * u}

@@ -1,0 +1,121 @@
+"""Rods that stretch and shear in both engines: their chains, what notices their stiffnesses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from proofmass.check import check
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import BadRod, Rod
+from proofmass.sim.rods import chain
+from tests.independent.rods import chain_strained
+from tests.sim.rod_models import ENGINES, model, pull, rest
+from tests.verdicts import verdicts
+
+EACH = pytest.mark.parametrize("engine", ENGINES)
+PLACES = "r.x", "r.y", "r.angle"
+STRAINS = {"both": (40.0, 20.0), "axial": (40.0, None), "shear": (None, 20.0)}
+
+
+def rod(n: int, strain: str = "both", scheme: str = "half", mass: float | None = None) -> Rod:
+    """L = EI = 1, clamped at the ground."""
+    ends = ("clamped", "free")
+    return Rod("r", "ground", None, 1.0, 1.0, n, ends, scheme, mass, 1.0, *STRAINS[strain])
+
+
+@EACH
+@pytest.mark.parametrize("strain", STRAINS)
+@pytest.mark.parametrize("scheme", ["half", "double"])
+def test_a_strained_cantilever_rests_where_its_chain_does(engine, strain, scheme, tmp_path):
+    """Angles and ends of all links, with a force, a moment and a weight, against their balance."""
+    file = model(tmp_path, actuators=pull("r.tip", -2.0, 5.0, 0, 0, 0, 0.3), ctrl="1")
+    one = chain(rod(6, strain, scheme))
+    axial, shear = (np.inf if value is None else value for value in STRAINS[strain])
+    angles, ends = chain_strained.free(one.lengths, one.springs, -2 + 5j, 0.3, axial, shear)
+    found = rest(engine, file, (one.rod,), PLACES, samples=13).channels  # every h / 2
+    tips = slice(1, None, 2) if scheme == "half" else slice(2, None, 2)
+    middles = slice(2, None, 2) if scheme == "half" else slice(1, None, 2)
+    at = found["r.x"] + 1j * found["r.y"]
+    # both engines end where nothing moves by 1e-12 of the model
+    np.testing.assert_allclose(at[tips], ends[: at[tips].size], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(at[-1], ends[-1], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found["r.angle"][middles], angles[-6:], rtol=0, atol=1e-10)
+
+
+@EACH
+@pytest.mark.parametrize("strain", STRAINS)
+def test_order_under_its_own_weight(engine, strain, tmp_path):
+    """Loads on the body between two slides cancel: tips fall in with order 2, as without slides."""
+    file = model(tmp_path, gravity="0 -10 0")
+    tips = []
+    for n in (4, 8, 16):
+        found = rest(engine, file, (rod(n, strain, mass=0.6),), PLACES).channels
+        tips.append(found["r.x"][-1] + 1j * found["r.y"][-1])
+    first, second = np.abs(np.diff(tips))
+    assert np.log2(first / second) == pytest.approx(2.0, abs=0.15)  # what h^4 adds with four links
+
+
+def test_slides_alternate_and_share_mass_and_inertia(tmp_path):
+    """A link with slides weighs and turns as the same link without them."""
+    file = model(tmp_path)
+    rigid = replace(rod(4, mass=2.0), axial=None, shear=None)
+    plain, strained = (compile_model(file, [one]) for one in (rigid, rod(4, mass=2.0)))
+    for name in ("r.0", "r.1", "r.4"):
+        parts = [strained.body(f"{name}{end}") for end in ("", ".x", ".y")]
+        whole = plain.body(name)
+        assert sum(part.mass[0] for part in parts) == pytest.approx(whole.mass[0], rel=1e-14)
+        assert sum(part.inertia for part in parts) == pytest.approx(whole.inertia, rel=1e-14)
+    for k, first, second in ((1, "y", "x"), (2, "x", "y")):
+        behind = strained.body(f"r.{k}.{second}").parentid[0]
+        assert strained.body(behind).name == f"r.{k}.{first}"
+    assert strained.joint("r.1.x").stiffness[0] == pytest.approx(40.0 * 4.0)  # EA/h
+    assert strained.joint("r.0.y").stiffness[0] == pytest.approx(20.0 * 8.0)  # GA over half a link
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_clamp_at_the_far_end_and_sites_in_the_middle(engine, tmp_path):
+    """An S between two clamps is symmetric about its middle, also where it stretches and shears."""
+    far = '<site name="far" pos="0.9 0.3 0"/>'
+    sensor = '<framepos name="middle" objtype="site" objname="r.middle"/>'
+    for n, off in ((8, 2e-2), (9, 1e-11)):  # 8: within a link, off by half of its strain
+        held = Rod("r", "ground", "far", 1.0, 1.0, n, ("clamped", "clamped"), axial=9.0, shear=9.0)
+        file = model(tmp_path, far, sensors=sensor)
+        names = (*PLACES, "middle.x", "middle.y")
+        found = rest(engine, file, (held,), names, samples=2 * n + 1).channels
+        np.testing.assert_allclose(found["r.x"] + found["r.x"][::-1], 0.9, atol=1e-11)
+        np.testing.assert_allclose(found["r.angle"], found["r.angle"][::-1], atol=1e-10)
+        assert found["middle.y"][0] == pytest.approx(0.15, abs=off)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (r"axial = 40.0\n", "axial = 42.0\n"),
+        (r"shear = 20.0\n", "shear = 19.0\n"),
+        (r"axial = 40.0\n", ""),
+        (r"shear = 20.0\n", ""),
+    ],
+)
+def test_another_stiffness_of_the_rod_is_noticed(old, new, edit):
+    """5 % of it, or none at all; the reference keeps its own."""
+    edit("rod_sheared.toml", r"(?s)\[refine\].*?\n\n", "")
+    edit("rod_sheared.toml", r'"mujoco", "pymunk"', '"mujoco"')
+    file = edit("rod_sheared.toml", rf"(?s)(\[rod.rod\].*?){old}", rf"\1{new}")
+    assert [c.outcome for c in verdicts(file)].count("differs") >= 2
+
+
+@pytest.mark.parametrize("key", ["axial", "shear"])
+@pytest.mark.parametrize("value", ["0.0", "-3.0", "nan"])
+def test_no_such_stiffness_is_an_error_of_its_key(key, value, edit, models):
+    good = r"[^ \n]*"
+    for where, other in (("parameters", value), ("rod.rod", "40.0")):
+        edit("rod_sheared.toml", rf"(?s)(\[parameters\].*?\n{key} = ){good}", rf"\g<1>{other}")
+        if where == "rod.rod":
+            edit("rod_sheared.toml", rf"(?s)(\[rod.rod\].*?\n{key} = ){good}", rf"\g<1>{value}")
+        (error,) = check([models / "rod_sheared.toml"]).errors
+        assert f"rod_sheared.toml: {where}" in str(error)
+        assert key in str(error)
+    one = Rod("r", "ground", None, 1.0, 1.0, 4, ("clamped", "free"), **{key: float(value)})
+    with pytest.raises(BadRod, match=f"{key}.*must be positive"):
+        chain(one)
