@@ -1,13 +1,27 @@
-"""What ``mkdocs build`` does to the pages: it finds where public names of proofmass are defined.
+"""What ``mkdocs build`` does to the pages.
 
-``::: proofmass.solve`` would be the module of that name; the function is what users import.
+It finds where public names of proofmass are defined: ``::: proofmass.solve`` would be the module of
+that name; the function is what users import.  And it runs the notebooks, which have no outputs in
+the repository, and makes a page of each; sliders stand there as they are first.
 """
 
 import re
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+import nbformat
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from nbclient import NotebookClient
+from nbconvert import MarkdownExporter
 
 import proofmass
 
 PUBLIC = re.compile(r"^::: proofmass\.(\w+)$", re.MULTILINE)
+NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
+SECONDS = 300  # a cell may take on a busy machine
+WHERE = "*This page is `notebooks/{}.ipynb`, run when the documentation was made.*"
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
@@ -19,3 +33,33 @@ def path(name: str) -> str:
     """Module and name of what ``from proofmass import name`` gives."""
     there = getattr(proofmass, name)
     return f"{there.__module__}.{there.__qualname__}"
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add a page for each notebook."""
+    notebooks = sorted(NOTEBOOKS.glob("*.ipynb"))
+    with ThreadPoolExecutor(2) as pool:
+        pages = pool.map(page, [file.read_text(encoding="utf-8") for file in notebooks])
+        for file, text in zip(notebooks, pages, strict=True):
+            where = WHERE.format(file.stem)
+            head, _, rest = text.partition("\n\n")
+            files.append(
+                File.generated(
+                    config, f"notebooks/{file.stem}.md", content=f"{head}\n\n{where}\n\n{rest}"
+                )
+            )
+    return files
+
+
+@cache  # `mkdocs serve` builds again after each change of any page
+def page(text: str) -> str:
+    """A notebook's text, run, as Markdown."""
+    notebook = nbformat.reads(text, as_version=4)
+    NotebookClient(
+        notebook,
+        timeout=SECONDS,
+        resources={"metadata": {"path": str(NOTEBOOKS)}},
+        extra_arguments=["--IPKernelApp.log_level=40"],
+    ).execute()
+    found, _ = MarkdownExporter().from_notebook_node(notebook)
+    return str(found).strip()

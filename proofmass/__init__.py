@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from proofmass.reference import evaluate as evaluate
     from proofmass.report.animation import Animation as Animation
     from proofmass.report.animation import animate as animate
+    from proofmass.report.explorer import Explorer as Explorer
+    from proofmass.report.reprs import as_html as as_html
     from proofmass.sidecar import load_case as load_case
     from proofmass.sim.protocol import Curves as Curves
     from proofmass.solve import solve as solve
@@ -25,6 +27,8 @@ PUBLIC = {
     "Case": "case",
     "load_case": "sidecar",
     "animate": "report.animation",
+    "Explorer": "report.explorer",
+    "as_html": "report.reprs",
     "check": "check",
     "Comparison": "compare",
     "compare": "compare",
@@ -40,8 +44,10 @@ __all__ = [
     "Case",
     "Comparison",
     "Curves",
+    "Explorer",
     "InputError",
     "animate",
+    "as_html",
     "check",
     "compare",
     "evaluate",

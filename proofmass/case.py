@@ -14,24 +14,37 @@ of many segments (Richardson), except for terms of higher order:
     p = log(e1 / e2) / log r          v = v2 + (v2 - v1) / (r^p - 1)
 """
 
-from collections.abc import Iterable
+import atexit
+import shutil
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
+from functools import cache
+from hashlib import sha256
 from itertools import pairwise
 from math import gcd
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import RecordedColumn
-from proofmass.sim.protocol import Rod
+from proofmass.sim.protocol import BadModel, Rod
 from proofmass.strict import Kind, Strict
 from proofmass.units import si_unit
 from proofmass.worker import MEMORY
 
 if TYPE_CHECKING:
-    from proofmass import Animation
+    from proofmass import Animation, Explorer
+
+
+@cache
+def made_models() -> Path:
+    """A folder for models that this process makes, which goes when it ends."""
+    folder = mkdtemp(prefix="proofmass-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def known_unit(unit: str) -> str:
@@ -687,6 +700,67 @@ class Case(Strict):
         from proofmass import animate  # the core draws nothing; the report does when it is asked
 
         return animate(self, run, solvers, frames=frames, seconds=seconds, magnify=magnify)
+
+    def explore(
+        self, sliders: Mapping[str, tuple[float, float]], *args: Any, **options: Any
+    ) -> "Explorer":
+        """Sliders for its parameters, see `proofmass.Explorer`, which takes the same arguments."""
+        from proofmass import Explorer
+
+        return Explorer(self, sliders, *args, **options)
+
+    def with_model(
+        self, changes: Mapping[str, Mapping[str, Any] | None], **parameters: float | str
+    ) -> "Case":
+        """The case with a changed model, and with other parameters of its reference.
+
+        The model is kept in a temporary folder until Python ends.
+
+        Parameters
+        ----------
+        changes : mapping
+            By element of the MJCF, such as ``site pin``, ``body crank/inertial`` or
+            ``body crank/geom``: tag and name, and tags below it. What attributes it gets, texts or
+            numbers [SI]; None removes it.
+        **parameters : float
+            By name [its unit]; the others are those of the case.
+
+        Returns
+        -------
+        Case
+
+        Raises
+        ------
+        InputError
+            The model has no such element.
+
+        Examples
+        --------
+        >>> from proofmass import load_case
+        >>> case = load_case("models/linkages/fourbar.toml")
+        >>> longer = case.with_model({"site rocker_end": {"pos": (2.525, 0, 0)}}, rocker=2.525)
+        >>> longer.parameters["rocker"], longer.name
+        (2.525, 'fourbar')
+        """
+        from proofmass.sim.mjcf import with_attributes  # loads an engine
+
+        try:
+            mjcf = with_attributes(self.model_path, changes)
+        except BadModel as error:
+            words = str(error).removeprefix(f"{self.model_path.name}: ")
+            raise InputError(self.model_path, "", words) from None
+        digest = sha256(mjcf.encode()).hexdigest()[:16]
+        file = made_models() / digest / Path(self.model).name
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(mjcf, encoding="utf-8")
+        return self.model_copy(
+            update={"model": str(file), "parameters": {**self.parameters, **parameters}}
+        )
+
+    def _repr_html_(self) -> str:
+        from proofmass import as_html
+
+        return as_html(self)
 
     def has_inertia(self, kind: str) -> bool:
         """Whether moments and forces of a run are those of a motion, and not those at rest."""

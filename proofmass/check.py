@@ -51,6 +51,11 @@ class Result:
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
 
+    def _repr_html_(self) -> str:
+        from proofmass import as_html
+
+        return as_html(self)
+
     @property
     def exit_code(self) -> int:
         """0: all agree; 1: something differs, diverged or crashed, or a case is unchecked; 2: bad

@@ -108,6 +108,11 @@ class Comparison:
     error_later: float = NAN
     uncertainty: float = 0.0
 
+    def _repr_html_(self) -> str:
+        from proofmass import as_html
+
+        return as_html(self)
+
     @property
     def relative_to_range(self) -> float:
         """Largest error over `scale_of` the reference curve; NaN when it has none."""
@@ -151,6 +156,15 @@ def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
 def reference_for(case: Case, run: Kind, curves: Curves) -> Curves:
     """The reference at the state the drive really had in that run."""
     return evaluate(case, run, curves.x, curves.drive)
+
+
+class Comparisons(list[Comparison]):
+    """Comparisons, which a notebook shows as a table."""
+
+    def _repr_html_(self) -> str:
+        from proofmass import as_html
+
+        return as_html(self)
 
 
 def compare(
@@ -202,10 +216,10 @@ def compare(
             },
         )
     )
-    return [
+    return Comparisons(
         one(case, run, solver, name, curves, truth.channels[name], changes.get(name, {}))
         for name in case.channels_of(run)
-    ]
+    )
 
 
 def one(

@@ -134,7 +134,7 @@ class Animation:
     def _repr_html_(self) -> str:
         """The animation in a notebook."""
         data = b64encode(self.encoded()).decode()
-        return f'<img src="data:image/webp;base64,{data}" alt="{escape(self.title)}">'
+        return f'<div><img src="data:image/webp;base64,{data}" alt="{escape(self.title)}"></div>'
 
 
 def animate(

@@ -7,10 +7,11 @@ standard error.
 
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import local
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -153,6 +154,44 @@ def read_tree(path: Path) -> Element:
             f"{path.name}: to be changed it must be well-formed XML in UTF-8: {error}, "
             f"comments not counted"
         ) from None
+
+
+def with_attributes(path: Path, changes: Mapping[str, Mapping[str, Any] | None]) -> str:
+    """The text of an MJCF file with other attributes of some elements.
+
+    Numbers are written with all their digits, which MuJoCo's own writer rounds to six.
+
+    Parameters
+    ----------
+    path : Path
+    changes : mapping
+        By element, such as ``site pin``, ``body crank/inertial`` or ``body crank/geom``: tag and
+        name, and tags below it. Its attributes, texts or numbers; None removes all such elements.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    BadModel
+        The file cannot be read, or has no such element.
+    """
+    root = read_tree(path)
+    parents = {child: parent for parent in root.iter() for child in parent}
+    for place, attributes in changes.items():
+        steps = [step.partition(" ") for step in place.split("/")]
+        found = root.findall(".//" + "/".join(f"{t}[@name='{n}']" if n else t for t, _, n in steps))
+        if not found:
+            raise BadModel(f"{path.name}: there is no element {place!r}")
+        for element in found:
+            if attributes is None:
+                parents[element].remove(element)
+                continue
+            for key, value in attributes.items():
+                values = [value] if isinstance(value, str) else np.ravel(value).tolist()
+                element.set(key, " ".join(map(str, values)))
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def leave_out_disabled(model: mujoco.MjModel) -> None:

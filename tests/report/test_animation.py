@@ -150,7 +150,7 @@ def test_a_file_plays(tmp_path: Path, ending: str, form: str) -> None:
 
 def test_a_notebook_plays_it() -> None:
     html = playing()._repr_html_()
-    assert html.startswith('<img src="data:image/webp;base64,')
+    assert html.startswith('<div><img src="data:image/webp;base64,')
     assert 'alt="fourbar, sweep: reference and pymunk"' in html
     assert playing().encoded() == playing().encoded()  # nothing of the time or the machine in it
     with Image.open(io.BytesIO(playing().encoded())) as image:

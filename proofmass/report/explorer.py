@@ -1,0 +1,368 @@
+"""A mechanism with sliders, for notebooks: the closed form answers, engines run on a button.
+
+The panel is one SVG that is written again at each move: the mechanism at one pose with the paths of
+its points, and curves over the run. Figures of matplotlib would take longer than a slider may.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from proofmass.analytic.numerics import Array
+from proofmass.case import Case
+from proofmass.compare import Comparison, compare
+from proofmass.engines import engine_names
+from proofmass.errors import InputError
+from proofmass.reference import channels, facts, modes, reference_quantities, unit_of
+from proofmass.report.data import axis, readable
+from proofmass.report.mechanism import pose_in_words
+from proofmass.report.reprs import as_html
+from proofmass.report.style import MUTED
+from proofmass.sim.protocol import Curves
+from proofmass.solve import prescribed_run, solve
+from proofmass.strict import Kind
+from proofmass.wording import pretty, spoken
+
+Quantities = Mapping[str, Array]
+Parameters = Mapping[str, Any]
+Links = Callable[[Quantities, Parameters], Mapping[str, Any]]
+"""Quantities (n,) and parameters -> by link its corners, places in the complex plane [m]: a list of
+numbers and arrays (n,), of which one pose is drawn; or an array, a line that is drawn as it is."""
+Build = Callable[..., Case]
+"""Parameters, by name -> the case with a model that has them."""
+SAMPLES = 121
+WIDE, HIGH, LEFT, GAP = 880, 420, 380, 62  # [px] of the panel, of the mechanism, and of axes
+COLOURS = (*("#0072B2", "#D55E00", "#009E73", "#CC79A7"), *MUTED)
+MISSING = "sliders need ipywidgets: pip install 'proofmass[notebooks]'"
+
+
+class Explorer:
+    """Sliders for the parameters of a case's reference, and what it says at them.
+
+    Parameters
+    ----------
+    case : Case
+        The sidecar.
+    sliders : mapping of str to tuple of float
+        Parameters and their least and greatest values [SI]. Assembly modes have a slider of their
+        own.
+    curves : sequence of sequence of str
+        Channels, panel by panel, or quantities of the reference beside them; those of a panel have
+        one unit, that of the first, which is a channel.
+    links : function, optional
+        ``links(quantities, parameters)`` gives corners of links as complex numbers [m].
+    model : function, optional
+        ``model(**parameters)`` gives the case with a model that has them; then a button runs it.
+    run : "sweep", "dynamics" or "equilibrium", optional
+        The first of the case, if not given.
+    samples : int
+        Of the run that are evaluated, at most [1].
+    properties : bool
+        Whether is said what the lengths amount to, such as the Grashof class.
+
+    Raises
+    ------
+    ImportError
+        ipywidgets is not installed.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        sliders: Mapping[str, tuple[float, float]],
+        curves: Sequence[Sequence[str]],
+        links: Links | None = None,
+        *,
+        model: Build | None = None,
+        run: Kind | None = None,
+        samples: int = SAMPLES,
+        properties: bool = True,
+    ) -> None:
+        try:
+            import ipywidgets
+        except ImportError:
+            raise ImportError(MISSING) from None
+        self.case, self.curves, self.links, self.model = case, curves, links, model
+        self.properties, self.told = properties, dict[str, str]()
+        self.kind: Kind = next(iter(case.run)) if run is None else run
+        planned = prescribed_run(case, self.kind)
+        few = np.linspace(0, len(planned.x) - 1, min(samples, len(planned.x))).round().astype(int)
+        self.x = planned.x[few]
+        self.state = planned.motion(self.x) if planned.drives else None
+        self.scale = axis(case, self.kind)
+        self.found: dict[str, Curves] = {}
+        self.rows: list[Comparison] = []
+        self.known: dict[str, Array] = {}
+        self.truth: dict[str, Array] = {}
+        self.wrong = ""
+        self.sliders = {
+            name: ipywidgets.FloatSlider(
+                value=float(case.parameters[name]),
+                min=low,
+                max=high,
+                step=(high - low) / 200,
+                description=f"{name} [{pretty(unit_of(case, name)) or '1'}]",
+                style={"description_width": "initial"},
+                readout_format=".3g",
+            )
+            for name, (low, high) in sliders.items()
+        }
+        if "mode" in case.parameters and modes(case):
+            self.sliders["mode"] = ipywidgets.ToggleButtons(
+                options=modes(case), value=int(float(case.parameters["mode"])), description="mode"
+            )
+        self.place = ipywidgets.IntSlider(
+            value=len(self.x) // 6, max=len(self.x) - 1, description="pose", readout=False
+        )
+        self.play = ipywidgets.Play(max=len(self.x) - 1, interval=60, show_repeat=True)
+        ipywidgets.jslink((self.play, "value"), (self.place, "value"))
+        self.button = ipywidgets.Button(description="run in the engines", icon="play")
+        self.panel, self.table = ipywidgets.HTML(), ipywidgets.HTML()
+        controls = [ipywidgets.HBox([self.play, self.place]), *self.sliders.values()]
+        if model is not None:
+            controls.append(self.button)
+        self.box = ipywidgets.VBox(
+            [
+                ipywidgets.Box(controls, layout={"flex_flow": "row wrap", "align_items": "center"}),
+                self.panel,
+                self.table,
+            ]
+        )
+        for slider in self.sliders.values():
+            slider.observe(self.change, "value")
+        self.place.observe(self.move, "value")
+        self.button.on_click(self.run_engines)
+        self.change()
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters as the sliders have them [SI]."""
+        return {
+            **self.case.parameters,
+            **{name: float(slider.value) for name, slider in self.sliders.items()},
+        }
+
+    def change(self, _: object = None) -> None:
+        """Evaluate the reference again, and draw; what engines found is of other parameters."""
+        self.found, self.rows, self.table.value = {}, [], ""
+        try:
+            known = reference_quantities(self.case, self.kind, self.x, self.state, self.parameters)
+            self.truth = channels(self.case, self.x, known)
+            driven = self.state[0] if self.state else ()
+            joints = {d.joint: v for d, v in zip(self.case.drive, driven, strict=True)}
+            self.known, self.wrong = {**joints, **known}, ""
+            changed = self.case.model_copy(update={"parameters": self.parameters})
+            self.told = facts(changed) if self.properties else {}
+        except InputError as error:
+            self.wrong = error.wrong
+        self.move()
+
+    def move(self, _: object = None) -> None:
+        """Draw the pose of the slider."""
+        self.panel.value = self.svg()
+
+    def run_engines(self, _: object = None) -> None:
+        """Run the model with these parameters in every engine of the run, and compare."""
+        if self.model is None or self.wrong:
+            return
+        self.table.value = "running …"
+        self.found, self.rows = {}, []
+        try:
+            case = self.model(**self.parameters)
+            for solver in engine_names():
+                if solver in case.run[self.kind].solvers:
+                    self.found[solver] = solve(case, self.kind, solver)
+                    self.rows += compare(
+                        case, self.kind, solver, self.found[solver], detectable=False
+                    )
+            self.table.value = as_html(worst_of_solvers(self.rows))
+        except Exception as error:  # what a model of a notebook does wrong is said below it
+            self.table.value = f"<p>{escape(str(error))}</p>"
+        self.move()
+
+    def svg(self) -> str:
+        """The whole panel."""
+        words = escape(f"{self.case.name}: {self.caption()}")
+        parts = [
+            f'<svg viewBox="0 0 {WIDE} {HIGH}" width="100%" style="max-width:{WIDE}px" role="img" '
+            f'aria-label="{words}" font-family="sans-serif" font-size="11">'
+            f'<rect width="{WIDE}" height="{HIGH}" fill="#fff"/>'
+        ]
+        if self.wrong:
+            parts.append(f'<text x="12" y="30" fill="#a00">{escape(self.wrong)}</text>')
+        else:
+            parts += [self.mechanism(), self.words()]
+            high = HIGH / max(len(self.curves), 1)
+            parts += [self.chart(row, k * high, high) for k, row in enumerate(self.curves)]
+        return "".join([*parts, "</svg>"])
+
+    def caption(self) -> str:
+        """The pose in words."""
+        k = self.place.value
+        name, unit, scale = self.scale
+        if self.state is None:
+            return f"{name} {self.x[k] * scale:.3g} {unit}"
+        return pose_in_words(self.case, float(self.x[k]), self.state[0][:, k]).replace("\n", " ")
+
+    def mechanism(self) -> str:
+        """The links at a pose, and the paths of the channels that are places."""
+        k = self.place.value
+        drawn = self.links(self.known, self.parameters) if self.links else {}
+        lines = {
+            name: [np.broadcast_to(np.asarray(c, complex), self.x.shape) for c in corners]
+            if isinstance(corners, list | tuple)
+            else np.asarray(corners, complex)
+            for name, corners in drawn.items()
+        }
+        paths = [
+            self.truth[name] + 1j * self.truth[f"{name[:-1]}y"]
+            for name in self.truth
+            if name.endswith(".x")
+            and f"{name[:-1]}y" in self.truth
+            and self.case.channels[name].si_unit == "m"
+            and np.ptp(self.truth[name]) + np.ptp(self.truth[f"{name[:-1]}y"]) > 0
+        ]
+        cloud = np.concatenate([*paths, *(np.ravel(line) for line in lines.values())] or [self.x])
+        cloud = cloud[np.isfinite(cloud)]
+        low, high = (f(cloud.real) + 1j * f(cloud.imag) for f in (np.min, np.max))
+        top = 24 + 14 * len(self.told)
+        across, up = LEFT - 40, HIGH - top - 24
+        scale = min(across / max((high - low).real, 1e-9), up / max((high - low).imag, 1e-9))
+        middle, centre = (low + high) / 2, LEFT / 2 + 1j * (HIGH - top) / 2 + 12j
+
+        def paper(places: Any) -> Array:
+            return np.asarray(np.conj(np.asarray(places) - middle) * scale + centre)
+
+        parts = [f'<text x="12" y="16" font-weight="bold">{escape(self.caption())}</text>']
+        if self.found:
+            text = "curves: pale the reference, line " + ", dashed ".join(map(spoken, self.found))
+            parts.append(f'<text x="12" y="31">{text}</text>')
+        for path in paths:
+            parts.append(stroke(paper(path), "#7b4ba0", 1, "4 3"))
+        for j, line in enumerate(lines.values()):
+            colour = COLOURS[j % len(COLOURS)]
+            corners = np.array([c[k] for c in line]) if isinstance(line, list) else line
+            parts.append(stroke(paper(corners), colour, 3))
+            if isinstance(line, list) or len(line) == len(self.x):
+                ends = corners if isinstance(line, list) else corners[[k]]
+                parts += [
+                    f'<circle cx="{end.real:.1f}" cy="{end.imag:.1f}" r="4" fill="#fff" '
+                    f'stroke="#1b1f24" stroke-width="1.5"/>'
+                    for end in paper(ends)
+                    if np.isfinite(end)
+                ]
+        return "".join(parts)
+
+    def words(self) -> str:
+        """What the reference says of the mechanism as a whole, as lines below it."""
+        rows = self.told.items()
+        return "".join(
+            f'<text x="12" y="{HIGH - 8 - 14 * (len(rows) - 1 - k)}">{escape(f"{name}: {words}")}'
+            "</text>"
+            for k, (name, words) in enumerate(rows)
+        )
+
+    def chart(self, names: Sequence[str], top: float, high: float) -> str:
+        """Channels over the run: pale the reference, lines what engines found."""
+        unit, factor = readable(self.case.channels[names[0]].si_unit)
+        own = [{**self.known, **self.truth}[name] * factor for name in names]
+        finite = np.concatenate(own)
+        finite = finite[np.isfinite(finite)]
+        low, most = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
+        pad = 0.05 * ((most - low) or 1.0)
+        low, most = low - pad, most + pad
+        first, last = self.x[[0, -1]]
+        left, right, above, below = LEFT + GAP, WIDE - 12, top + 20, top + high - 30
+
+        def paper(x: Array, y: Array | float) -> Array:
+            share = (x - first) / ((last - first) or 1.0)
+            return (
+                left
+                + share * (right - left)
+                + 1j * (below - (y - low) / (most - low) * (below - above))
+            )
+
+        parts = []
+        for y in MaxNLocator(4).tick_values(low, most):
+            if low <= y <= most:
+                at = paper(self.x[:1], y)[0].imag
+                parts.append(
+                    f'<path d="M{left} {at:.1f}H{right}" stroke="#e4e4e4"/>'
+                    f'<text x="{left - 5}" y="{at + 4:.1f}" text-anchor="end">{y:.4g}</text>'
+                )
+        name, x_unit, scale = self.scale
+        for x in MaxNLocator(6).tick_values(min(first, last) * scale, max(first, last) * scale):
+            if min(first, last) * scale <= x <= max(first, last) * scale:
+                at = paper(np.array([x / scale]), 0.0)[0].real
+                parts.append(
+                    f'<text x="{at:.1f}" y="{below + 13}" text-anchor="middle">{x:.4g}</text>'
+                )
+        parts.append(
+            f'<text x="{right}" y="{below + 25}" text-anchor="end">{escape(f"{name} [{x_unit}]")}'
+            f'</text><text x="{left - 45}" y="{top + 14}">[{pretty(unit) or "1"}]</text>'
+        )
+        words, place = [], float(left)
+        for j, (channel, values) in enumerate(zip(names, own, strict=True)):
+            colour = COLOURS[j % len(COLOURS)]
+            parts.append(
+                stroke(
+                    paper(self.x, values),
+                    colour,
+                    5 if self.found else 2,
+                    "",
+                    0.35 if self.found else 1,
+                )
+            )
+            for number, curves in enumerate(self.found.values()):
+                if channel in curves.channels:
+                    there = paper(curves.x, curves.channels[channel] * factor)
+                    parts.append(stroke(there, colour, 1.4, "5 4" if number else ""))
+            words.append(
+                f'<text x="{place:.0f}" y="{top + 14}" fill="{colour}">{escape(channel)}</text>'
+            )
+            place += 7 * len(channel) + 14
+        at = paper(self.x[[self.place.value]], low)[0].real
+        parts.append(f'<path d="M{at:.1f} {above}V{below}" stroke="#1b1f24"/>')
+        return "".join([*parts, *words])
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
+        """The sliders; where nothing runs, as in the documentation, the panel as it stands."""
+        bundle = self.box._repr_mimebundle_()
+        shown = ", ".join(f"{s.description} {s.value:.4g}" for s in self.sliders.values())
+        return {
+            **(bundle or {}),
+            "text/html": f"<div><p>{escape(shown)}</p>{self.panel.value}{self.table.value}</div>",
+        }
+
+
+def stroke(points: Array, colour: str, width: float, dash: str = "", opacity: float = 1.0) -> str:
+    """Places of the paper, complex numbers with y down [px], as a line; broken where there is none.
+
+    >>> stroke(np.array([1 + 2j, 3 + 4j, np.nan, 5 + 6j, 7 + 8j]), "#000", 1).split('"')[1]
+    'M1.0 2.0 3.0 4.0M5.0 6.0 7.0 8.0'
+    """
+    parts = np.ma.clump_unmasked(np.ma.masked_invalid(points))
+    steps = [
+        "M" + " ".join(f"{x:.1f} {y:.1f}" for x, y in zip(p.real, p.imag, strict=True))
+        for p in (points[part] for part in parts)
+    ]
+    look = f' stroke-dasharray="{dash}"' if dash else ""
+    look += f' opacity="{opacity:g}"' if opacity < 1 else ""
+    return (
+        f'<path d="{"".join(steps)}" fill="none" stroke="{colour}" stroke-width="{width:g}" '
+        f'stroke-linejoin="round" stroke-linecap="round"{look}/>'
+    )
+
+
+def worst_of_solvers(rows: Sequence[Comparison]) -> list[Comparison]:
+    """Of each solver and kind of outcome the comparison that is nearest to its limit."""
+    found: dict[tuple[str, str], Comparison] = {}
+    for row in rows:
+        key = row.solver, row.outcome
+        ratio = row.error_max / row.allowed if row.allowed else np.inf
+        if key not in found or ratio > found[key].error_max / (found[key].allowed or np.inf):
+            found[key] = row
+    return list(found.values())

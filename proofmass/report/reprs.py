@@ -1,0 +1,133 @@
+"""What a notebook shows of a case and of comparisons: tables in HTML."""
+
+import io
+from base64 import b64encode
+from collections.abc import Iterable, Sequence
+from functools import singledispatch
+from html import escape
+
+from matplotlib import rc_context
+
+from proofmass.case import Case
+from proofmass.check import Result
+from proofmass.compare import Comparison
+from proofmass.reference import facts
+from proofmass.report.drawing import moved_here
+from proofmass.report.mechanism import distinct, small
+from proofmass.report.style import RC
+from proofmass.strict import Kind
+from proofmass.terminal import LOOK
+from proofmass.wording import number, pretty, spoken
+from proofmass.worker import isolated
+
+DRAWING = 30.0  # [s] until the drawing of a case is given up
+POSES = 25
+
+
+@singledispatch
+def as_html(thing: object) -> str:
+    """A case, a result or comparisons as a notebook shows them.
+
+    Parameters
+    ----------
+    thing : Case, Result, Comparison or sequence of Comparison
+
+    Returns
+    -------
+    str
+        HTML.
+
+    Raises
+    ------
+    TypeError
+        It is something else.
+
+    Examples
+    --------
+    >>> from proofmass import as_html, load_case
+    >>> "<th>reference</th><td>fourbar" in as_html(load_case("models/linkages/fourbar.toml"))
+    True
+    """
+    raise TypeError(f"{type(thing).__name__} is neither a case nor comparisons")
+
+
+@as_html.register
+def _(case: Case) -> str:
+    kept = ", ".join(
+        f"{k} = {v:.6g}" if isinstance(v, float) else f"{k} = {v}"
+        for k, v in case.parameters.items()
+    )
+    rows = [
+        ("model", case.model),
+        ("reference", f"{case.reference}({kept})"),
+        ("drives", ", ".join(drive.joint for drive in case.drive) or "none"),
+        *(
+            (
+                f"run.{kind}",
+                f"{run.n or 'as recorded'} samples in {', '.join(map(spoken, run.solvers))}",
+            )
+            for kind, run in case.run.items()
+        ),
+        ("channels", str(len(case.channels))),
+        *facts(case).items(),
+    ]
+    body = "".join(f"<tr><th>{escape(a)}</th><td>{escape(b)}</td></tr>" for a, b in rows)
+    return (
+        f"<div><p><b>{escape(case.name)}</b>: {escape(case.title)}</p>{drawing(case)}"
+        f"<table>{body}</table></div>"
+    )
+
+
+@as_html.register
+def _(comparison: Comparison) -> str:
+    return comparisons_table([comparison])
+
+
+@as_html.register(list)
+@as_html.register(tuple)
+def _(comparisons: Sequence[Comparison]) -> str:
+    if not all(isinstance(one, Comparison) for one in comparisons):
+        raise TypeError("a list of something else than comparisons")
+    return comparisons_table(comparisons)
+
+
+@as_html.register
+def _(result: Result) -> str:
+    wrong = "".join(f"<p>error: {escape(str(error))}</p>" for error in result.errors)
+    return wrong + comparisons_table(result.comparisons)
+
+
+def comparisons_table(rows: Iterable[Comparison]) -> str:
+    """Comparisons, a row each."""
+    head = "".join(
+        f"<th>{name}</th>"
+        for name in ("run", "solver", "channel", "outcome", "largest error", "allowed", "of range")
+    )
+    body = "".join(
+        f"<tr><td>{c.run}</td><td>{escape(spoken(c.solver))}</td><td>{escape(c.channel)}</td>"
+        f"<td>{LOOK.get(c.outcome, ('✗', ''))[0]} {c.outcome}</td>"
+        f"<td>{number(c.error_max)} {pretty(c.unit)}</td><td>{number(c.allowed)}</td>"
+        f"<td>{number(c.relative_to_range)}</td></tr>"
+        for c in rows
+    )
+    return f"<div><table><tr>{head}</tr>{body}</table></div>"
+
+
+def drawing(case: Case) -> str:
+    """The mechanism at some poses of its first run; empty where it cannot be drawn."""
+    try:
+        svg = isolated(drawn_small, case, next(iter(case.run)), timeout=DRAWING)
+    except Exception:  # the runs say what is wrong with a model
+        return ""
+    data = b64encode(svg).decode()
+    words = escape(f"drawing of {case.name}")
+    return f'<img src="data:image/svg+xml;base64,{data}" alt="{words}" width="260">'
+
+
+def drawn_small(case: Case, kind: Kind) -> bytes:
+    """What `drawing` does in another process."""
+    picture = distinct(moved_here(case, kind, {}, POSES).picture)
+    stream = io.BytesIO()
+    with rc_context(RC):
+        small(picture, {}).savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return stream.getvalue()

@@ -1,0 +1,298 @@
+"""The notebooks: written in one form, short, run from top to bottom, and quick under their sliders.
+
+All are run in one process for their sliders and for the engines at other lengths; two are run as a
+user runs them, in a kernel of their own, in the fast suite, for a kernel and two workers load
+NumPy, SciPy, Matplotlib and the engines each, 4 to 9 s of CPU time a notebook.  The rest is slow.
+"""
+
+import ast
+import json
+import re
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import proofmass
+from proofmass import Explorer, InputError, as_html, compare, load_case, solve
+from proofmass.outcome import Outcome
+from proofmass.report.explorer import MISSING
+from tests.shipped import shipped
+
+NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
+NAMES = sorted(file.stem for file in NOTEBOOKS.glob("*.ipynb"))
+METADATA = {
+    "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+    "language_info": {"name": "python"},
+}
+QUICK = "fourbar", "hacksaw"  # a closed form with a Grashof class; a profile in time
+ANSWER = 0.05  # [s] that a slider may take: beyond it a hand feels it
+PRINTED = json.loads(
+    (Path(__file__).parent / "data" / "newton_raphson.json").read_text(encoding="utf-8")
+)["linkages"]
+LOGS = {
+    "fourbar": "four-bar",
+    "fivebar": "five-bar",
+    "slider_crank": "slider-crank",
+    "inverted_slider_crank": "inverted slider-crank",
+}
+
+
+def cells(name: str) -> dict[str, str]:
+    """The code of a notebook by the names of its cells."""
+    found = json.loads((NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))
+    return {c["id"]: "".join(c["source"]) for c in found["cells"] if c["cell_type"] == "code"}
+
+
+def explored(name: str, monkeypatch: pytest.MonkeyPatch) -> Explorer:
+    """The sliders of a notebook, in this process."""
+    monkeypatch.chdir(NOTEBOOKS)
+    known: dict[str, Any] = {}
+    for cell in ("case", "model", "sliders"):
+        exec(compile(cells(name)[cell], f"{name}:{cell}", "exec"), known)
+    explorer = known["explorer"]
+    assert isinstance(explorer, Explorer)
+    return explorer
+
+
+def test_there_is_one_for_each_mechanism() -> None:
+    assert sorted([*LOGS, "hacksaw", "threeprr", "balancer", "rods"]) == NAMES
+    told = (NOTEBOOKS.parent / "docs" / "notebooks.md").read_text(encoding="utf-8")
+    pages = (NOTEBOOKS.parent / "mkdocs.yml").read_text(encoding="utf-8")
+    for name in NAMES:
+        assert f"(notebooks/{name}.md)" in told
+        assert f": notebooks/{name}.md\n" in pages
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_is_in_canonical_form(name: str) -> None:
+    """No outputs, no counts, no metadata of a machine, cells named; as `json` writes it."""
+    text = (NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8")
+    found = json.loads(text)
+    assert json.dumps(found, indent=1, ensure_ascii=False) + "\n" == text
+    assert found["metadata"] == METADATA
+    assert (found["nbformat"], found["nbformat_minor"]) == (4, 5)
+    assert len({cell["id"] for cell in found["cells"]}) == len(found["cells"])
+    for cell in found["cells"]:
+        assert cell["metadata"] == {}
+        if cell["cell_type"] == "code":
+            assert (cell["execution_count"], cell["outputs"]) == (None, [])
+    assert found["cells"][0]["cell_type"] == "markdown"
+    assert found["cells"][0]["source"][0].startswith("# ")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_is_short_and_uses_what_is_documented(name: str) -> None:
+    code = cells(name)
+    assert sum(len(text.splitlines()) for text in code.values()) <= 120
+    documented = re.findall(
+        r"proofmass\.analytic[\w.]+",
+        (NOTEBOOKS.parent / "docs" / "newton_raphson.md").read_text(encoding="utf-8"),
+    )
+    for node in ast.walk(ast.parse("\n".join(code.values()))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("proofmass."):
+            assert any(path.startswith(f"{node.module}") for path in documented)
+        elif isinstance(node, ast.ImportFrom) and node.module == "proofmass":
+            assert {one.name for one in node.names} <= set(proofmass.__all__)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """CPU time of what a slider calls, the least of three: others may use the processor as well.
+
+    The engines run a model with the lengths of the sliders, within the tolerances of the shipped
+    case, so what `model` of a notebook changes is what the closed form is told.
+    """
+    explorer = explored(name, monkeypatch)
+    assert explorer.wrong == ""
+    for call in (explorer.change, explorer.move):
+        took = []
+        for _ in range(3):
+            began = time.process_time()
+            call()
+            took.append(time.process_time() - began)
+        assert min(took) <= ANSWER
+    first = explorer.panel.value
+    for key, slider in explorer.sliders.items():
+        if key != "mode":
+            slider.value += 0.15 * (slider.max - slider.value)
+    assert explorer.wrong == ""
+    assert explorer.panel.value != first
+    second = explorer.panel.value
+    explorer.place.value += 5
+    assert explorer.panel.value != second
+    if name in ("fourbar", "slider_crank", "threeprr", "rods"):  # the others are slow, see below
+        assert run_engines(explorer)
+
+
+def run_engines(explorer: Explorer) -> bool:
+    """Whether both engines agree with the closed form in all that they deliver."""
+    explorer.run_engines()
+    assert explorer.rows, explorer.table.value
+    outcomes = {row.outcome for row in explorer.rows}
+    solvers = {row.solver for row in explorer.rows if row.outcome == Outcome.AGREES}
+    assert "✓ agrees" in explorer.table.value
+    return outcomes <= {Outcome.AGREES, Outcome.UNSUPPORTED} and solvers == {"mujoco", "pymunk"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_engines_agree_at_random_lengths(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    explorer, random = explored(name, monkeypatch), np.random.default_rng(19)
+    tried = 0
+    while tried < 4:
+        for key, slider in explorer.sliders.items():
+            if key != "mode":
+                slider.value = random.uniform(slider.min, slider.max)
+        if not explorer.wrong:
+            tried += 1
+            assert run_engines(explorer), explorer.parameters
+
+
+def test_what_engines_find_is_dropped_and_a_wrong_model_shows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Other lengths have other curves; a model that is told other ones than the form differs."""
+    explorer = explored("slider_crank", monkeypatch)
+    right = explorer.model
+    explorer.model = lambda **p: right(**{**p, "coupler": 1.001 * p["coupler"]}).model_copy(
+        update={"parameters": p}
+    )
+    explorer.run_engines()
+    assert {row.outcome for row in explorer.rows} >= {Outcome.DIFFERS}
+    assert "✗ differs" in explorer.table.value
+    assert explorer.panel.value.count('stroke-dasharray="5 4"') >= 3
+    explorer.sliders["crank"].value += 0.05
+    assert (explorer.found, explorer.rows, explorer.table.value) == ({}, [], "")
+    explorer.model = lambda **_: 1 / 0
+    explorer.run_engines()
+    assert "division by zero" in explorer.table.value
+
+
+def test_the_panel_says_what_cannot_be_assembled(monkeypatch: pytest.MonkeyPatch) -> None:
+    explorer = explored("fourbar", monkeypatch)
+    assert "Grashof class: crank-rocker" in explorer.panel.value
+    explorer.sliders["crank"].value, explorer.sliders["ground"].value = 1.4, 4.0
+    explorer.sliders["coupler"].value = 1.5
+    assert explorer.wrong
+    assert explorer.panel.value.count("<path") == 0
+    assert f">{explorer.wrong[:20]}" in explorer.panel.value
+    explorer.run_engines()  # does nothing
+    assert not explorer.rows
+
+
+def test_both_modes_and_the_static_panel(monkeypatch: pytest.MonkeyPatch) -> None:
+    explorer = explored("fourbar", monkeypatch)
+    up = explorer.known["pin_y"].copy()
+    explorer.sliders["mode"].value = -1
+    assert explorer.known["pin_y"][0] == pytest.approx(-up[0])  # the crank lies on the ground
+    bundle = explorer._repr_mimebundle_()
+    assert "application/vnd.jupyter.widget-view+json" in bundle
+    assert explorer.panel.value in bundle["text/html"]
+    assert "crank [m] 1" in bundle["text/html"]
+
+
+def test_links_of_the_panel_close(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Corners that links share are the same place, and links are as long as the sliders say."""
+    explorer = explored("fourbar", monkeypatch)
+    explorer.sliders["rocker"].value = 2.3
+    p = explorer.parameters
+    drawn = explorer.links(explorer.known, p)
+    assert drawn["coupler"][2] == pytest.approx(drawn["rocker"][1])
+    assert np.abs(drawn["rocker"][1] - drawn["rocker"][0]) == pytest.approx(
+        np.full(explorer.x.size, 2.3)
+    )
+
+
+def test_without_ipywidgets_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ipywidgets", None)
+    case = load_case(shipped("fourbar.toml"))
+    with pytest.raises(ImportError, match=re.escape(MISSING)):
+        case.explore({"crank": (0.5, 1.5)}, [["rocker"]])
+    assert "proofmass[notebooks]" in MISSING
+
+
+def test_a_changed_model_has_all_digits_and_names_what_is_not_there() -> None:
+    case = load_case(shipped("fourbar.toml"))
+    third = 7.0 / 3.0
+    changed = case.with_model({"site coupler_end": {"pos": (third, 0, 0)}}, coupler=third)
+    assert f'pos="{third!r} 0.0 0.0"' in changed.model_path.read_text(encoding="utf-8")
+    assert (changed.parameters["coupler"], case.parameters["coupler"]) == (third, 2.0)
+    assert case.model_path == shipped("fourbar.xml")
+    bare = case.with_model({"body crank/geom": None}).model_path.read_text(encoding="utf-8")
+    assert (bare.count("<geom"), changed.model_path.read_text().count("<geom")) == (5, 6)
+    with pytest.raises(InputError, match=r"fourbar.xml: there is no element 'site pin'"):
+        case.with_model({"site pin": {"pos": (0, 0, 0)}})
+
+
+def test_what_a_notebook_shows_of_cases_and_comparisons(edit: Callable[..., Path]) -> None:
+    case = load_case(edit("pendulum.toml", 'title = "', 'title = "a <b> and '))
+    assert as_html(case) == case._repr_html_()
+    assert "<b>pendulum</b>: a &lt;b&gt; and" in case._repr_html_()
+    assert '<img src="data:image/svg+xml;base64,' in case._repr_html_()
+    curves = solve(case, "dynamics", "mujoco")
+    rows = compare(case, "dynamics", "mujoco", curves, detectable=False)
+    table = rows._repr_html_()
+    assert table.count("<tr>") == 1 + len(rows)
+    assert rows[0]._repr_html_().count("<tr>") == 2
+    assert all(row.channel in table for row in rows)
+    assert table.count("✓ agrees") == len(rows)
+    for other in (3, ["rows"]):
+        with pytest.raises(TypeError):
+            as_html(other)
+
+
+def test_a_case_that_cannot_be_drawn_is_shown_without() -> None:
+    case = load_case(shipped("pendulum.toml"))
+    lost = case.model_copy(update={"model": "no.xml"})
+    assert "<img" not in lost._repr_html_()
+    assert "no.xml" in lost._repr_html_()
+
+
+def executed(name: str) -> dict[str, list[dict[str, Any]]]:
+    """The outputs of a notebook's cells after it ran in a kernel; a cell that fails raises."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
+    client = nbclient.NotebookClient(
+        notebook,
+        timeout=300,
+        resources={"metadata": {"path": str(NOTEBOOKS)}},
+        extra_arguments=["--IPKernelApp.log_level=40"],
+    )
+    client.execute()
+    return {cell["id"]: cell["outputs"] for cell in notebook.cells if cell["cell_type"] == "code"}
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
+)
+def test_a_notebook_runs(name: str) -> None:
+    outputs = executed(name)
+    html = {
+        cell: "".join(one["data"].get("text/html", "") for one in found if "data" in one)
+        for cell, found in outputs.items()
+    }
+    assert "<th>reference</th>" in html["case"]
+    (panel,) = outputs["sliders"]
+    assert "application/vnd.jupyter.widget-view+json" in panel["data"]
+    assert "<svg" in html["sliders"]
+    assert '<img src="data:image/webp;base64,' in html["animation"]
+    assert html["engines"].count("✓ agrees") >= 4
+    assert "✗" not in html["engines"]
+    if name in LOGS:
+        (log,) = outputs["log"]
+        last = re.findall(r"= (-?[\d.]+)", log["text"].splitlines()[-1])
+        there = PRINTED[LOGS[name]]["position"]
+        assert np.array(last, float) == pytest.approx(np.array(there), abs=1e-8)
+        count = re.search(r"after (\d+) iterations", log["text"])
+        assert count
+        assert int(count[1]) == len(PRINTED[LOGS[name]]["steps"])
+    if name == "hacksaw":
+        assert outputs["log"][0]["text"].startswith("5 iterations")  # as the report has it
