@@ -12,7 +12,7 @@ from proofmass.engines import NoEngine, computes, engine_names, engine_of
 from proofmass.errors import InputError, suggest
 from proofmass.profile import SampledLaw
 from proofmass.reference import compiled, grid, laws
-from proofmass.sim.contents import joints
+from proofmass.sim.contents import joints, rubs
 from proofmass.sim.protocol import (
     BY_CHANNEL,
     BY_JOINT,
@@ -30,6 +30,7 @@ from proofmass.worker import Crashed, isolated
 
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
 FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite
+TURNS = 1e-9  # share of its way by which a drive may go beyond its samples
 BETWEEN = 20  # places between two samples of dynamics where a law is looked at as well
 
 
@@ -149,6 +150,8 @@ def check_drives(case: Case, run: Run) -> None:
     if not run.drives:
         return
     model, x = compiled(case), run.x
+    if run.kind == "sweep" and rubs(model):
+        check_turns(case, run)
     if run.kind == "dynamics":
         x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
     units = joints(model)
@@ -185,6 +188,31 @@ def check_drives(case: Case, run: Run) -> None:
                 f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
                 f"{case.model}, {low:.6g} to {high:.6g} {unit}; drive it less far or "
                 f"give the joint a wider range",
+            )
+
+
+def check_turns(case: Case, run: Run) -> None:
+    """Raise `InputError` if a drive turns back between two samples of a sweep with dry friction.
+
+    Rests then depend on where it does, and a sweep goes from sample to sample.
+    """
+    between = np.interp(
+        np.arange(BETWEEN * (run.x.size - 1) + 1) / BETWEEN, np.arange(run.x.size), run.x
+    )
+    for k, motion in enumerate(run.motion(between)[0]):
+        ends = np.stack([motion[:-1:BETWEEN], motion[BETWEEN::BETWEEN]])
+        inside = motion[:-1].reshape(-1, BETWEEN)
+        past = np.maximum(
+            inside.max(axis=1) - ends.max(axis=0), ends.min(axis=0) - inside.min(axis=1)
+        )
+        if past.max() > TURNS * float(np.ptp(motion)):
+            first = int(past.argmax())
+            raise InputError(
+                case.file,
+                f"run.{run.kind}.n" if not case.recorded else case.drive_key(k),
+                f"joint {run.drives[k].joint!r} turns back between samples {first} and "
+                f"{first + 1}, at {run.x[first]:.6g} to {run.x[first + 1]:.6g}; with dry friction "
+                "a sweep depends on where: take another n, so that a sample lies there",
             )
 
 

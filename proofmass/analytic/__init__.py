@@ -18,6 +18,7 @@ REFERENCES = {
             "hacksaw",
             "inverted_slider_crank",
             "pendulum",
+            "shaft_pendulum",
             "slider_crank",
             "swinging_block",
             "threeprr",

@@ -70,3 +70,33 @@ def unwrapped(angle: Array) -> Array:
     """
     turns = np.rint(np.diff(angle, axis=-1, prepend=angle[..., :1]) / TURN)
     return np.asarray(angle - TURN * np.cumsum(turns, axis=-1))
+
+
+STANDS = 1e-9  # of the fastest drive: a joint that is slower stands, to rounding
+
+
+def senses(rate: Array, fastest: float) -> Array:
+    """Senses (..., n) in which joints move at the samples of a motion: -1, +1, or 0 before any.
+
+    A joint that stands at a sample has the sense of the sample before: dry friction is what it was
+    when the joint came there.
+
+    Parameters
+    ----------
+    rate : ndarray (..., n)
+        Rates of the joints [rad/s or m/s].
+    fastest : float
+        Largest rate of a drive [rad/s or m/s].
+
+    Returns
+    -------
+    ndarray (..., n) [1]
+
+    Examples
+    --------
+    >>> senses(np.array([0.0, 1.0, 1e-17, -2.0, 0.0]), 2.0).tolist()
+    [0.0, 1.0, 1.0, -1.0, -1.0]
+    """
+    moves = np.abs(rate) > STANDS * fastest
+    last = np.maximum.accumulate(np.where(moves, np.arange(rate.shape[-1]), 0), axis=-1)
+    return np.asarray(np.take_along_axis(np.where(moves, np.sign(rate), 0.0), last, axis=-1))

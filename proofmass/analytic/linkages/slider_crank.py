@@ -13,6 +13,7 @@ from proofmass.analytic.numerics import (
     not_negative,
     one_of,
     positive,
+    senses,
     unwrapped,
 )
 
@@ -35,6 +36,9 @@ def solve(
     slider_mass: float = 0.0,
     slider_load: float = 0.0,
     gravity: float = 9.81,
+    crank_friction: float = 0.0,
+    pin_friction: float = 0.0,
+    slider_friction: float = 0.0,
     inertia: bool = False,
 ) -> dict[str, Array]:
     r"""Motion of a slider-crank whose crank motion is given.
@@ -70,6 +74,10 @@ def solve(
 
         R = ((R . u) a + m1 J u)/q
 
+    Dry friction is against the motion of crank, coupler on the crank, and slider: of the moment it
+    takes crank_friction + pin_friction |k1 - 1| + slider_friction |ds/dangle|, in the sense of the
+    crank. Where a joint stands it is as it was before.
+
     Parameters
     ----------
     angle, rate, acceleration : crank angle [rad], its first [rad/s] and second [rad/s^2] time
@@ -82,6 +90,9 @@ def solve(
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
     slider_load : force on the slider along the guide [N]
     gravity : along -y [m/s^2]
+    crank_friction, pin_friction : dry friction of the crank's bearing and of the pin between crank
+        and coupler [N m]
+    slider_friction : dry friction of the guide [N]
     inertia : whether moment and forces are those of the motion, and not those at rest
 
     Returns
@@ -118,8 +129,16 @@ def solve(
     [2.81927027, -0.696111, -1.18002816]
     """
     masses = {"crank_mass": crank_mass, "coupler_mass": coupler_mass, "slider_mass": slider_mass}
+    rubs = {
+        "crank_friction": crank_friction,
+        "pin_friction": pin_friction,
+        "slider_friction": slider_friction,
+    }
     positive(crank=crank, coupler=coupler)
     not_negative(**masses)
+    for name, value in rubs.items():
+        if not 0.0 <= value < np.inf:
+            raise ValueError(f"{name} must be zero or positive [N m or N], got {value}")
     finite(slider_load=slider_load, gravity=gravity)
     one_of(MODES, mode=mode)
     start, offset = _guide(guide_x, guide_y, guide_angle)
@@ -133,10 +152,15 @@ def solve(
         h = across - offset
         s, s1, s2 = along + q - start, h * k1 - across, h * k2 - q * k1**2 - along
         v, a = s1 * w, s1 * dw + s2 * w**2
+        of_crank, of_pin, of_slider = (
+            value * senses(rate, float(np.abs(w).max(initial=0.0)))
+            for value, rate in zip(rubs.values(), (w, (k1 - 1.0) * w, v), strict=True)
+        )
+        pushed = slider_load - of_slider
         ax, ay = q * cos + h * sin, q * sin - h * cos
         lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
         lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
-        moment = gravity * lift - slider_load * s1
+        moment = gravity * lift - pushed * s1 + of_crank + of_pin * (k1 - 1.0)
         guide = complex(cos, sin)
         bars = np.asarray(crank * np.exp(1j * theta), complex), np.asarray(ax + 1j * ay, complex)
         rest = np.zeros_like(bars[0])
@@ -162,7 +186,7 @@ def solve(
             "coupler_acceleration": k1 * dw + k2 * w**2,
             "transmission_angle": np.arctan2(np.abs(q), -h),
             "holding_moment": moment,
-            **_forces(bars, (rest, at_p, at_s), q, guide, slider_load, gravity, **masses),
+            **_forces(bars, (rest, at_p, at_s), q, guide, (pushed, of_pin), gravity, **masses),
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
 
@@ -172,20 +196,24 @@ def _forces(
     accelerations: tuple[Complex, Complex, Complex],
     q: Array,
     guide: complex,
-    slider_load: float,
+    loads: tuple[Array, Array],
     gravity: float,
     *,
     crank_mass: float,
     coupler_mass: float,
     slider_mass: float,
 ) -> dict[str, Array]:
-    """Forces of pins and guide, of points A, P, S that accelerate; `guide` is its direction."""
+    """Forces of pins and guide, of points A, P, S that accelerate; `guide` is its direction.
+
+    `loads` are the force on the slider along it, and the moment on the coupler against its turning.
+    """
     crank, coupler = bars
     at_a, at_p, at_s = (each + 1j * gravity for each in accelerations)
     f0, _ = asked_of_pins(crank_mass, crank, (at_a, at_p))
     f1, m1 = asked_of_pins(coupler_mass, coupler, (at_p, at_s))
+    m1 = m1 + loads[1]
     slider = np.asarray(slider_mass * at_s, complex)
-    push = slider_load - dot(slider, guide)
+    push = loads[0] - dot(slider, guide)
     on_coupler = np.asarray((push * coupler + 1j * guide * m1) / q, complex)
     return {
         **in_frame("crank_force", f0 + f1 - on_coupler, crank),

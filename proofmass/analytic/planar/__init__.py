@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
 from proofmass.analytic.planar.branch import SHARE, Branch, Knot
 from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.forces import Forces, kinetic, potential, solve_forces, transmitted
@@ -79,7 +79,8 @@ def solve(
     (`proofmass.analytic.planar.branch`); rates and accelerations are the solutions of the loop
     equations differentiated once and twice.  Moments of drives and forces in joints follow from
     the loop equations' multipliers (`proofmass.analytic.planar.forces`): of the mechanism at rest,
-    or with `inertia` of the motion.  Without driven joints the motion is free and `value` is time
+    or with `inertia` of the motion; joints with dry friction rub against their motion, or as before
+    where they stand.  Without driven joints the motion is free and `value` is time
     (`proofmass.analytic.planar.dynamics`).
 
     Parameters
@@ -142,6 +143,9 @@ def solve(
         own["condition"] = condition(mechanism, q, d)
     else:
         refuse_contacts(model)
+        if mechanism.frictions.any():
+            name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
+            raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
         q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
         d = Drives.of(mechanism, ())
     for k, joint in enumerate(mechanism.joints):
@@ -152,9 +156,11 @@ def solve(
                 f"{int(np.argmax(out))}; stops are not covered"
             )
     found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a))
+    fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
+    rub = mechanism.frictions * senses(v.T, fastest).T
     if joints and not inertia:
         v = a = np.zeros_like(q)
-    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d)
+    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
 
@@ -296,13 +302,14 @@ def forces(
     motion: BodyMotion,
     joint: tuple[Array, Array, Array],
     d: Drives,
+    rub: Array,
 ) -> dict[str, Array]:
     """Curves (n,) of the sensors of forces and moments, by channel name as in `quantities`."""
     sensors = {s: S(int(reader.model.sensor_type[s])) for s in range(reader.model.nsensor)}
     sensors = {s: kind for s, kind in sensors.items() if kind in MOTORS or kind in INTERACTIONS}
     if not sensors:
         return {}
-    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d)
+    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub)
     for s, kind in sensors.items():
         name = reader.model.sensor(s).name
         if kind in MOTORS:

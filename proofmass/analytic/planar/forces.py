@@ -59,7 +59,11 @@ class Forces:
 
 
 def solve_forces(
-    m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array], d: Drives
+    m: Mechanism,
+    motion: BodyMotion,
+    joint: tuple[Array, Array, Array],
+    d: Drives,
+    rub: Array | float = 0.0,
 ) -> Forces:
     r"""Forces that a motion asks of its drives and loops, by inverse dynamics.
 
@@ -80,10 +84,12 @@ def solve_forces(
         Joint values, rates, accelerations [rad or m, per s, per s^2].
     d : Drives
         All joints follow in a free motion.
+    rub : ndarray (n, joints)
+        What dry friction takes of the joints, in the sense of their motion [N m or N].
     """
     q, v, a = joint
     centre = centres(m, motion)
-    needed = inertial(m, centre, motion) + a @ m.inertia.fixed - applied(m, centre, q, v)
+    needed = inertial(m, centre, motion) + a @ m.inertia.fixed - applied(m, centre, q, v) + rub
     needed[:, d.driven] += [m.joints[j].load for j in d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
     across = matrix[..., d.following].swapaxes(1, 2)

@@ -43,7 +43,7 @@ class PlanarJoint:
     """A hinge about `place`, or a slide along the unit vector `place`, in the reference pose.
 
     `sign` is +1 when the hinge's axis is the plane's normal, -1 when it is against it.  `load` is a
-    constant moment or force that acts on it.
+    constant moment or force that acts on it, `friction` what dry friction takes of its motion.
     """
 
     name: str
@@ -57,6 +57,7 @@ class PlanarJoint:
     armature: float = 0.0
     load: float = 0.0
     range: tuple[float, float] = (-math.inf, math.inf)
+    friction: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -173,6 +174,11 @@ class Mechanism:
             for key in ("rest", "stiffness", "damping", "armature", "load")
         )
         return rest, stiffness, damping, armature, load
+
+    @cached_property
+    def frictions(self) -> Array:
+        """Dry friction of the joints (joints,) [N m or N]."""
+        return np.array([j.friction for j in self.joints])
 
     @cached_property
     def inertia(self) -> "Inertia":
@@ -392,6 +398,9 @@ class Reader:
             (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
             if model.jnt_limited[j] and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
             else (-np.inf, np.inf),
+            0.0
+            if disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
+            else float(model.dof_frictionloss[dof]),
         )
 
     def load(self, j: int, ctrl: Array) -> float:
@@ -539,10 +548,6 @@ def refuse(model: Any) -> None:
             raise NotCovered(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
         if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[j].any():
             raise NotCovered(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
-        if model.dof_frictionloss[j] > 0 and not disabled(
-            model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT
-        ):
-            raise NotCovered(f"joint {model.joint(j).name!r} has friction")
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):

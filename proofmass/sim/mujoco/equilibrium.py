@@ -24,6 +24,7 @@ any motion that moves the drives, closes the loops and keeps the stops.
 import mujoco
 import numpy as np
 
+from proofmass.analytic.friction import HOLDS_ALL, MOST_JOINTS, PathEnds, SlipProblem, advance
 from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.linkage import CLOSED, NEAR, STRIDE, Linkage
 from proofmass.sim.mujoco.model import refuse_dry_friction
@@ -181,6 +182,7 @@ FAST = 0.1  # a step that shortens to this share of the last one needs no new st
 EXACT = 1e-11  # [rad, or extents] what the next step may change where a rest is found
 LEVER = 1e3  # [rad or m per m] a joint moves so much for a gap only next to a limit position
 SHORTEST = 1e-8  # of a stride: a rest that cannot be followed so far is lost
+FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE = "the equilibrium becomes unstable"
 REFUSED = {"tendon_limited": "a limited tendon", "actuator_dyntype": "an actuator with a state"}
 
@@ -193,13 +195,16 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     Raises
     ------
     Unsupported
-        A joint or a tendon has dry friction.
+        A tendon has dry friction, or a joint in equilibrium.
     """
     refuse_dry_friction(model, run.kind)
     joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
     linkage = Linkage(model, data, joints)
     free = linkage.freedoms()
-    return Resting(model, data, joints, free, far) if free else linkage
+    if not free:
+        return linkage
+    kind = Rubbing if model.dof_frictionloss.any() else Resting
+    return kind(model, data, joints, free, far)
 
 
 class Lost(BadModel):
@@ -231,7 +236,9 @@ class Resting(Linkage):
         self.free, self.far = free, far
         slide = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.reach = np.where(slide, model.stat.extent, 1.0)
+        self.adr_of = model.jnt_qposadr[model.dof_jntid]
         self.stops = LimitedJoints(model, self.dofs, self.reach)
+        self.stuck, self.stuck_at = np.zeros(0, int), np.zeros(0)  # joints held by dry friction
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # soft; rows hold the stops
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
@@ -343,16 +350,18 @@ class Resting(Linkage):
         """
         gap, jacobian = self.rows()
         pose, force = self.data.qpos.copy(), self.force()
+        held = np.vstack([jacobian, self.units, np.eye(self.model.nv)[self.stuck]])
+        off = [gap, pose[self.adr] - values, pose[self.adr_of[self.stuck]] - self.stuck_at]
         past, bars = self.stops.held(pose)
         if fresh:
-            rows = np.vstack([jacobian, self.units, bars])
+            rows = np.vstack([held, bars])
             pushes = np.linalg.lstsq(rows.T, force, DEPENDENT)[0]
             self.stiffness = self.lagrangian(pushes[: gap.size])
         for turn in range(self.stops.turns):
             past, bars = self.stops.held(pose)
             self.balance = Balance(
-                np.vstack([jacobian, self.units, bars]),
-                np.concatenate([gap, pose[self.adr] - values, past]),
+                np.vstack([held, bars]),
+                np.concatenate([*off, past]),
                 force,
                 self.stiffness,
             )
@@ -371,7 +380,8 @@ class Resting(Linkage):
         self.data.qvel[:] = 0
         mujoco.mj_fwdVelocity(self.model, self.data)
         mujoco.mj_fwdActuation(self.model, self.data)
-        return self.data.qfrc_bias - self.data.qfrc_passive - self.data.qfrc_actuator
+        data = self.data
+        return data.qfrc_bias + self.rub - data.qfrc_passive - data.qfrc_actuator
 
     def lagrangian(self, pushes: Array) -> Array:
         """K: how the forces change with the joints (nv, nv) while the loops keep their pushes."""
@@ -408,3 +418,117 @@ class Resting(Linkage):
         """Forces in the rows of the active equalities at rest, beside drives and stops."""
         rows = self.driven.start
         return np.asarray((self.balance.inverse.T @ needed)[:rows])
+
+
+class Rubbing(Resting):
+    """A linkage at rest whose free joints have dry friction: it depends on how it came there.
+
+    The bounds are those of the engine's own rows of friction, ``efc_frictionloss``.  The engine
+    lets a joint creep that it holds, since these rows are soft; here a joint sticks or slips, see
+    `proofmass.analytic.friction`.  A sweep begins at rest without friction.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        joints: tuple[str, ...],
+        free: int,
+        far: float = FAR,
+    ):
+        super().__init__(model, data, joints, free, far)
+        self.rows()
+        own = data.efc_type == FRICTION
+        dofs, bounds = data.efc_id[own], data.efc_frictionloss[own].copy()
+        left = ~np.isin(dofs, self.dofs)
+        self.rubbing, self.bounds = dofs[left], bounds[left]
+        if self.rubbing.size > MOST_JOINTS:
+            raise Unsupported(
+                f"frictionloss of {self.rubbing.size} joints in a sweep with {free} degree(s) of "
+                f"freedom left; up to {MOST_JOINTS} are covered"
+            )
+        self.senses, self.begins = np.zeros(self.rubbing.size), True
+        self.slipped = np.zeros(self.rubbing.size, bool)
+
+    def check_slipped(self) -> None:
+        """Raise `BadModel` if dry friction held all joints that the drives leave."""
+        if not self.slipped.any():
+            names = [repr(self.model.joint(self.model.dof_jntid[d]).name) for d in self.rubbing]
+            raise BadModel(HOLDS_ALL.format(", ".join(names)))
+
+    def move(self, values: Array, tangent: Array | None = None) -> Array:
+        """Follow the rest to new values of the drives, sticking and slipping; its tangent there."""
+        if tangent is None:
+            return super().move(values)
+        way = values - self.at()
+        parts = max(1, int(np.ceil((np.abs(way) / self.stride).max())))
+        for share in np.arange(parts)[::-1]:
+            try:
+                advance(self, values - way * share / parts)
+            except PathEnds as error:
+                raise BadModel(str(error)) from None
+        return self.balance.tangent(self.driven)
+
+    def rubs(self, velocity: Array, fastest: float) -> None:
+        """Let driven joints rub against their motion, and the others as they stick or slip."""
+        super().rubs(velocity, fastest)
+        if not self.begins:
+            found = self.problem(self.way).goes(self.senses)
+            assert found is not None
+            self.rub[self.rubbing] = found.friction
+
+    def at(self) -> Array:
+        """Values of the drives."""
+        return self.data.qpos[self.adr]
+
+    def kept(self) -> tuple[Array, Array]:
+        """The pose, and what stops it is on."""
+        return self.data.qpos.copy(), self.stops.side.copy()
+
+    def back(self, kept: tuple[Array, Array]) -> None:
+        """Come back to a pose."""
+        self.data.qpos[:], self.stops.side = kept[0], kept[1].copy()
+        self.step(self.at(), descend=False)
+
+    def go(self, values: Array) -> None:
+        """Follow the rest to values of the drives in the present state."""
+        try:
+            super().move(values, self.balance.tangent(self.driven))
+        except BadModel as error:
+            raise PathEnds(str(error)) from None
+
+    def problem(self, way: Array) -> SlipProblem:
+        """The present rest in coordinates of its free motions, without its friction."""
+        self.way = way
+        jacobian = self.rows()[1]
+        _, bars = self.stops.held(self.data.qpos)
+        force = self.force() - self.rub
+        self.loose = free = Balance(
+            np.vstack([jacobian, self.units, bars]), np.zeros(0), force, self.stiffness
+        )
+        first = jacobian.shape[0]
+        lead = free.inverse[:, first : first + way.size] @ way
+        own = self.rubbing
+        return SlipProblem(
+            free.null.T @ force,
+            free.hessian,
+            free.null.T @ (self.stiffness @ lead),
+            free.null[own],
+            lead[own],
+            self.bounds,
+        )
+
+    def enter(self, senses: Array) -> None:
+        """Let joints stick where they are, or slip."""
+        self.senses, self.begins = senses, False
+        self.slipped |= senses != 0
+        self.stuck = self.rubbing[senses == 0]
+        self.stuck_at = self.data.qpos[self.adr_of[self.stuck]]
+        self.rub[self.rubbing] = senses * self.bounds
+        self.step(self.at(), descend=False)
+
+    def loop_forces(self, needed: Array) -> Array:
+        """Forces in the rows of the active equalities, beside what friction holds."""
+        if self.begins:
+            return super().loop_forces(needed)
+        return np.asarray((self.loose.inverse.T @ needed)[: self.driven.start])

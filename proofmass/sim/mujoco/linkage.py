@@ -9,7 +9,7 @@ held; rates follow from the null space, accelerations from the rows' time deriva
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import STANDS, Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
 from proofmass.sim.mujoco.model import loop_gap
 from proofmass.sim.protocol import BadModel, Unsupported
@@ -43,6 +43,8 @@ class Linkage:
         Their quotients, that of the rows' Jacobian by one of lengths in extents.
     lever : float
         Largest move [extents or rad] for a gap of an extent, in the pose last closed.
+    rub : ndarray (nv,)
+        What dry friction asks of the joints, in the sense of their motion [N m or N].
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...]):
@@ -67,6 +69,15 @@ class Linkage:
                 )
         self.spans = np.array([*spans, *self.sizes[self.dofs]])
         self.shares = self.sizes / self.spans[:, None]
+        self.rub = np.zeros(model.nv)
+
+    def rubs(self, velocity: Array, fastest: float) -> None:
+        """Let joints rub against their motion; those that stand, as when they came there."""
+        self.rub = np.where(
+            np.abs(velocity) > STANDS * fastest,
+            np.sign(velocity) * self.model.dof_frictionloss,
+            self.rub,
+        )
 
     def rows(self) -> tuple[Array, Array]:
         """Residual and Jacobian of the active equalities at the present pose."""
@@ -224,7 +235,8 @@ class Linkage:
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_fwdActuation(model, data)
         mujoco.mj_rne(model, data, 1, force)
-        return force + model.dof_armature * data.qacc - data.qfrc_passive - data.qfrc_actuator
+        force += model.dof_armature * data.qacc + self.rub
+        return force - data.qfrc_passive - data.qfrc_actuator
 
     def loop_forces(self, needed: Array) -> Array:
         """Forces in the rows of the active equalities [N or N m], of the pose last closed."""

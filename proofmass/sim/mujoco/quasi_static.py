@@ -15,7 +15,7 @@ import time
 import mujoco
 import numpy as np
 
-from proofmass.sim.mujoco.equilibrium import Resting, linkage_of
+from proofmass.sim.mujoco.equilibrium import Resting, Rubbing, linkage_of
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import (
     drive_moments,
@@ -60,11 +60,12 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     moments, stopped, done = np.empty((run.x.size, len(run.drives))), "", run.x.size
     shown = interactions(record)
     began = time.perf_counter()
-    tangent = None
+    tangent, fastest = None, float(np.abs(state[1]).max())
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in state), strict=True)):
         try:
             tangent = linkage.move(values, tangent)
             linkage.check_limits()
+            linkage.rubs(tangent @ rates, fastest)
             if not run.inertia:
                 data.qvel[:] = data.qacc[:] = 0.0
                 moments[k] = linkage.balance_forces(tangent, bool(shown))
@@ -84,6 +85,8 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         else:
             data.sensordata[shown] = forces
         record.sample(k)
+    if isinstance(linkage, Rubbing) and not stopped:
+        linkage.check_slipped()
     seconds = time.perf_counter() - began
     record.cut(done)
     channels = record.curves()

@@ -341,6 +341,17 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
     return Modes(pose, np.tensordot(modes.T, moves, 1), squares, pull, stops)
 
 
+def bent(links: Links, pose: Array, moves: Array) -> Array:
+    """How moves (n, links + 1, 3) change the slope of ``V - pull . held`` in a pose at rest."""
+    rows = jacobian(partial(bound, links), pose)
+    load, root = jacobian(partial(potential, links), pose), _root(links)
+    pull = np.asarray(np.linalg.lstsq((rows / root).T, load / root, rcond=1e-12)[0], float)
+    size = sizes(links, moves)[:, None, None]
+    nudge = moves * NUDGE / size
+    ahead, behind = slope(links, pose + np.stack([nudge, -nudge]), pull, ())
+    return np.asarray((ahead - behind) * size / (2 * NUDGE))
+
+
 def sizes(links: Links, moves: Array) -> Array:
     """Largest part of each of some moves (..., links + 1, 3), in extents or radians."""
     return np.asarray(np.abs(moves / links.sizes[:3]).max(axis=(-2, -1)))

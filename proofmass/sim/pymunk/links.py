@@ -54,7 +54,7 @@ class LinkJoint:
 
     ``stiffness`` holds the spring's coefficients (k, a, b) of k x + a x^2 + b x^3, x the value less
     that at ``rest``; ``load`` is a constant moment [N m] or force [N] on the second link against
-    the first.
+    the first; ``friction`` is what dry friction may hold [N m or N].
     """
 
     name: str
@@ -67,6 +67,7 @@ class LinkJoint:
     damping: float
     load: float
     limits: tuple[float, float] | None
+    friction: float = 0.0
 
     def spring_force(self, value: Array | float) -> Any:
         """Moment [N m] or force [N] of the spring on the second link against the first."""
@@ -134,6 +135,11 @@ class Links:
     pulls: tuple[Pull, ...]
     gravity: Array
     extent: float
+
+    @property
+    def rubbing(self) -> tuple[int, ...]:
+        """Ids of the joints with dry friction."""
+        return tuple(j for j, joint in enumerate(self.joints) if joint.friction)
 
     @property
     def drives(self) -> tuple[LinkJoint, ...]:

@@ -25,6 +25,9 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
     """The links of an MJCF and the settings of a run; raises what `simulate` does."""
     compiled = _compile(model, run)
     links = read_links(compiled, run.start, _driven(compiled, run))
+    if links.rubbing and run.kind != "sweep":
+        joint = f"frictionloss of joint '{links.joints[links.rubbing[0]].name}' in {run.kind}"
+        raise Unsupported(f"{joint}; it is covered in a sweep")
     return links, settings_of_run(run, compiled)
 
 
@@ -174,8 +177,6 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
             yield f"{JOINT(int(model.jnt_type[j])).name[6:].lower()} {name}"
             continue
         grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0
-        if model.dof_frictionloss[dof] > 0:
-            yield f"frictionloss of {name}"
         if model.dof_dampingpoly[dof].any():
             yield f"polynomial damping of {name}"
         if model.dof_armature[dof] > 0 and not (
@@ -377,6 +378,7 @@ def _joint(
         float(model.dof_damping[dof]),
         0.0 if driven else _load(model, data, j),
         tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None,
+        float(model.dof_frictionloss[dof]),
     )
 
 

@@ -27,12 +27,14 @@ import pymunk
 from numpy.typing import NDArray
 from pymunk import batch
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.friction import HOLDS_ALL, MOST_JOINTS, PathEnds, SlipProblem, advance
+from proofmass.analytic.numerics import STANDS, Array
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.sim.pymunk.dynamics import enough
 from proofmass.sim.pymunk.kinematics import (
     Modes,
     along,
+    bent,
     bound,
     close,
     find_modes,
@@ -40,6 +42,7 @@ from proofmass.sim.pymunk.kinematics import (
     gaps,
     jacobian,
     joint_value,
+    least,
     missing,
     named,
     potential,
@@ -54,11 +57,14 @@ from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, unwrapped
 from proofmass.sim.pymunk.space import (
     FIELDS,
     STOPS,
+    Friction,
     Motor,
     Settings,
     add_drives,
+    add_friction,
     aim,
     build,
+    new_drive,
     put,
     taken,
 )
@@ -202,6 +208,10 @@ MOST_ITERATIONS = 10**6
 UNSOLVED = 10
 """Steps on the way to a rest that may be left unsolved: beside a straight arm impulses approach
 their values by 1e-5 of the rest in 500 iterations, and the next pose is further from it."""
+CONVERGED = 1e-15
+"""Share by which impulses may still change in a repeated step."""
+HELD = 1e-9
+"""Largest move in a step, in extents or radians, of joints that limited motors hold."""
 ROUNDING = 1e-16
 """What an iteration adds to the move in a step, in extents or radians."""
 AGREED = 1e-6
@@ -215,7 +225,8 @@ class Held:
 
     ``velocity`` is what the last step of ``dt`` [s] gave to the pose, which stood still; ``usual``
     and ``most`` are iterations of the solver in a step: at first, and used so far; ``past`` are the
-    drives' values and the pose of the rest before this one.
+    drives' values and the pose of the rest before this one; ``friction`` are the motors of joints
+    that rub, with what each has to give in ``rub`` [N m or N].
     """
 
     links: Links
@@ -229,6 +240,13 @@ class Held:
     velocity: Array = field(default_factory=lambda: np.zeros(1))
     most: int = 0
     past: tuple[Array, Array] | None = None
+    friction: list[Friction] = field(default_factory=list)
+    rub: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def driving(self) -> int:
+        """How many drives are the run's own."""
+        return len(self.drives)
 
     @property
     def rounding(self) -> float:
@@ -369,6 +387,24 @@ class Held:
             f"{gaps(self.links, self.pose).max():.3g} m" + (f", {here}" if here else "")
         )
 
+    def rubs(self, rate: Array, fastest: float) -> None:
+        """Let joints rub against their motion at rates of the drives; see `senses`."""
+        if not self.friction:
+            return
+        joints = tuple(motor.joint for motor in self.friction)
+        moved = along(lambda p: values(joints, p), self.pose, self.rates(rate))
+        bounds = np.array([joint.friction for joint in joints])
+        rub = np.where(np.abs(moved) > STANDS * fastest, np.sign(moved) * bounds, self.rub)
+        if (rub != self.rub).any():
+            self.rub = rub
+            self.push()
+            self.settle(values(self.links.drives, self.pose))
+
+    def push(self) -> None:
+        """Let the motors of friction push with what they have to give."""
+        for motor, rub in zip(self.friction, self.rub, strict=True):
+            motor.slip(float(np.sign(rub)), float(joint_value(motor.joint, self.pose)))
+
     def efforts(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
 
@@ -377,8 +413,19 @@ class Held:
         """
         here = values(self.links.drives, self.pose)
         self.step(here)
-        size = np.array([drive.impulse for drive in self.drives]) / self.dt
-        return -size * np.sign([self._fall(k, here)[k] for k in range(len(size))])
+        size = self.impulses() / self.dt
+        return -size * np.sign([self._fall(k, here)[k] for k in range(self.driving)])
+
+    def impulses(self) -> Array:
+        """Impulses of the drives in the step, which motors of friction let converge slowly."""
+        size = np.array([drive.impulse for drive in self.drives[: self.driving]])
+        for _ in range(MOST[False] if self.friction else 0):
+            last = size
+            self._solve()
+            size = np.array([drive.impulse for drive in self.drives[: self.driving]])
+            if np.abs(size - last).max() <= CONVERGED * np.abs(size).max():
+                break
+        return size
 
     def _fall(self, k: int, here: Array) -> Array:
         """Rates of the driven joints after a step without the k-th drive."""
@@ -402,6 +449,153 @@ class Held:
         return size * self.velocity
 
 
+@dataclass
+class HeldRubbing(Held):
+    """A space whose free joints have dry friction: its rest depends on how it came there.
+
+    Joints stick or slip, see `proofmass.analytic.friction`.  One that slips has Chipmunk's motor
+    with its limited moment against it.  One that sticks is held as a drive is; at each sample the
+    motor alone has to hold it, and a step to give it no velocity.  A sweep begins at rest without
+    friction.
+    """
+
+    senses: Array = field(default_factory=lambda: np.zeros(0))
+    begins: bool = True
+
+    def __post_init__(self) -> None:
+        self.own, self.real = self.links, list(self.drives)
+        self.loose = [j for j in self.own.rubbing if j not in self.own.driven]
+        names = [self.own.joints[j].name for j in self.loose]
+        if len(names) > MOST_JOINTS:
+            raise Unsupported(
+                f"frictionloss of {len(names)} joints in a sweep with degrees of freedom left; up "
+                f"to {MOST_JOINTS} are covered"
+            )
+        if self.stops:
+            raise Unsupported(
+                f"joint ranges and dry friction of {', '.join(names)} in one sweep with degrees of "
+                "freedom left"
+            )
+        places = [self.own.rubbing.index(j) for j in self.loose]
+        self.motors, self.places = [self.friction[k] for k in places], places
+        self.bounds = np.array([self.own.joints[j].friction for j in self.loose])
+        self.senses, self.fixed = np.zeros(len(self.loose)), np.zeros(0)
+        self.slipped = np.zeros(len(self.loose), bool)
+
+    def check_slipped(self) -> None:
+        """Raise `BadModel` if dry friction held all joints that the drives leave."""
+        if not self.slipped.any():
+            names = [repr(self.own.joints[j].name) for j in self.loose]
+            raise BadModel(HOLDS_ALL.format(", ".join(names)))
+
+    @property
+    def driving(self) -> int:
+        """How many drives are the run's own; the others hold joints that stick."""
+        return len(self.real)
+
+    def rubs(self, rate: Array, fastest: float) -> None:
+        """Let driven joints rub against their motion, and let motors hold what sticks."""
+        for k, (j, motor) in enumerate(zip(self.own.rubbing, self.friction, strict=True)):
+            if j in self.own.driven:
+                moved = rate[self.own.driven.index(j)]
+                if abs(moved) > STANDS * fastest:
+                    self.rub[k] = np.sign(moved) * motor.joint.friction
+                motor.slip(float(np.sign(self.rub[k])), float(joint_value(motor.joint, self.pose)))
+        if not self.begins:
+            found = self.problem(self.way).goes(self.senses)
+            assert found is not None
+            self.rub[self.places] = found.friction
+        if not self.begins:
+            self.check_held()
+        self.settle(np.append(self.at(), self.fixed))
+
+    def check_held(self) -> None:
+        """Ask the engine whether limited motors alone hold all joints that stick.
+
+        Raises
+        ------
+        NotSolved
+            They slip in its step.
+        """
+        for drive, motor in zip(self.drives[self.driving :], self.sticking, strict=True):
+            drive.max_force = 0.0
+            motor.stick(float(joint_value(motor.joint, self.pose)))
+        self.step(np.append(self.at(), self.fixed))
+        moved = float(sizes(self.links, self.dt * self.velocity))
+        for drive, motor in zip(self.drives[self.driving :], self.sticking, strict=True):
+            drive.max_force = float("inf")
+            motor.slip(0.0, 0.0)
+        if moved > HELD:
+            names = ", ".join(f"'{motor.joint.name}'" for motor in self.sticking)
+            raise NotSolved(f"joints {names} slip by {moved:.2g} of the mechanism where they stick")
+
+    @property
+    def sticking(self) -> list[Friction]:
+        """The motors of joints that stick."""
+        return [motor for motor, sense in zip(self.motors, self.senses, strict=True) if sense == 0]
+
+    def at(self) -> Array:
+        """Values of the run's drives."""
+        return values(self.own.drives, self.pose)
+
+    def kept(self) -> tuple[Array, Array]:
+        """The pose, and the engine's last velocity."""
+        return self.pose, self.velocity
+
+    def back(self, kept: tuple[Array, Array]) -> None:
+        """Come back to a pose."""
+        (self.pose, self.velocity), self.past = kept, None
+
+    def go(self, target: Array) -> None:
+        """Let the engine come to rest at values of the drives in the present state."""
+        try:
+            for stage in stages(self.own, self.at(), target):
+                self.settle(np.append(stage, self.fixed))
+        except (BadModel, NotSolved) as error:
+            raise PathEnds(str(error)) from None
+
+    def problem(self, way: Array) -> SlipProblem:
+        """The present rest in coordinates of its free motions, without its friction."""
+        self.way, own, pose = way, self.own, self.pose
+        rows = jacobian(lambda p: bound(own, p), pose)
+        free = free_directions(own, rows)
+        wanted = np.append(np.zeros(len(rows) - way.size), way)
+        lead = np.pad(least(own, rows, wanted).reshape(1, -1, 3), ((0, 0), (0, 1), (0, 0)))
+        moves = np.concatenate([free, lead])
+        slopes = bent(self.links, pose, moves)
+        joints = tuple(own.joints[j] for j in self.loose)
+        turned = along(lambda p: values(joints, p), pose, moves).T
+        load = jacobian(lambda p: potential(own, p), pose).reshape(-1, 3)
+        stiffness = np.tensordot(free, slopes, ((1, 2), (1, 2)))
+        n = len(free)
+        return SlipProblem(
+            np.tensordot(free[:, :-1], load, 2),
+            (stiffness[:, :n] + stiffness[:, :n].T) / 2,
+            stiffness[:, n],
+            turned[:, :n],
+            turned[:, n],
+            self.bounds,
+        )
+
+    def enter(self, senses: Array) -> None:
+        """Let joints stick where they are, or slip."""
+        self.senses, self.past, self.begins = senses, None, False
+        self.slipped |= senses != 0
+        self.space.remove(*self.drives[self.driving :])
+        joints = list(self.own.joints)
+        for j, motor, sense in zip(self.loose, self.motors, senses.tolist(), strict=True):
+            joint = joints[j]
+            joints[j] = replace(joint, load=joint.load - sense * joint.friction)
+            motor.slip(sense, float(joint_value(joint, self.pose)))
+        stuck = [j for j, sense in zip(self.loose, senses, strict=True) if sense == 0]
+        self.links = replace(self.own, joints=tuple(joints), driven=(*self.own.driven, *stuck))
+        holds = [new_drive(joints[j], self.own, self.space) for j in stuck]
+        self.space.add(*holds)
+        self.drives = [*self.real, *holds]
+        self.fixed = values(tuple(joints[j] for j in stuck), self.pose)
+        self.settle(np.append(self.at(), self.fixed))
+
+
 def hold(links: Links, settings: Settings) -> Held:
     """The space in its start pose; with free coordinates beside it, see `BESIDE`.
 
@@ -416,7 +610,8 @@ def hold(links: Links, settings: Settings) -> Held:
     space = build(undamped, settings["iterations"], settings["error_bias"])
     pose = close(links, links.pose, values(links.drives, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
-    return Held(
+    friction, loose = add_friction(space, links), set(links.rubbing) - set(links.driven)
+    return (HeldRubbing if loose and len(moves) else Held)(
         links,
         space,
         add_drives(space, links),
@@ -425,6 +620,8 @@ def hold(links: Links, settings: Settings) -> Held:
         len(moves) > 0,
         links.pose + _beside(links, moves),
         settings["iterations"],
+        friction=friction,
+        rub=np.zeros(len(friction)),
     )
 
 
@@ -475,16 +672,21 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     if run.inertia:
         missing |= {name: NO_INERTIA for name, c in channels.items() if c.order <= -2}
     wanted = {name: c for name, c in channels.items() if name not in missing}
+    free = held.free
     read, stopped = _follow(held, laws, {c.order for c in wanted.values()})
-    pose, velocity, effort = (np.array(part) for part in zip(*read, strict=True))
+    if isinstance(held, HeldRubbing) and not stopped:
+        held.check_slipped()
+    pose, velocity, effort, rub = (np.array(part) for part in zip(*read, strict=True))
     curves = {
         name: unwrapped(name, _curve(c, links, pose, velocity, effort))
         for name, c in wanted.items()
         if c.order != -3
     }
     between = {name: c for name, c in wanted.items() if c.order == -3}
-    curves |= force_curves(links, between, SampledMotion.at_rest(pose))
     n = len(pose)
+    taken = np.zeros((n, len(links.joints)))
+    taken[:, links.rubbing] = rub
+    curves |= force_curves(links, between, SampledMotion.at_rest(pose, taken))
     state = (values(links.drives, pose).T, laws[:, 1, :n], laws[:, 2, :n])
     return Curves(
         run.x[:n],
@@ -496,18 +698,18 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         n,
         {"iterations": held.most, "error_bias": settings["error_bias"]},
         stopped,
-        derivatives=0 if held.free else 1,
+        derivatives=0 if free else 1,
     )
 
 
-def _follow(
-    held: Held, laws: Array, orders: set[int]
-) -> tuple[list[tuple[Array, Array, Array]], str]:
-    """Pose, velocity and efforts at each sample, and why the last ones could not be reached."""
-    read: list[tuple[Array, Array, Array]] = []
+def _follow(held: Held, laws: Array, orders: set[int]) -> tuple[list[tuple[Array, ...]], str]:
+    """Pose, velocity, efforts and friction at each sample, and why the last were not reached."""
+    read: list[tuple[Array, ...]] = []
+    fastest = float(np.abs(laws[:, 1]).max())
     for value, rate in zip(laws[:, 0].T, laws[:, 1].T, strict=True):
         try:
             _drive_to(held, value)
+            held.rubs(rate, fastest)
         except BadModel as error:
             if len(read) < 2:
                 raise
@@ -516,11 +718,17 @@ def _follow(
         pose = held.pose
         effort = held.efforts() if -2 in orders else np.zeros(len(value))
         velocity = held.rates(rate) if orders & {1, -1} else np.zeros_like(pose)
-        read.append((pose, velocity, effort))
+        read.append((pose, velocity, effort, held.rub.copy()))
     return read, ""
 
 
 def _drive_to(held: Held, target: Array) -> None:
+    if isinstance(held, HeldRubbing) and held.velocity.size > 1:
+        try:
+            advance(held, target)
+        except PathEnds as error:
+            raise BadModel(str(error)) from None
+        return
     *between, _ = stages(held.links, values(held.links.drives, held.pose), target)
     for stage in between:
         held.settle(stage, ROUGH)

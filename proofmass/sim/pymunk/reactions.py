@@ -27,16 +27,20 @@ DEPENDENT = 1e-12
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """Poses (n, links + 1, 3) [m, m, rad], and their rates and accelerations."""
+    """Poses (n, links + 1, 3) [m, m, rad], and their rates and accelerations.
+
+    ``rub`` (n, joints) is what dry friction takes of the joints' motion [N m or N].
+    """
 
     pose: Array
     velocity: Array
     acceleration: Array
+    rub: Array | float = 0.0
 
     @classmethod
-    def at_rest(cls, pose: Array) -> "SampledMotion":
+    def at_rest(cls, pose: Array, rub: Array | float = 0.0) -> "SampledMotion":
         """Poses in which nothing moves."""
-        return cls(pose, np.zeros_like(pose), np.zeros_like(pose))
+        return cls(pose, np.zeros_like(pose), np.zeros_like(pose), rub)
 
 
 def solve_forces(links: Links, motion: SampledMotion) -> Array:
@@ -67,7 +71,9 @@ def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
     rates = along(lambda p: values(links.joints, p), pose[:, 0], velocity)
     moved = (links.weights * motion.acceleration[block])[:, :-1].reshape(-1, size)
     load = along(lambda p: potential(links, p), pose, units)
-    needed = moved + load + (joints @ (damping * rates)[..., None])[..., 0]
+    rub = np.broadcast_to(motion.rub, (len(motion.pose), len(links.joints)))
+    lost = damping * rates + rub[block]
+    needed = moved + load + (joints @ lost[..., None])[..., 0]
     inverse = np.linalg.pinv(rows * links.sizes[:, None] / bounds, rcond=DEPENDENT)
     return np.asarray((inverse @ (needed * links.sizes)[..., None])[..., 0] / bounds)
 

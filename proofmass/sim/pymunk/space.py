@@ -237,16 +237,81 @@ Motor = HingeDrive | SlideDrive
 
 def add_drives(space: pymunk.Space, links: Links) -> list[Motor]:
     """Add the drives of a mechanism, last in the solver's order, where they are met best."""
-    bodies = [*space.bodies, space.static_body]
-    drives: list[Motor] = [
-        HingeDrive(joint, bodies) if joint.hold.axis is None else SlideDrive(joint, links, bodies)
-        for joint in links.drives
-    ]
+    drives = [new_drive(joint, links, space) for joint in links.drives]
     space.add(*drives)
     return drives
+
+
+def new_drive(joint: LinkJoint, links: Links, space: pymunk.Space) -> Motor:
+    """What drives a joint, not yet in the space."""
+    bodies = [*space.bodies, space.static_body]
+    if joint.hold.axis is None:
+        return HingeDrive(joint, bodies)
+    return SlideDrive(joint, links, bodies)
 
 
 def aim(drives: Iterable[Motor], values: Iterable[float]) -> None:
     """Set the values [rad or m] of all drives after the next step."""
     for drive, value in zip(drives, values, strict=True):
         drive.aim(value)
+
+
+FAST = 1e9
+"""Rate [rad/s] that a motor of friction aims at, to push with all that it may."""
+FAR = 1e3
+"""Distance [extents] that the one of a slide aims at."""
+
+
+class HingeFriction(pymunk.SimpleMotor):
+    """Dry friction of a hinge: a motor of rate zero whose moment is limited.
+
+    The bodies of a sweep stand still, so that the motor of a joint that slips has a rate against
+    its motion, and the same limit.
+    """
+
+    def __init__(self, joint: LinkJoint, bodies: Sequence[pymunk.Body]):
+        super().__init__(bodies[joint.hold.a], bodies[joint.hold.b], 0.0)
+        self.joint, self.max_force = joint, 0.0
+
+    def slip(self, sense: float, value: float) -> None:
+        """Push against a motion of that sense, not at all if it is 0."""
+        self.rate = FAST * sense * self.joint.sign
+        self.max_force = abs(sense) * self.joint.friction
+
+    def stick(self, value: float) -> None:
+        """Hold the joint at its value, as far as it may."""
+        self.rate, self.max_force = 0.0, self.joint.friction
+
+
+class SlideFriction(SlideDrive):
+    """Dry friction of a slide: a drive whose force is limited, Chipmunk having no linear motor."""
+
+    def __init__(self, joint: LinkJoint, links: Links, bodies: Sequence[pymunk.Body]):
+        super().__init__(joint, links, bodies)
+        self.joint, self.far, self.max_force = joint, FAR * links.extent, 0.0
+
+    def slip(self, sense: float, value: float) -> None:
+        """Push against a motion of that sense, not at all if it is 0."""
+        self.aim(value - sense * self.far)
+        self.max_force = abs(sense) * self.joint.friction
+
+    def stick(self, value: float) -> None:
+        """Hold the joint at its value, as far as it may."""
+        self.aim(value)
+        self.max_force = self.joint.friction
+
+
+Friction = HingeFriction | SlideFriction
+
+
+def add_friction(space: pymunk.Space, links: Links) -> list[Friction]:
+    """Add the dry friction of all joints that have it."""
+    bodies = [*space.bodies, space.static_body]
+    found: list[Friction] = [
+        HingeFriction(joint, bodies)
+        if joint.hold.axis is None
+        else SlideFriction(joint, links, bodies)
+        for joint in (links.joints[j] for j in links.rubbing)
+    ]
+    space.add(*found)
+    return found

@@ -229,10 +229,6 @@ def test_geared_cranks_follow_their_polynomial(ratio, bend):
             '<body><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body>',
             "joint 'b' leaves the plane",
         ),
-        (
-            '<body><joint name="a" frictionloss="1"/><geom size="0.1"/></body>',
-            "joint 'a' has friction",
-        ),
         ('<body><joint name="a" type="slide"/><geom size="0.1"/></body>', "without hinges"),
     ],
 )
@@ -240,6 +236,13 @@ def test_what_is_no_planar_linkage_is_named(xml, words):
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{xml}</worldbody></mujoco>")
     with pytest.raises(ValueError, match=words):
         read(model, "")
+
+
+def test_dry_friction_of_a_free_motion_is_named():
+    xml = '<body><joint name="a" frictionloss="1"/><geom size="0.1" contype="0"/></body>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{xml}</worldbody></mujoco>")
+    with pytest.raises(ValueError, match="joint 'a' has friction, which a free motion"):
+        solve([0.0, 1.0], model=model)
 
 
 def test_a_mechanism_is_read_from_numbers_alone():

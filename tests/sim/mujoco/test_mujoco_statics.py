@@ -389,21 +389,22 @@ def test_what_does_not_rest_is_named(bodies, options, error, said, sweep):
     assert said in str(caught.value)
 
 
-@pytest.mark.parametrize("settled", [False, True])
+ROPE = (
+    "</worldbody><tendon><fixed name='rope' frictionloss='2'><joint joint='a' coef='1'"
+    "/></fixed></tendon><worldbody>"
+)
+
+
 @pytest.mark.parametrize(
-    ("bodies", "named"),
+    ("bodies", "named", "settled"),
     [
-        (body("a", frictionloss="50"), "joint 'a'"),
-        (body("a") + body("b", frictionloss="1", stiffness="9"), "joint 'b'"),
-        (
-            body("a")
-            + "</worldbody><tendon><fixed name='rope' frictionloss='2'><joint joint='a' coef='1'"
-            "/></fixed></tendon><worldbody>",
-            "tendon 'rope'",
-        ),
+        (body("a", frictionloss="50"), "joint 'a'", True),
+        (body("a") + body("b", frictionloss="1", stiffness="9"), "joint 'b'", True),
+        (body("a") + ROPE, "tendon 'rope'", False),
+        (body("a") + ROPE, "tendon 'rope'", True),
     ],
 )
-def test_dry_friction_is_refused_by_name_where_the_model_is_at_rest(bodies, named, settled, sweep):
+def test_dry_friction_is_refused_by_name_where_it_is_not_determined(bodies, named, settled, sweep):
     with pytest.raises(Unsupported, match=f"frictionloss of {named} in a sweep"):
         sweep([0.0, 0.1], ("hold",), bodies, settled=settled)
 

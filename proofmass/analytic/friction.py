@@ -1,0 +1,328 @@
+"""Stick and slip: joints with dry friction on a path of rests, whoever finds the rests.
+
+At rest the friction R of a joint lies between its two bounds, so that the pose depends on how it
+was reached.  A joint sticks, and holds its place with any R in between, or it slips and has the
+bound against its motion.  Between two events all joints keep their state; an event is a place
+where a stuck joint's friction reaches its bound, or where a slipping joint comes to stand.  With N
+the free motions of a pose whose loops and drives are held, P a motion of the drives, E the rows of
+the joints with friction, f the forces that the pose needs and K their slope::
+
+    N' f + (E N)' R = 0                        the pose is at rest
+    N' K (N y + P) + (E N)' R' = 0             it stays so while the drives move on
+    stuck:   |R| <= bound,   E (N y + P) = 0
+    slipping: R = sense bound,   sense E (N y + P) >= 0
+
+(A. Mielke, F. Theil, On rate-independent hysteresis models, NoDEA 11 (2004) 151-189, sections 2, 3:
+energetic solutions of elastic bodies with dry friction.)
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Protocol
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+
+MOST_JOINTS = 6  # 3^6 combinations of stick and slip are tried at an event
+BROKEN = 1e-9  # [1] how far beyond an event a state is broken: above rounding of slopes
+SURE = 1e-5  # [1] how far a state may be off that is chosen: places of events are not exact
+YIELDS = 1e-6  # share of the bound from which a stuck joint may begin to slip
+AHEAD = 1e-3  # share of the bounds by which friction grows until a little further on
+RESOLVED = 1e-13  # share of the way between two samples to which an event is located
+WEAK = 1e-6  # of the largest: a joint moves so little with the free motions only at a dead point
+STANDS = 1e-12  # [rad or m] rounding of the drives' places
+DEPENDENT = 1e-9  # of the largest singular value: stuck joints that hold each other
+MOST_EVENTS = 100  # between two samples
+
+
+HOLDS_ALL = (
+    "dry friction of joint {} holds all that the drives leave, so that nothing slips in the whole "
+    "sweep: give less friction, or a wider motion"
+)
+
+
+class PathEnds(ValueError):
+    """The path of rests does not go on; the message says why."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How a pose goes on in one state.
+
+    Attributes
+    ----------
+    friction : ndarray (joints,)
+        What the rest asks of the friction of each joint, R [N m or N].
+    rate : ndarray (joints,)
+        How the joints move with the way of the drives [SI].
+    grows : float
+        The fastest growth of the friction of a stuck joint that has come to its bound, of what it
+        could be [1].
+    residual : float
+        Share of the bounds by which the pose is not at rest in this state [1].
+    """
+
+    friction: Array
+    rate: Array
+    grows: float
+    residual: float
+
+
+@dataclass(frozen=True)
+class SlipProblem:
+    """A pose at rest in coordinates of its free motions, with friction taken out.
+
+    Attributes
+    ----------
+    force : ndarray (free,)
+        N' f [SI].
+    stiffness, coupling : ndarray (free, free), (free,)
+        N' K N and N' K P [SI].
+    turn, lead : ndarray (joints, free), (joints,)
+        E N and E P [SI].
+    bound : ndarray (joints,)
+        The largest friction of each joint [N m or N].
+    """
+
+    force: Array
+    stiffness: Array
+    coupling: Array
+    turn: Array
+    lead: Array
+    bound: Array
+
+    def goes(self, senses: Array) -> Rate | None:
+        """How it goes on where joints of sense 0 stick; None if they cannot, or nothing rests."""
+        stuck = senses == 0
+        held, lead, free = self.turn[stuck], self.lead[stuck], self.force.size
+        _, sizes, ways = np.linalg.svd(held)
+        rank = int((sizes > DEPENDENT * np.abs(self.turn).max()).sum())
+        motion = -np.linalg.lstsq(held, lead, rcond=DEPENDENT)[0] if rank else np.zeros(free)
+        if np.abs(held @ motion + lead).max(initial=0.0) > DEPENDENT * np.abs(self.lead).max():
+            return None
+        left = ways[rank:]
+        try:
+            pull = left @ (self.coupling + self.stiffness @ motion)
+            motion -= np.linalg.solve(left @ self.stiffness @ left.T, pull) @ left
+        except np.linalg.LinAlgError:
+            return None
+        needed = -self.force - self.turn.T @ (senses * self.bound)
+        growth = -self.coupling - self.stiffness @ motion
+        size = float((np.abs(self.turn).T @ self.bound).max(initial=0.0)) or 1.0
+        fast = np.abs(self.coupling).max(initial=0.0) + np.abs(self.stiffness).sum() * np.abs(
+            motion
+        ).max(initial=0.0)
+        further = AHEAD * size / (float(fast) or 1.0)
+        friction = senses * self.bound
+        friction[stuck] = shared(held, self.bound[stuck], needed)
+        share, grows = np.abs(friction) / self.bound, 0.0
+        if (share[stuck] >= 1.0 - YIELDS).any():
+            later = np.abs(shared(held, self.bound[stuck], needed + further * growth))
+            more = later / self.bound[stuck] - share[stuck]
+            grows = min(float(more[share[stuck] >= 1.0 - YIELDS].max()) / AHEAD, 1.0)
+        residual = np.abs(self.force + self.turn.T @ friction).max(initial=0.0) / size
+        return Rate(friction, self.lead + self.turn @ motion, grows, float(residual))
+
+    def margins(self, senses: Array) -> Array:
+        """How far each joint is from the ends of its state (2, joints), below zero beyond them.
+
+        The ends of a stuck joint are its two bounds, of which these are shares; the end of a
+        slipping one is to stand, in shares of the fastest.
+        """
+        found = self.goes(senses)
+        if found is None:
+            return np.full((2, senses.size), -1.0)
+        fastest = float(np.abs(found.rate).max(initial=0.0)) or 1.0
+        share = found.friction / self.bound
+        slip = senses * found.rate / fastest
+        return np.where(senses == 0, [1.0 - share, 1.0 + share], [slip, slip])
+
+    def broken(self, senses: Array) -> float:
+        """By how much a state does not describe the pose and how it goes on [1]."""
+        found = self.goes(senses)
+        if found is None:
+            return np.inf
+        return float(max(-self.margins(senses).min(initial=0.0), found.grows, found.residual))
+
+    def choose(self, senses: Array, begins: bool) -> Array:
+        """The state in which the pose goes on: of those that are not broken, that of most sticking.
+
+        A joint does not come to stick at a dead point of its own, where its friction holds nothing.
+
+        Parameters
+        ----------
+        senses : ndarray (joints,)
+            The state until here: senses of slipping joints, 0 of stuck ones [1].
+        begins : bool
+            Whether it may go on; else it has ended.
+
+        Raises
+        ------
+        PathEnds
+            There is none.
+        """
+        options = [np.array(one) for one in product((0.0, 1.0, -1.0), repeat=senses.size)]
+        weak = np.abs(self.turn).max(axis=1) < WEAK * np.abs(self.turn).max()
+        options = [
+            one
+            for one in options
+            if begins
+            or not (np.array_equal(one, senses) or (weak & (senses != 0) & (one == 0)).any())
+        ]
+        broken = np.array([self.broken(one) for one in options])
+        moving = np.array([np.abs(one).sum() for one in options])
+        best = int(np.argmin(np.where(broken < SURE, moving, moving.size + broken)))
+        if not broken[best] < SURE:
+            raise PathEnds("no combination of sticking and slipping joints goes on from here")
+        return options[best]
+
+
+def shared(held: Array, bound: Array, needed: Array) -> Array:
+    """Friction of stuck joints that gives what is needed (joints,).
+
+    Joints that hold each other share it so that the largest share of a bound is as small as can be:
+    only what they do together is determined.
+
+    Parameters
+    ----------
+    held : ndarray (joints, free)
+        What the joints' frictions push [SI].
+    bound : ndarray (joints,)
+        [N m or N]
+    needed : ndarray (free,)
+        [SI]
+    """
+    if not held.size:
+        return np.zeros(bound.size)
+    pushes = (held * bound[:, None]).T
+    least, _, rank, _ = np.linalg.lstsq(pushes, needed, rcond=DEPENDENT)
+    if rank == 1:  # all push along one way
+        along = pushes[np.abs(pushes).max(axis=1).argmax()]
+        least = np.sign(along) * (along @ least / np.abs(along).sum())
+    elif rank < bound.size:
+        least = levelled(pushes, np.asarray(least, float))
+    return np.asarray(least * bound)
+
+
+def levelled(matrix: Array, shares: Array) -> Array:
+    """The shares of least maximum that push the same (joints,)."""
+    from scipy.optimize import linprog  # slow to load
+
+    n, pushed = shares.size, matrix @ shares
+    scale = float(np.abs(shares).max())
+    if not scale:
+        return shares
+    sides = np.block([[np.eye(n), -np.ones((n, 1))], [-np.eye(n), -np.ones((n, 1))]])
+    found = linprog(
+        np.append(np.zeros(n), 1.0),
+        sides,
+        np.zeros(2 * n),
+        np.column_stack([matrix, np.zeros(len(matrix))]),
+        pushed / scale,
+        [(None, None)] * (n + 1),
+    )
+    rough, top = found.x[:n], found.x[n]
+    full = np.abs(rough) > (1.0 - 1e-6) * top  # solved once more, to rounding
+    columns = np.column_stack([matrix[:, full] @ np.sign(rough[full]), matrix[:, ~full]])
+    exact = np.linalg.lstsq(columns, pushed, rcond=DEPENDENT)[0]
+    level = np.sign(rough) * exact[0]
+    level[~full] = exact[1:]
+    return np.asarray(level)
+
+
+class Rubbing(Protocol):
+    """A mechanism at rest whose free joints have dry friction; each engine has its own.
+
+    Attributes
+    ----------
+    senses : ndarray (joints,)
+        Senses in which the joints slip, 0 of those that stick [1].
+    begins : bool
+        Whether nothing has rubbed yet: all friction is zero.
+    """
+
+    senses: Array
+    begins: bool
+
+    def at(self) -> Array:
+        """Values of the drives [rad or m]."""
+
+    def kept(self) -> Any:
+        """The pose, to come back to."""
+
+    def back(self, kept: Any) -> None:
+        """Come back to it."""
+
+    def go(self, values: Array) -> None:
+        """Go to the rest at new values of the drives, without a change of state; or `PathEnds`."""
+
+    def problem(self, way: Array) -> SlipProblem:
+        """The present rest, with the drives about to move along a way."""
+
+    def enter(self, senses: Array) -> None:
+        """Let joints stick where they are, or slip, from now on."""
+
+
+def advance(body: Rubbing, values: Array) -> None:
+    """Follow the rest to new values of the drives, through all events on the straight way there.
+
+    Raises
+    ------
+    PathEnds
+        The path of rests ends, or joints stick and slip in turn without an end.
+    """
+    begin = body.at()
+    way = values - begin
+    if not np.abs(way).max(initial=0.0) > STANDS:
+        body.go(values)
+        return
+    if body.begins or (body.problem(way).margins(body.senses) < -BROKEN).any():
+        body.enter(body.problem(way).choose(body.senses, True))
+    done = 0.0
+    for _ in range(MOST_EVENTS):
+        done = go_on(body, begin, way, done)
+        if done == 1.0:
+            return
+        body.enter(body.problem(way).choose(body.senses, False))
+    raise PathEnds("joints stick and slip in turn without an end")
+
+
+def go_on(body: Rubbing, begin: Array, way: Array, done: float) -> float:
+    """Go to the end of a way, or to its next event; returns the share of the way."""
+    kept, low, high = body.kept(), done, 1.0
+    above, lost = body.problem(way).margins(body.senses), None
+
+    def margins_at(share: float) -> Array:
+        nonlocal lost
+        try:
+            body.go(begin + share * way)
+        except PathEnds as error:  # an event may come before it
+            lost = error
+            return np.full((2, body.senses.size), -1.0)
+        return body.problem(way).margins(body.senses)
+
+    below, side = margins_at(1.0), 0
+    if (below >= -BROKEN).all():
+        return 1.0
+    while high - low > RESOLVED:
+        first = np.unravel_index(below.argmin(), below.shape)
+        near = bool(above[first] <= BROKEN)
+        if near and low > done:
+            break
+        # the secant, but the middle where it goes to one side for long: a margin may jump
+        secant = above[first] / (above[first] - below[first])
+        share = 0.5 if near or abs(side) > 2 else float(secant)
+        middle = low + (high - low) * min(max(share, 1e-3), 1.0 - 1e-3)
+        if not low < middle < high:
+            break
+        body.back(kept)
+        margins = margins_at(middle)
+        if (margins >= -BROKEN).all():
+            low, kept, above, side = middle, body.kept(), margins, max(side, 0) + 1
+        else:
+            high, below, side = middle, margins, min(side, 0) - 1
+    body.back(kept)
+    if lost and above.min() > SURE:
+        raise lost
+    return low

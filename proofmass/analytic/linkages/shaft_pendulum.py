@@ -1,0 +1,162 @@
+"""Pendulum on a driven shaft with dry friction: it is carried along, and slips."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.numerics import Array, senses
+
+
+def solve(
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    length: float,
+    mass: float,
+    friction: float,
+    bearing_friction: float = 0.0,
+    gravity: float = 9.81,
+) -> dict[str, Array]:
+    r"""Quasi-static motion of a pendulum that hangs on a slowly turned shaft with dry friction.
+
+    ::
+
+         shaft, driven          M
+          ( O )             s   |      ___________   +friction
+             \              l   |    /          /
+              \  length     i   |   /          /     one cycle of the shaft
+               \            p   |  /          /
+                o mass          | /__________/       -friction
+        phi from straight down  +---------------- angle of the shaft
+
+    The pendulum sticks to the shaft as long as the friction holds its weight, |phi| < p, and slips
+    at phi = +-p::
+
+        m g l sin(p) = friction,      phi' = clip(phi + change of the shaft's angle, -p, p)
+
+    for every change of one sense: the play operator with the weight as its spring (a Jenkins
+    element). The moment on the shaft is m g l sin(phi), and friction +-bearing_friction of the
+    shaft's own bearing. A cycle between two angles at a distance a loses 2 friction (a - 2 p) and
+    2 bearing_friction a.
+
+    Parameters
+    ----------
+    angle : of the shaft [rad], (n,), in the order in which it is turned
+    rate, acceleration : its time derivatives [rad/s, rad/s^2]; `rate` tells the sense of the
+        bearing's friction, `acceleration` has no meaning in statics
+    length, mass : of the pendulum, a mass at a distance from the shaft [m], [kg]
+    friction, bearing_friction : largest moments of dry friction between shaft and pendulum, and
+        between ground and shaft [N m]
+    gravity : along -y [m/s^2]
+
+    Returns
+    -------
+    dict of (n,) arrays: swing, the angle phi from straight down, and slip = phi - angle [rad];
+    swing_rate, slip_rate [rad/s] of the motion that ends at each sample; bob_x, bob_y [m];
+    holding_moment [N m] of the shaft; hinge_moment [N m] of the shaft on the pendulum; lost [J],
+    by the friction of both until then.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain; friction that holds the pendulum at every angle, or over all
+        angles that are asked for.
+
+    Notes
+    -----
+    Rounding. The pendulum hangs at the first sample. The shaft goes from sample to sample without
+    turning back between them. Source: textbook statics; the play operator is that of A. Visintin,
+    Differential Models of Hysteresis, Springer 1994, section III.2.
+
+    Examples
+    --------
+    >>> turn = solve([0.0, 0.5, 0.0, -1.0], length=0.2, mass=0.5, friction=0.3)
+    >>> turn["swing"].round(6).tolist()
+    [0.0, 0.310789, -0.189211, -0.310789]
+    """
+    most = slip_angle(length=length, mass=mass, friction=friction, gravity=gravity)
+    if not 0.0 <= bearing_friction < np.inf:
+        raise ValueError(f"bearing_friction must be zero or positive [N m], got {bearing_friction}")
+    shaft, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+    if shaft.ndim != 1:
+        raise ValueError(f"angle must be one row of angles in their order, got {shaft.shape}")
+    swing, slips = played(shaft, most)
+    if shaft.size > 2 and not slips[1:].any():
+        raise ValueError(
+            f"friction holds the pendulum over all angles: it would slip at {most:.6g} rad from "
+            f"straight down, and comes to {np.abs(swing).max():.6g} rad"
+        )
+    moment = mass * gravity * length * np.sin(swing)
+    bearing = bearing_friction * senses(w, float(np.abs(w).max(initial=0.0)))
+    slip = swing - shaft
+    gone = friction * np.abs(np.diff(slip)) + bearing_friction * np.abs(np.diff(shaft))
+    return {
+        "swing": swing,
+        "slip": slip,
+        "swing_rate": np.where(slips, 0.0, w),
+        "slip_rate": np.where(slips, -w, 0.0),
+        "bob_x": length * np.sin(swing),
+        "bob_y": -length * np.cos(swing),
+        "holding_moment": moment + bearing,
+        "hinge_moment": moment,
+        "lost": np.concatenate([np.zeros(min(1, shaft.size)), np.cumsum(gone)]),
+    }
+
+
+def played(shaft: Array, most: float) -> tuple[Array, Array]:
+    """Swings (n,) that follow a shaft with play, and whether the pendulum slips at their samples.
+
+    At the first sample it hangs, free of friction.
+    """
+    swing, slips = np.zeros(shaft.shape), np.ones(shaft.shape, bool)
+    ways = np.sign(np.diff(shaft))
+    turns = np.flatnonzero(np.diff(ways) != 0) + 1
+    for first, last in zip([0, *turns], [*turns, max(shaft.size - 1, 0)], strict=True):
+        part = slice(first + 1, last + 1)
+        free = swing[first] + shaft[part] - shaft[first]
+        swing[part] = np.clip(free, -most, most)
+        slips[part] = np.abs(free) >= most
+    slips[:1] = True
+    return swing, slips
+
+
+def slip_angle(*, length: float, mass: float, friction: float, gravity: float = 9.81) -> float:
+    """Angle p from straight down [rad] at which the pendulum slips, m g l sin(p) = friction.
+
+    >>> round(slip_angle(length=0.2, mass=0.5, friction=0.3), 6)
+    0.310789
+    """
+    for name, value in {"length": length, "mass": mass, "gravity": gravity}.items():
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{name} must be positive and finite, got {value}")
+    weight = mass * gravity * length
+    if not 0.0 < friction < weight:
+        raise ValueError(
+            f"friction must be positive and less than {weight:.6g} N m, with which the weight "
+            f"turns the pendulum at most, so that it slips; got {friction}"
+        )
+    return float(np.arcsin(friction / weight))
+
+
+def marks(*, length: float, mass: float, friction: float, **others: float) -> dict[str, float]:
+    """Where the pendulum slips for the first time, as a place of the shaft."""
+    most = slip_angle(
+        length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)
+    )
+    return {"first slip": most}
+
+
+def facts(*, length: float, mass: float, friction: float, **others: float) -> dict[str, str]:
+    """Where the pendulum slips, in words.
+
+    >>> facts(length=0.2, mass=0.5, friction=0.3)["slips at"]
+    '17.81° from straight down'
+    """
+    most = slip_angle(
+        length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)
+    )
+    return {
+        "slips at": f"{np.degrees(most):.2f}° from straight down",
+        "lost in a cycle": f"2 friction (way - {np.degrees(2 * most):.2f}°) between the pendulum "
+        "and the shaft",
+    }

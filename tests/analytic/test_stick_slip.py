@@ -1,0 +1,131 @@
+"""Stick and slip against the least of energy and dissipation, on chains of springs and sliders."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from proofmass.analytic.friction import PathEnds, SlipProblem, advance, levelled, shared
+
+
+class Sliders:
+    """Springs in a row from a driven end over sliders with dry friction to a wall."""
+
+    def __init__(self, springs, bounds):
+        self.springs, self.bounds = np.asarray(springs, float), np.asarray(bounds, float)
+        n = self.bounds.size
+        stretch = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)  # of each spring with each slider
+        self.stretch, self.pulled = -stretch, np.eye(n + 1)[0]
+        self.place, self.drive = np.zeros(n), 0.0
+        self.senses, self.begins = np.zeros(n), True
+        self.stiffness = self.stretch.T @ (self.springs[:, None] * self.stretch)
+        self.coupling = self.stretch.T @ (self.springs * self.pulled)
+
+    def at(self):
+        return np.array([self.drive])
+
+    def kept(self):
+        return self.place, self.drive
+
+    def back(self, kept):
+        self.place, self.drive = kept
+
+    def go(self, values):
+        self.drive, slips = float(values[0]), self.senses != 0
+        self.place = self.place.copy()
+        held = self.coupling * self.drive + self.stiffness @ np.where(slips, 0.0, self.place)
+        pull = -(held + self.senses * self.bounds)[slips]
+        self.place[slips] = np.linalg.solve(self.stiffness[np.ix_(slips, slips)], pull)
+
+    def problem(self, way):
+        n = self.bounds.size
+        force = self.coupling * self.drive + self.stiffness @ self.place
+        return SlipProblem(
+            force, self.stiffness, self.coupling * way[0], np.eye(n), np.zeros(n), self.bounds
+        )
+
+    def enter(self, senses):
+        self.senses, self.begins = senses, False
+
+    def energy(self, place, drive):
+        return 0.5 * self.springs @ (self.stretch @ place + self.pulled * drive) ** 2
+
+
+def least(body, path, parts):
+    """Places of the sliders along a path, whose parts minimise energy plus what they rub off."""
+    place, found = np.zeros(body.bounds.size), [np.zeros(body.bounds.size)]
+    for first, last in pairwise(path):
+        for drive in np.linspace(first, last, parts + 1)[1:]:
+            n, before = place.size, place
+
+            def cost(ways, drive=drive, before=before, n=n):  # forth and back of each slider
+                here = before + ways[:n] - ways[n:]
+                slope = body.coupling * drive + body.stiffness @ here
+                return (
+                    body.energy(here, drive) + np.tile(body.bounds, 2) @ ways,
+                    np.tile(body.bounds, 2) + np.concatenate([slope, -slope]),
+                )
+
+            ways = minimize(
+                cost,
+                np.zeros(2 * n),
+                jac=True,
+                bounds=[(0, None)] * (2 * n),
+                method="L-BFGS-B",
+                options={"ftol": 1e-16, "gtol": 1e-12},
+            ).x
+            place = before + ways[:n] - ways[n:]
+        found.append(place)
+    return np.array(found)
+
+
+PATH = np.array([0.0, 1.0, 2.5, 1.5, -0.5, 0.3, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("springs", "bounds"),
+    [([1.0, 0.0], [0.5]), ([2.0, 1.0, 0.5], [0.7, 0.4]), ([3.0, 2.0, 1.0, 0.4], [0.4, 0.6, 0.3])],
+)
+def test_sliders_go_where_energy_and_dissipation_are_least(springs, bounds):
+    body, found = Sliders(springs, bounds), [np.zeros(len(bounds))]
+    for drive in PATH[1:]:
+        advance(body, np.array([drive]))
+        found.append(body.place)
+    # parts of a monotone way of a row of sliders change nothing; 1e-6 is that of the search
+    np.testing.assert_allclose(found, least(body, PATH, 4), atol=2e-6)
+
+
+def test_one_slider_is_the_play_operator():
+    body = Sliders([2.0, 0.0], [0.5])
+    for drive, place in ((0.2, 0.0), (1.0, 0.75), (0.6, 0.75), (0.2, 0.45)):
+        advance(body, np.array([drive]))
+        assert body.place[0] == pytest.approx(place, abs=1e-12)
+
+
+def test_joints_that_hold_each_other_share_it_evenly():
+    held, bound = np.array([[1.0], [-2.0], [0.5]]), np.array([1.0, 2.0, 4.0])
+    friction = shared(held, bound, np.array([3.5]))
+    np.testing.assert_allclose(held.T @ friction, [3.5], rtol=1e-14)
+    np.testing.assert_allclose(np.abs(friction) / bound, 0.5, rtol=1e-14)
+
+
+def test_shares_of_more_joints_than_they_can_hold_are_level():
+    generator = np.random.default_rng(19)
+    matrix, shares = generator.normal(size=(2, 4)), generator.normal(size=4)
+    found = levelled(matrix, shares)
+    np.testing.assert_allclose(matrix @ found, matrix @ shares, atol=1e-14)
+    # least maximum: its dual, a push whose 1-norm of works is 1, does as much
+    full = np.abs(found) > (1 - 1e-9) * np.abs(found).max()
+    assert full.sum() >= 3
+    for other in np.linalg.svd(matrix)[2][2:]:
+        for way in (1e-3, -1e-3):
+            assert np.abs(found + way * other).max() > np.abs(found).max()
+
+
+def test_what_no_state_describes_ends_the_path():
+    problem = SlipProblem(
+        np.array([2.0]), np.eye(1), np.zeros(1), np.eye(1), np.zeros(1), np.array([1.0])
+    )
+    with pytest.raises(PathEnds, match="no combination of sticking and slipping"):
+        problem.choose(np.zeros(1), True)

@@ -1,0 +1,211 @@
+"""Dry friction in sweeps: loops, their areas, transitions, and what is refused, in both engines."""
+
+import re
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import planar
+from proofmass.analytic.linkages import shaft_pendulum, slider_crank
+from proofmass.compare import compare
+from proofmass.drive import Swing
+from proofmass.errors import InputError
+from proofmass.reference import compiled
+from proofmass.sidecar import load_case
+from proofmass.sim.protocol import BadModel, Drive, Run, Unsupported
+from proofmass.solve import plan, run_here, simulate
+from tests.shipped import models_like, shipped
+
+ENGINES = ("mujoco", "pymunk")
+SHAFT = load_case(shipped("shaft_pendulum.toml"))
+CRANK = load_case(shipped("slider_crank_friction.toml"))
+RUBBING = [f for f in models_like() if compiled(load_case(f)).dof_frictionloss.any()]
+FRICTION = re.compile(r'frictionloss="([^"]+)"')
+
+
+@dataclass(frozen=True)
+class Along:
+    """A drive that goes straight through values at x = 0, 1, 2, ..."""
+
+    values: tuple[float, ...]
+
+    def __call__(self, x):
+        rate = np.diff(self.values)[np.clip(np.ceil(x).astype(int) - 1, 0, len(self.values) - 2)]
+        return np.interp(x, np.arange(len(self.values)), self.values), rate, 0.0 * x
+
+
+def gauss(ends, nodes=24):
+    """Places between ends in their order, all ends among them, and weights of an integral."""
+    places, shares = np.polynomial.legendre.leggauss(nodes)  # to rounding on what is smooth
+    x, w = [np.array(ends[:1])], [np.zeros(1)]
+    for first, last in pairwise(ends):
+        half = 0.5 * (last - first)
+        x += [first + half * (1 + places), [last]]
+        w += [half * shares, [0.0]]
+    return np.concatenate(x), np.concatenate(w)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_cycle_of_the_shaft_loses_its_closed_area(engine):
+    """2 friction (a - 2 p) + 2 bearing_friction a; quadrature between the events, to rounding."""
+    own = SHAFT.parameters
+    p = shaft_pendulum.slip_angle(**{k: own[k] for k in ("length", "mass", "friction", "gravity")})
+    way = 2.0
+    slip = [2 * p / way, 1.0, 1.0 + 2 * p / way, 2.0]
+    x, weights = gauss([0.0, 1.0, 2.0, *np.array(slip) + 2.0], 8)
+    run = Run("sweep", x, ("holding_moment",), (Drive("shaft", Along((0, way, 0, way, 0))),))
+    found = simulate(engine, SHAFT.model_path, run)
+    rate = run.motion(x)[1][0]
+    area = (found.channels["holding_moment"] * rate * weights)[x > 2.0].sum()
+    closed = 2 * own["friction"] * (way - 2 * p) + 2 * own["bearing_friction"] * way
+    assert area == pytest.approx(closed, rel=1e-12)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_stick_and_slip_change_in_the_sample_of_the_closed_form(engine):
+    run = plan(few(SHAFT), "sweep", engine)
+    found = simulate(engine, SHAFT.model_path, run)
+    (shaft,) = run.motion(run.x)[0]
+    truth = shaft_pendulum.solve(shaft, **SHAFT.parameters)
+
+    def slips(angle):
+        return np.abs(np.diff(angle)) > 1e-9
+
+    np.testing.assert_array_equal(slips(found.channels["slip"]), slips(truth["slip"]))
+    assert slips(truth["slip"]).any()
+    assert not slips(truth["slip"]).all()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_loop_of_the_slider_crank_is_the_friction_times_the_way_of_each_joint(engine):
+    first, last = 0.3, 3.8  # over the dead centre at pi, where the slider turns back
+    x, weights = gauss([0.0, (np.pi - first) / (last - first), 1.0, 2 - (np.pi - first) / 3.5, 2.0])
+    run = Run("sweep", x, ("holding_moment",), (Drive("crank", Along((first, last, first))),))
+    found = simulate(engine, CRANK.model_path, run)
+    rate = run.motion(x)[1][0]
+    area = (found.channels["holding_moment"] * rate * weights).sum()
+    own = {k: v for k, v in CRANK.parameters.items() if "friction" not in k}
+    at = slider_crank.solve(np.array([first, np.pi, last]), **own)
+    bent = at["coupler_angle"] - np.array([first, np.pi, last])
+    ways = [last - first, np.abs(np.diff(bent)).sum(), np.abs(np.diff(at["slide"])).sum()]
+    names = ("crank_friction", "pin_friction", "slider_friction")
+    closed = 2 * sum(CRANK.parameters[name] * way for name, way in zip(names, ways, strict=True))
+    assert area == pytest.approx(closed, rel=1e-12)
+
+
+def test_the_closed_form_of_the_slider_crank_is_what_the_general_solver_finds():
+    """Forces of all pins by other equations, at rest and in motion; no engine takes part."""
+    run = plan(CRANK, "sweep", "mujoco")
+    value, rate, acceleration = (part[0] for part in run.motion(run.x))
+    model = compiled(CRANK)
+    for inertia in (False, True):
+        general = planar.solve(
+            value, rate, acceleration, model=model, joints=("crank",), inertia=inertia
+        )
+        closed = slider_crank.solve(value, rate, acceleration, **CRANK.parameters, inertia=inertia)
+        for name, channel in CRANK.channels.items():
+            size = np.abs(closed[channel.equals]).max()
+            np.testing.assert_allclose(
+                general[name], closed[channel.equals], atol=1e-12 * size, rtol=0, err_msg=name
+            )
+
+
+def few(case):
+    """A case of a third of its intervals, whose drives turn on samples as before."""
+    n = (case.run["sweep"].n - 1) // 3 + 1
+    run = case.run["sweep"].model_copy(update={"n": n})
+    return case.model_copy(update={"run": {"sweep": run}})
+
+
+NUMBERS = [
+    (file.stem, k)
+    for file in RUBBING
+    for k in range(len(FRICTION.findall(load_case(file).model_path.read_text())))
+]
+
+
+@pytest.mark.parametrize(("name", "number"), NUMBERS)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_friction_of_a_shipped_model_is_noticed(name, number, engine, models):
+    """One frictionloss 0.1 % larger turns the verdict."""
+    file = models / load_case(shipped(f"{name}.toml")).model
+    text = file.read_text()
+    place = list(FRICTION.finditer(text))[number]
+    larger = repr(1.001 * float(place[1]))
+    file.write_text(text[: place.start(1)] + larger + text[place.end(1) :])
+    case = few(load_case(models / f"{name}.toml"))
+    found = compare(case, "sweep", engine, run_here(case, "sweep", engine), detectable=False)
+    assert "differs" in {one.outcome for one in found}
+
+
+CREEPING = """<mujoco><option gravity="0 -9.81 0" integrator="implicitfast" tolerance="0">
+<flag contact="disable"/></option><worldbody><body><joint name="p" frictionloss="0.3" {}/>
+<inertial pos="0 -0.2 0" mass="0.5" diaginertia="1e-4 1e-4 1e-4"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("soft", "rate"),
+    [("", 1.15e-2), ('solreffriction="0.005 1" solimpfriction="0.9999 0.9999 0.001"', 3.02e-6)],
+)
+def test_mujocos_own_friction_creeps(soft, rate):
+    """(1 - d)/d f/I dmax timeconst/2: why a sweep takes its bound, and no steps in time."""
+    model = mujoco.MjModel.from_xml_string(CREEPING.format(soft))
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.25
+    mujoco.mj_step(model, data, 1000)  # 2 s: the start has decayed
+    moment, inertia = 0.5 * 9.81 * 0.2 * np.sin(data.qpos[0]), 0.5 * 0.2**2 + 1e-4
+    time, (dmin, dmax) = model.dof_solref[0, 0], model.dof_solimp[0, :2]
+    creep = (1 - dmin) / dmin * moment / inertia * dmax * time / 2
+    assert -data.qvel[0] == pytest.approx(creep, rel=0.05)  # dmin: friction has no width to grow in
+    assert creep == pytest.approx(rate, rel=0.1)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_friction_that_holds_the_whole_mechanism_is_an_error(engine, edit):
+    file = edit("shaft_pendulum.xml", 'frictionloss="0.3"', 'frictionloss="1.0"')
+    run = replace(plan(SHAFT, "sweep", engine), x=np.array([0.0, 0.3, 0.6, 0.7]))
+    with pytest.raises(BadModel, match="dry friction of joint 'pendulum' holds all that"):
+        simulate(engine, file, run)
+
+
+def test_a_drive_that_turns_back_between_samples_is_an_error():
+    run = SHAFT.run["sweep"].model_copy(update={"n": 96})
+    case = SHAFT.model_copy(update={"run": {"sweep": run}})
+    with pytest.raises(InputError, match="'shaft' turns back between samples 47 and 48") as error:
+        plan(case, "sweep", "mujoco")
+    assert error.value.key == "run.sweep.n"
+
+
+def test_chipmunk_refuses_friction_in_time():
+    run = Run("dynamics", np.linspace(0, 0.1, 3), (), (Drive("shaft", Swing(0, 1, 1)),))
+    with pytest.raises(Unsupported, match="frictionloss of joint 'shaft' in dynamics"):
+        simulate("pymunk", SHAFT.model_path, run)
+
+
+ROW = """<mujoco><option gravity="0 0 0"><flag contact="disable"/></option><worldbody>{}{}
+</worldbody><keyframe><key name="start"/></keyframe></mujoco>"""
+LINK = """<body pos="{0} 0 0"><joint name="j{1}" {2}/>
+<inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>"""
+SPRING = 'stiffness="1" frictionloss="0.1"'
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_more_joints_than_are_covered_are_refused(engine, tmp_path):
+    links = "".join(LINK.format(int(k > 0), k, SPRING if k else "") for k in range(8))
+    file = tmp_path / "row.xml"
+    file.write_text(ROW.format(links, 8 * "</body>"))
+    run = Run("sweep", np.linspace(0, 1, 3), (), (Drive("j0", Along((0.0, 1.0))),))
+    with pytest.raises(Unsupported, match=r"frictionloss of 7 joints .* up to 6 are covered"):
+        simulate(engine, file, run)
+
+
+def test_chipmunk_refuses_stops_and_friction_of_free_joints_together(tmp_path):
+    links = LINK.format(0, 0, "") + LINK.format(1, 1, SPRING + ' limited="true" range="-1 1"')
+    file = tmp_path / "row.xml"
+    file.write_text(ROW.format(links, 2 * "</body>"))
+    run = Run("sweep", np.linspace(0, 1, 3), (), (Drive("j0", Along((0.0, 1.0))),))
+    with pytest.raises(Unsupported, match="joint ranges and dry friction of j1"):
+        simulate("pymunk", file, run)
