@@ -12,6 +12,8 @@ from proofmass.analytic.balancer.measures import TARGETS, precision_points
 from proofmass.report.style import RC
 
 Row = dict[str, Any]
+KEY = ("target", "segments", "variant", "option")
+SAME = 0.01  # of an error: two designs that differ by less are as good
 HELD = {"printed": (4, 2), "recomputed": (15, 15), "narrower": (7, 5)}  # digits that count
 
 
@@ -63,12 +65,23 @@ m g r and work reduction in percent, as printed, of the printed parameters recom
 path from rest, and of our design within the same bounds at the same points (90 for three segments,
 15 for four). Below them stand the 56 variants that its tables M.1 to M.5 have a dash for, within
 its widest bounds; in place of its figures they have those of our own design with an option less,
-than which a design that may do more must not be worse. Every design of ours reaches 90 degrees on a
+than which a design that may do more must not be worse. The last 40 rows, "preload 3", are the rows
+"3 Seg.: prestress spring 3" of the thesis's figures, all of them dashes, within the bounds of the
+figures; in place of its figures they have those of our own design without a preload. Where the rest
+angle is free, both signs of the preload were tried. The stop keeps joint 3 on one side, so that
+such a design may be worse than one without. Every design of ours reaches 90 degrees on a
 stable path and keeps its elbow bent, which is up, as in all of the thesis's tables, unless nothing
 as good was found that way. "Worse in" compares with the print at its own digits. Parameters
 stand in `balancer_designs.json`.
 
 ![Errors of the sharpest design of each target beside the thesis's best row](balancer_designs.png)
+
+The thesis's figures 5 and 6 show the work reduction of its balancers of three and of four segments;
+here they are with our designs beside, and with the rows that it left out.
+
+![Work reduction of three segments by target and system: printed, and ours](balancer_designs_3.png)
+
+![Work reduction of four segments by target and system: printed, and ours](balancer_designs_4.png)
 
 {summary}
 
@@ -78,6 +91,8 @@ stand in `balancer_designs.json`.
 def summary(rows: list[Row]) -> str:
     """What came out, in a few sentences."""
     theirs, dashes = ([row for row in rows if bool(row["line"]) is real] for real in (True, False))
+    third = [row for row in dashes if row["variant"].endswith("3")]
+    dashes = [row for row in dashes if row not in third]
     least = {row["line"]: min(compared(row).values()) for row in theirs}
     same, worse = ([line for line, sign in least.items() if sign == own] for own in (0, -1))
     up = [row for row in theirs if "mode" not in row["parameters"]]
@@ -92,7 +107,25 @@ def summary(rows: list[Row]) -> str:
         f"are as good or better with the elbow up. The median error is {ratio:.2f} of the "
         f"printed one. Of the {len(dashes)} where the thesis has a dash, "
         f"{sum(not missed(row) for row in dashes)} are as good as ours with an option less. "
+        f"{on_spring_3(third, rows)}"
         f"CPU time: {sum(used):.0f} s in all, {max(used):.0f} s for the longest."
+    )
+
+
+def on_spring_3(third: list[Row], rows: list[Row]) -> str:
+    """What a preload of spring 3 gains, in a sentence."""
+    if not third:
+        return ""
+    known = {tuple(row[k] for k in KEY): row["ours"]["rmse"] for row in rows}
+    gain = {"preload 3": "preload", "nonlinear preload 3": "nonlinear preload"}
+    beaten, better = 0, 0
+    for row in third:
+        second = known[tuple((row | {"variant": gain[row["variant"]]})[k] for k in KEY)]
+        beaten += row["ours"]["rmse"] < (1 - SAME) * second
+        better += row["ours"]["rmse"] < (1 - SAME) * row["narrower"]["rmse"]
+    return (
+        f"A preload of spring 3 has an error at least {SAME:.0%} less than none in {better} of "
+        f"{len(third)} rows, and than a preload of spring 2 in {beaten}. "
     )
 
 
@@ -111,7 +144,8 @@ def draw(rows: list[Row], thesis: dict[str, Row]) -> Figure:
     angle = precision_points(180)
     with rc_context(RC):
         figure = Figure((9.5, 5.6), layout="constrained")
-        for axes, name in zip(figure.subplots(2, 3).ravel(), TARGETS, strict=True):
+        names = dict.fromkeys(row["target"] for row in rows)
+        for axes, name in zip(figure.subplots(2, 3).ravel(), names, strict=True):
             own = [row for row in rows if row["target"] == name]
             best = min(own, key=lambda row: row["ours"]["rmse"])
             theirs = max(
@@ -130,4 +164,65 @@ def draw(rows: list[Row], thesis: dict[str, Row]) -> Figure:
             axes.legend(
                 loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8, borderaxespad=0.0
             )
+        return figure
+
+
+SYSTEMS = {  # of the thesis's figures 5 and 6, with a preload of spring 3 added
+    ("regular", "standard"): ("#0072B2", "regular"),
+    ("preload", "standard"): ("#D55E00", "preload"),
+    ("preload 3", "standard"): ("#E69F00", "preload of spring 3"),
+    ("regular", "rest angle"): ("#009E73", "rest angle free"),
+    ("preload", "rest angle"): ("#882255", "preload, rest angle free"),
+    ("preload 3", "rest angle"): ("#CC79A7", "preload of spring 3, rest angle free"),
+}
+REDUCTIONS = (40, 60, 80, 90, 95, 98, 99, 99.5, 99.8, 99.9, 99.99)  # [%] that the axis names
+
+
+def has(rows: list[Row], segments: int, variant: str, option: str) -> bool:
+    """Whether there is such a system."""
+    wanted = segments, variant, option
+    return any((row["segments"], row["variant"], row["option"]) == wanted for row in rows)
+
+
+def draw_systems(rows: list[Row], segments: int) -> Figure:
+    """Work reduction by target and system: printed on the left, ours on the right."""
+    names = list(dict.fromkeys(row["target"] for row in rows if row["line"]))
+    with rc_context(RC):
+        figure = Figure((9.5, 4.6), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, kind, title in zip(
+            panels, ("printed", "ours"), ("thesis, as printed", "designed again"), strict=True
+        ):
+            shown = {s: look for s, look in SYSTEMS.items() if has(rows, segments, *s)}
+            for k, ((variant, option), (colour, label)) in enumerate(shown.items()):
+                for springs, marker in (("", "o"), ("nonlinear ", "s")):
+                    word = f"{springs}{variant}".replace("nonlinear regular", "nonlinear")
+                    own = [
+                        row
+                        for row in rows
+                        if (row["segments"], row["variant"], row["option"])
+                        == (segments, word, option)
+                        and kind in row
+                    ]
+                    x = [
+                        names.index(row["target"]) + 0.1 * (k - (len(shown) - 1) / 2) for row in own
+                    ]
+                    left = [100.0 - row[kind]["work_reduction"] for row in own]
+                    text = f"{label}, nonlinear springs" if springs else label
+                    axes.plot(
+                        x,
+                        left,
+                        marker,
+                        color=colour,
+                        markersize=4.5,
+                        label=text if own else None,
+                        markerfacecolor="none" if springs else colour,
+                    )
+            axes.set_title(title)
+            axes.set_xticks(range(len(names)), [name.replace("-", "-\n") for name in names])
+            axes.set(xlabel="target", yscale="log", xlim=(-0.5, len(names) - 0.5))
+            axes.set_yticks([100.0 - w for w in REDUCTIONS], [f"{w:g}" for w in REDUCTIONS])
+            axes.minorticks_off()
+        panels[0].set(ylabel="work reduction [%]", ylim=(65.0, 0.005))
+        figure.legend(*panels[1].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         return figure

@@ -4,8 +4,9 @@
 
 writes ``models/linkages/hacksaw_inventor_shaped.csv`` and
 ``models/balancers/balancer4_sam_shaped.csv``.  They come from neither program: each says in its
-first lines how it was made.  Cases beside them judge them as recorded curves.  A third file,
-``models/linkages/hacksaw_motor.csv``, is a velocity profile that drives a case.
+first lines how it was made.  Cases beside them judge them as recorded curves.  Two other files
+drive a case: ``models/linkages/hacksaw_motor.csv``, a velocity profile, and
+``models/balancers/balancer4_sam_angles.csv``, three angles.
 
 The disturbances are those that an export has by itself: values with the digits that a program
 prints, at times of its own, and a joint whose zero was set by hand.
@@ -95,10 +96,29 @@ A row every {ANGLES[1]:g} deg. Angles are clockwise from the upright."""
     }
 
 
+def sam_angles() -> tuple[str, Columns]:
+    """The three arrays of angles that appendix F has from the thesis's program for SAM."""
+    case = load_case(MODELS / "balancers" / "balancer4_sam.toml")
+    degrees = np.arange(0.0, 91.0)
+    known = balancer(np.radians(degrees), **case.parameters)
+    head = """\
+Angles that bring balancer4_sam.toml to rest, to be prescribed: of the pendulum, of segment 1 and of
+joint 2, the angle between segments 1 and 2.
+Made by python -m benchmarks.shaped_exports from proofmass/analytic/balancer.
+A row every degree and every second. Angles are clockwise from the upright."""
+    return head, {
+        "t [s]": (degrees, 0),
+        "alpha [deg]": (degrees, 0),
+        "theta1 [deg]": (np.degrees(known["theta1"]), 12),
+        "e2 [deg]": (np.degrees(known["winding2"]), 12),
+    }
+
+
 FILES: dict[str, Callable[[], tuple[str, Columns]]] = {
     "linkages/hacksaw_inventor_shaped.csv": inventor_shaped,
     "linkages/hacksaw_motor.csv": motor_profile,
     "balancers/balancer4_sam_shaped.csv": sam_shaped,
+    "balancers/balancer4_sam_angles.csv": sam_angles,
 }
 
 

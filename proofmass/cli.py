@@ -308,8 +308,8 @@ def balancer_command(
         str,
         typer.Option(
             help="Wanted moment: sine, "
-            "progressive, progressive-degressive, degressive-progressive, laevo or "
-            "sine180."
+            "progressive, progressive-degressive, degressive-progressive, laevo, sine180, "
+            "square-root, quadratic, hardening-softening or softening-hardening."
         ),
     ] = "sine",
     table: Annotated[
@@ -328,6 +328,10 @@ def balancer_command(
         ),
     ] = "linear",
     preload: Annotated[bool, typer.Option("--preload", help="Inner joints preloaded.")] = False,
+    preload_joint: Annotated[
+        list[int] | None,
+        typer.Option(help="2 or 3: preloaded instead; twice for both of four segments."),
+    ] = None,
     free_angle: Annotated[bool, typer.Option("--free-angle", help="Free rest angle.")] = False,
     contact: Annotated[bool, typer.Option("--contact", help="Joint 2 meets a stop.")] = False,
     relaxed: Annotated[bool, typer.Option("--relaxed", help="Lengths from 0.1 to 0.9.")] = False,
@@ -361,6 +365,16 @@ def balancer_command(
             show_default="907, 903, 908",
         ),
     ] = None,
+    strips: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file of the strips that a maker has, to make a clock spring for each joint; "
+            "docs/balancer.md has its columns."
+        ),
+    ] = None,
+    moment: Annotated[
+        float, typer.Option(min=1e-9, help="m g r in N m that the clock springs balance.")
+    ] = 1.0,
     beside: Annotated[
         list[Path] | None,
         typer.Option(
@@ -382,7 +396,7 @@ def balancer_command(
         table,
         segments,
         springs,
-        preload,
+        tuple(preload_joint or ()) or (tuple(range(2, segments)) if preload else ()),
         free_angle,
         contact,
         relaxed,
@@ -394,6 +408,8 @@ def balancer_command(
         output,
         pareto,
         catalogue,
+        strips,
+        moment,
         beside,
     )
 

@@ -342,6 +342,42 @@ def numbers(file: Path, line: int, row: Sequence[str], names: Sequence[str]) -> 
     return [cell_number(file, line, cell, name) for name, cell in zip(names, row, strict=True)]
 
 
+def named_rows(file: Path, header: Sequence[str], what: str) -> dict[str, list[float]]:
+    """A CSV file with this header and a row for each of `what`: positive numbers after a name.
+
+    Raises
+    ------
+    InputError
+        No such file, another header, no row, a name twice, a number that is not positive.
+    """
+    if not file.is_file():
+        raise InputError(file, "", f"no such file of {what}s")
+    lines = [
+        [cell.strip() for cell in line.split(",")]
+        for line in file.read_text(encoding="utf-8-sig").splitlines()
+    ]
+    if not lines or lines[0] != list(header):
+        raise InputError(file, "line 1", f"the header must be '{','.join(header)}'")
+    found: dict[str, list[float]] = {}
+    for number, (name, *cells) in enumerate(lines[1:], 2):
+        if not name and not cells:
+            continue
+        values = numbers(file, number, cells, header[1:])
+        if not name or name in found:
+            raise InputError(
+                file, f"line {number}", f"a {what} needs a name of its own, got {name!r}"
+            )
+        for column, value in zip(header[1:], values, strict=True):
+            if not value > 0:
+                raise InputError(
+                    file, f"line {number}, {column}", f"must be positive, got {value:g}"
+                )
+        found[name] = values
+    if not found:
+        raise InputError(file, "", f"no {what}s")
+    return found
+
+
 def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
     """A recorded curve at other places, and how far off it may be there.
 

@@ -22,6 +22,7 @@ def docs():
 
 LONG = (
     "accuracy",
+    "balancer_fronts",
     "choose",
     "design_balancer",
     "diet",

@@ -102,6 +102,7 @@ LENGTHS = {
     # the other balancers are of the same template, which `test_balancer_template` holds
     "balancer_sine_free_preload": chain("balancer_sine_free_preload"),
     "balancer4_sine": chain("balancer4_sine"),
+    "balancer4_sam_prescribed": chain("balancer4_sam_prescribed"),
 }
 OTHERS = {  # sidecars that share a model
     "fourbar_crossed": "fourbar",

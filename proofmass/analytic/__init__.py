@@ -26,6 +26,7 @@ REFERENCES = {
     },
     "planar": "proofmass.analytic.planar",
     "balancer": "proofmass.analytic.balancer",
+    "balancer_posture": "proofmass.analytic.balancer.posture",
     "rod": "proofmass.analytic.rods",
     **{
         name: f"proofmass.analytic.rods.{name}"

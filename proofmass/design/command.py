@@ -13,6 +13,7 @@ from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
 from proofmass.check import check
 from proofmass.command import answering, errors
+from proofmass.design.clock_spring import read_strips
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.design.selection import CATALOGUE, described, read_catalogue
 from proofmass.design.template import write_case
@@ -27,7 +28,7 @@ def design_balancer(
     table: Path | None,
     segments: int,
     springs: str,
-    preload: bool,
+    preload: tuple[int, ...],
     free_angle: bool,
     contact: bool,
     relaxed: bool,
@@ -39,6 +40,8 @@ def design_balancer(
     output: Path,
     pareto: bool,
     catalogue: Path | None,
+    strips: Path | None,
+    moment: float,
     beside: list[Path] | None,
 ) -> None:
     """What ``proofmass design balancer`` does; `proofmass.cli` says what it is given."""
@@ -46,6 +49,9 @@ def design_balancer(
         wanted = read_target(table) if table else named(target)
         others = read_balancers(beside or [])
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
+        sections = read_strips(strips) if strips else []
+        if sections and springs != "linear":
+            raise ValueError(f"--strips: clock springs are linear, and --springs is {springs}")
         variant = Variant(
             wanted.name,
             segments,
@@ -60,7 +66,7 @@ def design_balancer(
         task = Synthesis(variant, wanted, power=power)
         output.mkdir(parents=True, exist_ok=True)
         found = searched(task, times(effort, seed), output / "search.npz")
-        record = {"seed": seed, **described(task, found, stock)}
+        record = {"seed": seed, **described(task, found, stock, sections, moment)}
         tell(record)
         write_whole(output / "design.json", json.dumps(record, indent=1))
         if pareto:
@@ -168,6 +174,15 @@ def tell(record: dict[str, Any]) -> None:
             f"springs {joints} for m g r = {chosen['moment']:.5f} N m: rmse "
             f"{chosen['rmse']:.6f}, work reduction {chosen['work_reduction']:.3f} %"
         )
+    for joint in record.get("clock_springs", []):
+        if "strip" in joint:
+            print(
+                f"joint {joint['joint']}: {joint['count']} x {joint['strip']}, "
+                f"{1e3 * joint['length']:.1f} mm, for {joint['stiffness']:.5g} N m/rad; "
+                f"{1e-6 * joint['stress']:.0f} MPa at {joint['moment']:.4g} N m"
+            )
+        else:
+            print(f"joint {joint['joint']}: {joint.get('why', 'no spring')}")
 
 
 def trade(task: Synthesis, found: Array, folder: Path) -> None:

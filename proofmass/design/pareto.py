@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from proofmass.analytic.balancer.synthesis import Synthesis
 from proofmass.analytic.numerics import Array
@@ -16,8 +17,8 @@ from proofmass.design.search import Effort, SavedSearch
 from proofmass.front import nondominated
 from proofmass.report.style import RC
 
-WEIGHTS = np.geomspace(1e-3, 1.0, 9).tolist()  # errors are 1e-3 to 1e-1, spreads 0.1 to 1
-SHORT = Effort(((64, 8), (16, 30)))  # for each weight
+LIMITS = 12  # of the spread
+SHORT = Effort(((64, 8), (16, 30)))  # for each limit
 
 
 @dataclass(frozen=True)
@@ -42,12 +43,14 @@ def front(
     task: Synthesis,
     start: Array,
     folder: Path | None = None,
-    weights: Sequence[float] = WEIGHTS,
+    limits: int = LIMITS,
     progress: Callable[[int, int, float], None] = lambda *_: None,
 ) -> Front:
-    """Pareto front of (f1, f2): searches with one weight after the other, up and down again.
+    """Pareto front of (f1, f2): the least error for one limit of the spread after the other.
 
-    Each begins where the last one ended, and in some random places.
+    The first limit is zero, where the least spread is found; the others divide the way from there
+    to the spread of the least error evenly, and are gone through up and down again.  Each search
+    begins where the last one ended, and in some random places.
 
     Parameters
     ----------
@@ -56,9 +59,10 @@ def front(
         Designs of small error [SI], where the sweep begins.
     folder : path, optional
         Where the searches keep their states.
-    weights : of the spread in the aim [1]
+    limits : int
+        How many.
     progress : callable
-        Told the number of searches done, that of all, and the weight.
+        Told the number of searches done, that of all, and the limit [1].
 
     Returns
     -------
@@ -66,28 +70,56 @@ def front(
 
     Notes
     -----
-    Weighted sums find the convex part of a front; designs met on the way fill in some of the rest.
-    Van Nes 2022 shows such fronts in figure 7, made by a genetic algorithm.
+    A limit (epsilon constraint) leads to every part of a front, where a weighted sum of both aims
+    leads to its convex part alone.  Van Nes 2022 shows such fronts in figure 7, made by a genetic
+    algorithm.
     """
-    found = [start]
-    sweep = [*weights, *reversed(weights)]
-    for k, weight in enumerate(sweep):
+    found, ends = [start[:1]], [float(task.figures(start[:1]).spread[0])]
+    for k in range(2 * limits):
+        limit = 0.0
+        if k:
+            share = min(k, 2 * limits - k) / limits  # up to 1 and down again
+            limit = ends[1] + share * (ends[0] - ends[1])
         search = SavedSearch(
-            replace(task, weight=weight),
+            replace(task, limit=limit),
             replace(SHORT, seed=k),
             folder / f"pareto{k}.npz" if folder else None,
             start,
         )
         search.run()
         start = search.found
-        found.append(start)
-        progress(k + 1, len(sweep), weight)
+        found.append(start[:1])
+        if not k:
+            ends.append(float(np.nanmin(task.figures(start).spread)))
+        progress(k + 1, 2 * limits, limit)
     vectors = np.concatenate(found)
     figures = task.figures(vectors)
     kept = nondominated(np.stack([figures.rmse, figures.spread], axis=-1))
     return Front(
         vectors[kept], figures.rmse[kept], figures.spread[kept], figures.work_reduction[kept]
     )
+
+
+def on_hull(rmse: Array, spread: Array) -> NDArray[np.bool_]:
+    """Which points (B,) of a front, errors rising, a weighted sum of both aims could find.
+
+    They are the corners of the lower convex hull.
+
+    >>> on_hull(np.array([0.0, 1.0, 2.0]), np.array([1.0, 0.9, 0.0]))
+    array([ True, False,  True])
+    """
+    corners: list[int] = []
+    for k in range(rmse.size):
+        while len(corners) > 1:
+            (i, j) = corners[-2:]
+            turn = (rmse[j] - rmse[i]) * (spread[k] - spread[i]) - (spread[j] - spread[i]) * (
+                rmse[k] - rmse[i]
+            )
+            if turn > 0:
+                break
+            corners.pop()
+        corners.append(k)
+    return np.isin(np.arange(rmse.size), corners)
 
 
 def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:

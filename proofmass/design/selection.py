@@ -3,7 +3,6 @@
 Springs fit if the ratios of their stiffnesses are those of the design.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
@@ -12,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.analytic.balancer.synthesis import Synthesis
+from proofmass.analytic.balancer.model import balancers
+from proofmass.analytic.balancer.path import along, follow
+from proofmass.analytic.balancer.synthesis import RIGHT_ANGLE, Synthesis
 from proofmass.analytic.numerics import Array
-from proofmass.errors import InputError
-from proofmass.recorded import numbers
+from proofmass.design.clock_spring import Strip, choose
+from proofmass.recorded import named_rows
 
 # Of the prototype, [N m/rad]: van Nes 2022, table J.1 to six decimals, by the deviations in J.2.
 CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
@@ -109,34 +110,20 @@ def read_catalogue(file: Path) -> dict[str, float]:
     InputError
         No such file, another header, a stiffness that is not a positive number, a name twice.
     """
-    if not file.is_file():
-        raise InputError(file, "", "no such catalogue of springs")
-    lines = [
-        [cell.strip() for cell in line.split(",")]
-        for line in file.read_text(encoding="utf-8-sig").splitlines()
-    ]
-    if not lines or tuple(lines[0]) != HEADER:
-        raise InputError(file, "line 1", f"the header must be '{','.join(HEADER)}'")
-    found: dict[str, float] = {}
-    for number, row in enumerate(lines[1:], 2):
-        if row == [""]:
-            continue
-        name, value = row[0], numbers(file, number, row[1:], HEADER[1:])[0]
-        if not (0 < value < math.inf and name and name not in found):
-            raise InputError(
-                file,
-                f"line {number}",
-                "a spring needs a name of its own and a "
-                f"positive stiffness, got {name!r}, {value:g}",
-            )
-        found[name] = value
-    if not found:
-        raise InputError(file, "", "no springs")
-    return found
+    return {name: value for name, (value,) in named_rows(file, HEADER, "spring").items()}
 
 
-def described(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[str, Any]:
-    """The first of the designs (B, d), best first, and the springs for one of them."""
+def described(
+    task: Synthesis,
+    vectors: Array,
+    stock: Mapping[str, float],
+    strips: Sequence[Strip] = (),
+    moment: float = 1.0,
+) -> dict[str, Any]:
+    """The first of the designs (B, d), best first, and the springs for one of them.
+
+    With `strips` also the clock springs that make the first one balance m g r = `moment` [N m].
+    """
     variant = task.variant
     record = {
         "target": variant.target,
@@ -151,7 +138,40 @@ def described(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> di
     }
     if variant.springs == "linear" and (chosen := built(task, vectors, stock)):
         record["selection"] = chosen
+    if strips:
+        record["clock_springs"] = wound(task, vectors[0], strips, moment)
     return record
+
+
+def wound(
+    task: Synthesis, vector: Array, strips: Sequence[Strip], moment: float
+) -> list[dict[str, Any]]:
+    """The clock spring of each joint of a design (d,) for m g r = `moment` [N m], or why none is.
+
+    A joint without stiffness has none.
+    """
+    flat = task.variant.parameters(vector[None])
+    chain = balancers(**flat)
+    angle = np.concatenate([[0.0], task.angles])
+    largest = np.abs(along(chain, follow(chain, RIGHT_ANGLE), angle).moment[0]).max(axis=0)
+    found: list[dict[str, Any]] = []
+    for i, most in enumerate(largest * moment, 1):
+        k = float(flat[f"stiffness{i}"][0]) * moment
+        joint: dict[str, Any] = {"joint": i, "stiffness": k, "moment": float(most)}
+        if k > 0:
+            try:
+                spring = choose(k, float(most), strips)
+            except ValueError as error:
+                joint["why"] = str(error)
+            else:
+                joint |= {
+                    "strip": spring.strip.name,
+                    "count": spring.count,
+                    "length": spring.length,
+                    "stress": spring.stress,
+                }
+        found.append(joint)
+    return found
 
 
 def worth(task: Synthesis, vector: Array) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from proofmass.files import write_whole
 
 GRAVITY = 9.81  # [m/s^2] gives the weight at the tip its mass; statics knows the weight alone
 LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
+DEGREE = 0.017453292519943295  # [rad] where the drive of a chain begins whose rest is singular
 OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no winding gets so far
 SOLVERS = default_engines()
 
@@ -162,6 +163,7 @@ def write_case(
         "mass": float(design.weight[0]) / GRAVITY,
         "gravity": GRAVITY,
         "energy": not any(s.load for s in chain),
+        "first": DEGREE if (design.loose * design.preload[:, -1]).any() else 0.0,
     }
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

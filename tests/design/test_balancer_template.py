@@ -22,7 +22,8 @@ from tests.verdicts import verdicts
 OTHER, FREE, PRELOADED, CONTACT, QUADRATIC, FOUR = (
     parameters(rows()[line]) for line in ("1743", "1766", "1768", "1860", "1753", "1747")
 )
-
+THIRD = OTHER | {"rest_angle": 0.5, "preload3": 0.2, "low3": 0.0}
+AT_ONCE = OTHER | {"preload3": -0.3, "high3": 0.0}
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
@@ -42,7 +43,7 @@ def test_committed_files_are_what_the_template_gives(name, tmp_path):
 def test_every_balancer_in_models_is_of_the_table():
     """But for a sidecar that holds an export beside the engines, with a model of the table."""
     own = {file.stem for file in models_like("balancer*.toml") if file.with_suffix(".xml").exists()}
-    assert own == set(DESIGNS)
+    assert own == {*DESIGNS, "balancer4_sam_prescribed"}  # `test_balancer_posture` holds it
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -112,6 +113,12 @@ WRONG = {
     "a stop elsewhere": (CONTACT, {"high2": CONTACT["high2"] + 1e-9}),
     "the sign of a quadratic spring": (QUADRATIC, {"quadratic3": -QUADRATIC["quadratic3"]}),
     "a missing weight": (FREE | {"weight": 1.0}, {"weight": 0.0}),
+    "the preload of another joint": (
+        THIRD,
+        {"preload3": 0.0, "low3": -np.inf, "preload2": 0.2, "low2": 0.0},
+    ),
+    "another preload of spring 3": (THIRD, {"preload3": 0.2 * (1 + 1e-9)}),
+    "a missing preload that holds at no moment": (AT_ONCE, {"preload3": 0.0, "high3": np.inf}),
     "preloads changed about": (FOUR, {"preload2": FOUR["preload3"], "preload3": FOUR["preload2"]}),
 }
 TEXT = {  # what no parameter can say

@@ -12,6 +12,7 @@ from proofmass.analytic.balancer.measures import precision_points, rmse, work_re
 from proofmass.check import Result
 from proofmass.cli import design as app
 from proofmass.design import command
+from proofmass.design.clock_spring import HEADER, read_strips, stiffness
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
@@ -108,18 +109,53 @@ def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
         (("--beside", shipped("fourbar.toml")), ("reference", "'fourbar' is no balancer")),
         (("--beside", "nowhere.toml"), ("nowhere.toml", "no such file")),
         (("--target", "cosine"), ("no such target", "sine180", "--table")),
+        (("--preload-joint", "4"), ("preload of 3 segments must be of joints 2, 3, got 4",)),
+        (("--preload-joint", "2", "--preload-joint", "3"), ("got 2 and 3",)),
+        (("--preload-joint", "3", "--bound", "preload3=0:1"), ("can never release", "sign")),
+        (
+            ("--preload-joint", "3", "--free-angle", "--bound", "preload3=-1:1"),
+            ("must not pass 0",),
+        ),
+        (("--strips", "nowhere.csv"), ("nowhere.csv", "no such file of strips")),
         (("--segments", "5"), ("segments must be 3 or 4",)),
         (("--springs", "rubber"), ("linear, nonlinear, each",)),
         (("--bound", "length1"), ("write it as NAME=LOW:HIGH",)),
         (("--bound", "length7=0.1:0.2"), ("no such parameter", "length3")),
         (("--bound", "length1=0.5:0.4"), ("must rise",)),
         (("--free-angle", "--bound", "rest_angle=3:3.1"), ("random designs", "widen bounds")),
-        (("--catalogue", "nowhere.csv"), ("nowhere.csv", "no such catalogue")),
+        (("--catalogue", "nowhere.csv"), ("nowhere.csv", "no such file of springs")),
         (("--table", "nowhere.csv"), ("nowhere.csv", "no such recorded curve")),
     ],
 )
 def test_bad_input_is_one_line(tmp_path, options, words):
     one_line(run(*options, "-o", tmp_path / "out"), *words)
+
+
+@pytest.mark.usefixtures("unverified")
+def test_clock_springs_of_a_design(tmp_path):
+    """Each has the stiffness of its joint; what no strip can be is told with the reason."""
+    strips = tmp_path / "strips.csv"
+    strips.write_text(",".join(HEADER) + "\nthick,20,2,300,4000,206,1400\n")
+    answer = run("--free-angle", "--strips", strips, "--moment", 5, "-o", tmp_path / "out")
+    assert answer.exit_code == 0, answer.output
+    design = json.loads((tmp_path / "out" / "design.json").read_text())
+    moments = solve(precision_points(90), **design["parameters"])
+    (thick,) = read_strips(strips)
+    for joint, spring in enumerate(design["clock_springs"], 1):
+        k = 5.0 * design["parameters"][f"stiffness{joint}"]
+        assert spring["stiffness"] == pytest.approx(k, rel=1e-12)
+        most = 5.0 * np.abs(moments[f"moment{joint}"]).max()
+        assert spring["moment"] == pytest.approx(most, rel=1e-9)
+        if "strip" in spring:
+            made = spring["count"] * stiffness(thick, spring["length"])
+            assert made == pytest.approx(k, rel=1e-12)
+            assert f"joint {joint}: {spring['count']} x thick" in answer.output
+        else:
+            assert f"joint {joint}: no clock spring for" in answer.output or k == 0.0
+    one_line(
+        run("--springs", "nonlinear", "--strips", strips, "-o", tmp_path / "other"),
+        "--strips: clock springs are linear, and --springs is nonlinear",
+    )
 
 
 @pytest.mark.parametrize(

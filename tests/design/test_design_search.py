@@ -1,11 +1,13 @@
 """The search: seeds, interruptions, bounds, descents, and that it finds better than the thesis."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from proofmass.analytic.balancer.synthesis import Synthesis, Variant
-from proofmass.design.pareto import front, write_front
+from proofmass.analytic.balancer.synthesis import Figures, Synthesis, Variant
+from proofmass.design.pareto import front, on_hull, write_front
 from proofmass.design.search import STUCK, Effort, SavedSearch, descend, norms, scattered
 from proofmass.errors import InputError
 from proofmass.front import nondominated
@@ -41,7 +43,7 @@ def test_the_state_of_another_search_is_refused(tmp_path):
     file = tmp_path / "search.npz"
     SavedSearch(REGULAR, TINY, file).save()
     others = (
-        Synthesis(Variant("sine", preload=True), np.sin),
+        Synthesis(Variant("sine", preload=(2,)), np.sin),
         Synthesis(Variant("sine"), np.cos),
         Synthesis(Variant("sine"), np.sin, power=1.0),
     )
@@ -148,15 +150,57 @@ def test_nondominated_by_its_definition():
     assert (np.diff(aims[kept, 0]) > 0).all()
 
 
+@dataclass(frozen=True)
+class Hollow:
+    """Fonseca and Fleming's two aims, whose front is hollow: weighted sums find its ends alone."""
+
+    limit: float = np.inf
+    low, high, fingerprint = -np.ones(2), np.ones(2), "hollow"
+
+    def aims(self, x):
+        """f_1, f_2 = 1 - exp(-|x -+ (1, 1)/sqrt 2|^2)."""
+        return [1.0 - np.exp(-((x + s * 0.5**0.5) ** 2).sum(axis=-1)) for s in (-1.0, 1.0)]
+
+    def residuals(self, x):
+        error, spread = self.aims(x)
+        return np.stack([error, 30.0 * np.maximum(spread - self.limit, 0.0)], axis=-1)
+
+    coarse = residuals
+
+    def figures(self, x):
+        return Figures(self.aims(x)[0], 0.0 * x[:, 0], self.aims(x)[1])
+
+
+def test_a_front_is_found_beyond_its_convex_part(monkeypatch):
+    """On the front x1 = x2, which gives the spread of each error in closed form."""
+    monkeypatch.setattr("proofmass.design.pareto.SHORT", Effort(((8, 4), (4, 12))))
+    best = SavedSearch(Hollow(), Effort(((16, 6), (4, 20)))).run()
+    found = front(Hollow(), best[None], limits=6)
+    inner = (found.rmse > 0.05) & (found.rmse < 0.95)
+    assert inner.sum() >= 5
+    distance = 2.0 - np.sqrt(-np.log1p(-found.rmse[inner]))
+    # descents end where a step gains 1e-7
+    assert found.spread[inner] == pytest.approx(1.0 - np.exp(-(distance**2)), abs=2e-3)
+    ends = found.spread[[0, -1]]
+    chord = np.interp(found.rmse[inner], found.rmse[[0, -1]], ends)
+    assert (found.spread[inner] > chord + 0.02).all()  # a weighted sum has none of them
+    assert on_hull(found.rmse, found.spread)[inner].sum() == 0
+
+
+def test_points_of_the_lower_hull():
+    x, y = np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.array([4.0, 1.0, 2.0, 0.2, 0.0])
+    assert on_hull(x, y).tolist() == [True, True, False, True, True]
+
+
 @pytest.mark.slow
 def test_the_front_trades_error_for_spread(tmp_path, monkeypatch):
     monkeypatch.setattr("proofmass.design.pareto.SHORT", TINY)
     best = SavedSearch(REGULAR, TINY).run()
-    found = front(REGULAR, best[None], tmp_path, weights=[0.01, 0.3])
+    found = front(REGULAR, best[None], tmp_path, limits=2)
     assert found.rmse.size >= 2
     assert (np.diff(found.rmse) > 0).all()
     assert (np.diff(found.spread) < 0).all()
-    again = front(REGULAR, best[None], tmp_path, weights=[0.01, 0.3])  # from its states
+    again = front(REGULAR, best[None], tmp_path, limits=2)  # from its states
     assert np.array_equal(found.vectors, again.vectors)
     files = write_front(found, list(REGULAR.variant.usual), tmp_path / "pareto")
     assert all(file.stat().st_size > 0 for file in files)

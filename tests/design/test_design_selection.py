@@ -65,7 +65,7 @@ def test_a_catalogue_file(tmp_path):
         ("spring,stiffness [N m/rad]\na,soft", "line 2, stiffness .N m/rad.: 'soft' is no number"),
         (
             "spring,stiffness [N m/rad]\na,-1",
-            "line 2: a spring needs a name of its own and a positive",
+            "line 2, stiffness .N m/rad.: must be positive, got -1",
         ),
         ("spring,stiffness [N m/rad]\na,1\na,2", "line 3: a spring needs a name of its own"),
         ("spring,stiffness [N m/rad]\na,1,2", "line 2: 2 cells, the header has 1"),
@@ -79,5 +79,5 @@ def test_a_file_that_is_no_catalogue(tmp_path, text, said):
 
 
 def test_no_catalogue(tmp_path):
-    with pytest.raises(InputError, match="no such catalogue"):
+    with pytest.raises(InputError, match="no such file of springs"):
         read_catalogue(tmp_path / "none.csv")

@@ -7,7 +7,15 @@ import pytest
 
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, energy_spread, rmse, work_reduction
-from proofmass.analytic.balancer.synthesis import BENT, Synthesis, Variant, left_out, thesis
+from proofmass.analytic.balancer.synthesis import (
+    BENT,
+    STIFF,
+    Synthesis,
+    Variant,
+    left_out,
+    thesis,
+    third_preloads,
+)
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 
 SINE = Synthesis(Variant("sine", free_angle=True), np.sin)
@@ -19,7 +27,7 @@ def variant_of(row):
         row["target"],
         row["segments"],
         "nonlinear" if "nonlinear" in kind else "linear",
-        "preload" in kind,
+        tuple(range(2, row["segments"])) if "preload" in kind else (),
         "rest angle" in option,
         "contact" in option,
         "relaxed" in option,
@@ -63,8 +71,27 @@ def test_its_tables_have_a_dash_for_these_56():
         ("nonlinear", True): "nonlinear preload",
     }
     assert sorted(dashes) == sorted(
-        (v.target, v.segments, words[v.springs, v.preload], v.option) for v in left_out()
+        (v.target, v.segments, words[v.springs, bool(v.preload)], v.option) for v in left_out()
     )
+
+
+def test_each_figure_has_two_dashed_rows_for_a_preload_of_spring_3():
+    """ "3 Seg.: prestress spring 3": with linear and with nonlinear springs, M.1 to M.20."""
+    figures = [(v.figure, v.springs) for v in third_preloads()]
+    assert sorted(figures) == sorted(
+        (f"M.{k}", springs) for k in range(1, 21) for springs in ("linear", "nonlinear")
+    )
+    assert all(v.preload == (3,) and v.segments == 3 for v in third_preloads())
+
+
+def test_a_preload_of_spring_3_without_moment_is_no_preload():
+    """Where segment 1 begins along the pendulum the stop of joint 3 is never met again."""
+    bare, third = Variant("sine"), Variant("sine", preload=(3,))
+    vector = 0.5 * (Synthesis(bare, np.sin).low + Synthesis(bare, np.sin).high)
+    flat = {k: v[0] for k, v in bare.parameters(vector[None]).items()}
+    same = third.vector({**flat, "preload3": -1e-300})
+    found = [Synthesis(v, np.sin).figures(x[None]).rmse for v, x in ((bare, vector), (third, same))]
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
 
 
 @pytest.mark.parametrize("line", rows())
@@ -112,10 +139,14 @@ def test_row_1766_by_its_printed_parameters():
     "variant",
     [
         Variant("sine"),
-        Variant("sine", preload=True),
-        Variant("laevo", 4, preload=True),
+        Variant("sine", preload=(2,)),
+        Variant("sine", preload=(3,)),
+        Variant("laevo", preload=(3,), mode=-1),
+        Variant("laevo", preload=(3,), free_angle=True),
+        Variant("sine180", preload=(3,), free_angle=True, narrowed={"preload3": (-1.0, 0.0)}),
+        Variant("laevo", 4, preload=(2, 3)),
         Variant("laevo", springs="nonlinear", free_angle=True),
-        Variant("progressive", springs="each", preload=True, contact=True),
+        Variant("progressive", springs="each", preload=(2,), contact=True),
         Variant("sine180", 4, "nonlinear", relaxed=True),
         Variant("sine", mode=-1),
     ],
@@ -180,12 +211,12 @@ def test_terms_square_to_the_aim():
     left = (1.0 - figures.work_reduction[0] / 100.0) * np.trapezoid(np.sin(angle), angle)
     mean = (work.residuals(vector) ** 2).sum() * np.pi / 2  # the sum has no trapezoids' ends
     assert mean == pytest.approx(left, rel=0.05)
-    shared = Synthesis(SINE.variant, np.sin, weight=0.1)
-    _, energy = SINE.curves(vector, angle)
-    uneven = sum((energy[0, :, a] - energy[0, :, b]) ** 2 for a, b in ((0, 1), (0, 2), (1, 2)))
-    assert (shared.residuals(vector) ** 2).sum() == pytest.approx(
-        figures.rmse[0] ** 2 + 0.01 * uneven.mean(), rel=1e-12
+    assert np.array_equal(
+        Synthesis(SINE.variant, np.sin, limit=figures.spread[0] + 1e-9).residuals(vector)[0, :-1],
+        SINE.residuals(vector)[0],
     )
+    excess = Synthesis(SINE.variant, np.sin, limit=figures.spread[0] - 0.01).residuals(vector)
+    assert excess[0, -1] == pytest.approx(STIFF * 0.01, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -199,6 +230,25 @@ def test_terms_square_to_the_aim():
             "'length9': no such parameter; there are stiffness1",
         ),
         ({"narrowed": {"length1": (0.3, 0.2)}}, "'length1' must rise, got 0.3 to 0.2"),
+        ({"preload": (2, 3)}, "preload of 3 segments must be of joints 2, 3, got 2 and 3"),
+        ({"preload": (4,), "segments": 4}, "of joints 2, 3, 2 and 3, got 4"),
+        ({"narrowed": {"preload3": (0.0, 1.0)}}, "'preload3': no such parameter"),
+        (
+            {"preload": (3,), "narrowed": {"preload3": (0.0, 1.0)}},
+            "'preload3', 0 to 1 N m: such a preload can never release",
+        ),
+        (
+            {"preload": (3,), "mode": -1, "narrowed": {"preload3": (-0.5, -0.1)}},
+            "'preload3', -0.5 to -0.1 N m: such a preload can never release",
+        ),
+        (
+            {"preload": (3,), "free_angle": True, "narrowed": {"preload3": (-1.0, 1.0)}},
+            "'preload3' must not pass 0",
+        ),
+        (
+            {"preload": (2,), "contact": True, "narrowed": {"preload2": (-1.0, 0.0)}},
+            "'preload2' must be positive",
+        ),
     ],
 )
 def test_a_variant_that_cannot_be_is_refused(wrong, said):
@@ -207,7 +257,7 @@ def test_a_variant_that_cannot_be_is_refused(wrong, said):
 
 
 def test_a_vector_is_its_parameters():
-    for variant in (*thesis(), Variant("sine", 4, "each", preload=True, contact=True)):
+    for variant in (*thesis(), Variant("sine", 4, "each", preload=(2, 3), contact=True)):
         vector = np.random.default_rng(1).random(len(variant.bounds))
         flat = {k: v[0] for k, v in variant.parameters(vector[None]).items()}
         assert np.array_equal(variant.vector(flat), vector)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.numerics import Array, one_of
 
@@ -102,6 +102,7 @@ def close(pendulum: Array | float, length: Array, first: Array, mode: Array | in
     return np.concatenate([np.broadcast_to(first, (*last.shape[:-1], first.shape[-1])), last], -1)
 
 
+ALONG = 1e-9  # sine of an angle at which segment 1 counts as lying along the pendulum
 NUMBERED = ("length", "stiffness", "quadratic", "preload", "low", "high")
 REQUIRED = ("length", "stiffness")
 PLAIN = {"quadratic": 0.0, "preload": 0.0, "low": -np.inf, "high": np.inf}
@@ -127,6 +128,12 @@ class Balancer:
         Stops of each joint's winding [rad]; infinite where there are none.
     stopped : tuple of int
         Joints that have a stop in any of the batch, counted from 0.
+
+    Notes
+    -----
+    Where segment 1 of three lies along the pendulum at rest, turning it by b to either side winds
+    joint 3 the same way, by -mode c b^2 with c > 0.  A stop on the side that joint 3 winds away
+    from holds it at no moment (`loose`); one on the other side locks the chain for ever.
     """
 
     pendulum: Array
@@ -153,6 +160,15 @@ class Balancer:
     def segments(self) -> int:
         """How many segments n."""
         return self.length.shape[1]
+
+    @property
+    def loose(self) -> NDArray[np.int_]:
+        """The way (B,) that joint 3 winds, whatever moves it: -1 or 1; 0 where it depends."""
+        if self.segments != 3:
+            return np.zeros(len(self), int)
+        along = np.abs(np.sin(self.rest[:, 0])) < ALONG
+        way = np.sin(self.rest[:, 2] - self.rest[:, 1]) * np.cos(self.rest[:, 0])
+        return np.where(along & (np.abs(way) > ALONG), -np.copysign(1.0, way), 0.0).astype(int)
 
     def moments(self, winding: Array) -> Array:
         """Spring moments [N m] at windings (..., n); a batch leads, others may stand between."""
@@ -187,10 +203,12 @@ def balancer(**parameters: ArrayLike) -> Balancer:
     ------
     ValueError
         A parameter unknown, missing or out of its domain; a preload without a stop that holds it,
-        or beyond what its spring can carry; lengths that cannot reach the tip.
+        beyond what its spring can carry, or that can never release; lengths that cannot reach the
+        tip.
     """
     found = balancers(**parameters)
     check_reach(found)
+    check_release(found)
     check_preload(found)
     return found
 
@@ -198,7 +216,8 @@ def balancer(**parameters: ArrayLike) -> Balancer:
 def balancers(**parameters: ArrayLike) -> Balancer:
     """As `balancer`, but with NaN in `rest` or `stiffness` of those of a batch that cannot be.
 
-    Lengths that cannot reach the tip and preloads that a spring cannot carry are no errors then.
+    Lengths that cannot reach the tip, preloads that a spring cannot carry and preloads that can
+    never release are no errors then.
     """
     n = 4 if "length4" in parameters else 3
     known = [f"{name}{i}" for name in NUMBERED for i in range(1, n + 1)] + list(OTHERS)
@@ -229,7 +248,7 @@ def balancers(**parameters: ArrayLike) -> Balancer:
     )
     stiff, _, stored = preloaded(table["stiffness"], table["quadratic"], table["preload"])
     there = np.isfinite(table["low"]) | np.isfinite(table["high"])
-    return Balancer(
+    found = Balancer(
         single["pendulum"],
         single["weight"],
         table["length"],
@@ -242,6 +261,13 @@ def balancers(**parameters: ArrayLike) -> Balancer:
         table["high"],
         tuple(np.flatnonzero(there.any(axis=0)).tolist()),
     )
+    found.stiffness[locked(found)] = np.nan
+    return found
+
+
+def locked(b: Balancer) -> NDArray[np.bool_]:
+    """Which chains (B,) a stop of joint 3 locks whatever the moment is."""
+    return ((b.loose < 0) & (b.low[:, -1] == 0)) | ((b.loose > 0) & (b.high[:, -1] == 0))
 
 
 def first(bad: Array) -> tuple[int, int]:
@@ -276,6 +302,12 @@ def check(table: dict[str, Array], single: dict[str, Array]) -> None:
             at, joint = first(bad)
             number = f"{joint}" if name in table else ""
             raise ValueError(f"{name}{number} {wrong}, got {whole[name][at, joint - 1]:g}")
+    held = (low == 0) | (high == 0)
+    if (held.sum(axis=-1) > (free := low.shape[1] - 2)).any():
+        raise ValueError(
+            f"low, high: at most {free} of the joints of {free + 2} segments can rest on a stop: "
+            f"they lock the chain"
+        )
     for name in ("preload", "low", "high"):
         if (table[name][:, 0] != PLAIN[name]).any():
             raise ValueError(f"{name}1: joint 1 can have no stop; its winding is the moment")
@@ -289,6 +321,20 @@ def check_reach(b: Balancer) -> None:
         raise ValueError(
             f"length: segments of {lengths} m cannot reach the tip of a pendulum of "
             f"{b.pendulum[at]:g} m from rest_angle = {b.rest[at, 0]:g} rad"
+        )
+
+
+def check_release(b: Balancer) -> None:
+    """ValueError for the first preload, or stop, of joint 3 that can never release."""
+    for at in np.flatnonzero(locked(b)):
+        near, far, sign = (
+            ("low", "high", "negative") if b.loose[at] < 0 else ("high", "low", "positive")
+        )
+        raise ValueError(
+            f"preload3 can never release: segment 1 lies along the pendulum at rest, so that joint "
+            f"3 turns the same way whichever way the chain moves, and {near}3 = 0 stops that; got "
+            f"{b.preload[at, 2]:g} N m with rest_angle = {b.rest[at, 0]:g} rad; give another "
+            f"rest_angle, or {far}3 = 0 with a {sign} preload3"
         )
 
 

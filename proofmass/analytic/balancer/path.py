@@ -37,7 +37,7 @@ STRIDE = 0.1  # [rad] of the pendulum between two nodes of a path, at most
 NARROW = 1e-7  # [rad] a stride so short that does not get on ends at a fold
 STRAY = 0.03  # [rad] that Newton may move off the tangent: more could be another branch
 SURE = 1e-12  # [rad, N m] how exactly a stop's switching is met
-UNREACHABLE = "the segments cannot reach the tip, or a spring not carry its preload"
+UNREACHABLE = "the segments cannot reach the tip, or a spring not carry or release its preload"
 UNSTABLE = "the rest posture is an unstable equilibrium"
 SWITCHES = 30  # stops left and met by a path before it is given up
 
@@ -182,11 +182,20 @@ def stable_at_rest(b: Balancer, p: Point) -> Which:
 
 
 def at_rest(b: Balancer) -> Point:
-    """The rest posture: the pendulum upright, all joints unwound, preloads held by their stops."""
-    j = list(b.stopped)
+    """The rest posture: the pendulum upright, all joints unwound, preloads held by their stops.
+
+    A joint that leaves its stop at any moment carries its preload against a force along the
+    pendulum.
+    """
+    j, n = list(b.stopped), b.segments
     low, high = b.low[:, j] == 0, b.high[:, j] == 0
     side = np.where(low, -1, np.where(high, 1, 0))
     unknowns = np.concatenate([b.rest, np.zeros((len(b), 2)), b.preload[:, j]], axis=-1)
+    if n - 1 in j:
+        free = (b.loose != 0) & (side[:, -1] != 0)
+        east = b.length[free, -1] * np.sin(b.rest[free, -1])
+        unknowns[free, n + 1] = b.preload[free, -1] / east
+        unknowns[free, -1] = side[free, -1] = 0
     return Point(np.zeros(len(b)), unknowns, side)
 
 

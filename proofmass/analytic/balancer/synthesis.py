@@ -4,7 +4,7 @@ The bounds of the parameters are those within which van Nes 2022 designed.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -60,8 +60,8 @@ class Variant:
     springs : str
         linear; nonlinear, one k and A for all joints as in the thesis; each, a k and A of its own
         for each joint.
-    preload : bool
-        Joint 2, of four segments joint 3 as well, is wound up against a stop.
+    preload : tuple of int
+        Joints that are wound up against a stop: 2 or 3 of three segments, 2 and 3 of four.
     free_angle, contact, relaxed : bool
         The rest angle of segment 1 is free; joint 2 has an upper stop; lengths from 0.1 to 0.9 m.
     mode : int
@@ -75,6 +75,12 @@ class Variant:
     give a nonlinear spring -B to B: such a chain is not stable at rest.  The thesis prints none for
     the angle of the contact; here they are 0.01 and pi.
 
+    The sign of a preload says at which stop its joint rests: `low` = 0 for a positive one, `high` =
+    0 for a negative one, and its bounds do not pass zero.  The thesis has rows for a preload of
+    spring 3 of three segments in all figures, with a dash in each.  Where segment 1 begins along
+    the pendulum, a positive one can never release there; the elbow opens, and the usual bounds are
+    -1 and 0 N m.  Where it leads the pendulum, the elbow closes, and they are 0 and 1 N m.
+
     Examples
     --------
     >>> Variant("sine", free_angle=True).figure
@@ -86,7 +92,7 @@ class Variant:
     target: str
     segments: int = 3
     springs: str = "linear"
-    preload: bool = False
+    preload: tuple[int, ...] = ()
     free_angle: bool = False
     contact: bool = False
     relaxed: bool = False
@@ -100,6 +106,13 @@ class Variant:
             raise ValueError(f"mode must be 1 or -1, got {self.mode}")
         if self.springs not in SPRINGS:
             raise ValueError(f"springs must be one of {', '.join(SPRINGS)}, got {self.springs!r}")
+        known = ((), (2,), (3,)) if self.segments == 3 else ((), (2,), (3,), (2, 3))
+        if self.preload not in known:
+            raise ValueError(
+                f"preload of {self.segments} segments must be of joints "
+                f"{', '.join(' and '.join(map(str, pair)) for pair in known[1:])}, "
+                f"got {' and '.join(map(str, self.preload))}"
+            )
         for name, (low, high) in self.narrowed.items():
             if name not in self.usual:
                 raise ValueError(
@@ -107,6 +120,20 @@ class Variant:
                 )
             if not -np.inf < low < high < np.inf:
                 raise ValueError(f"bound of {name!r} must rise, got {low:g} to {high:g}")
+            if name.startswith("preload") and low < 0 < high:
+                raise ValueError(
+                    f"bound of {name!r} must not pass 0, since its sign says at which stop the "
+                    f"joint rests, got {low:g} to {high:g}"
+                )
+        low, high = self.bounds.get("preload3", (0.0, 0.0))
+        if self.segments == 3 and not self.free_angle and self.mode * (low + high) > 0:
+            raise ValueError(
+                f"bound of 'preload3', {low:g} to {high:g} N m: such a preload can never release "
+                f"where segment 1 begins along the pendulum; give it the other sign, or a free "
+                f"rest angle"
+            )
+        if self.contact and self.bounds.get("preload2", (0.0, 1.0))[0] < 0:
+            raise ValueError("bound of 'preload2' must be positive, to leave joint 2 its contact")
 
     @property
     def option(self) -> str:
@@ -139,8 +166,9 @@ class Variant:
             found |= {f"stiffness{i}": (0.0, k) for i in joints}
         if self.springs == "each":
             found |= {f"quadratic{i}": (-a, a) for i in joints}
-        if self.preload:
-            found |= {f"preload{i}": (0.0, 1.0) for i in joints[1:-1]}
+        for i in self.preload:
+            sign = self.mode * (1 if self.free_angle else -1) if i == self.segments else 1
+            found[f"preload{i}"] = (0.0, 1.0) if sign > 0 else (-1.0, 0.0)
         lengths = RELAXED if self.relaxed else LENGTHS[self.segments]
         found |= {f"length{i}": lengths for i in joints}
         if self.free_angle:
@@ -165,7 +193,8 @@ class Variant:
                 else {name: values}
             )
             if name.startswith("preload"):
-                found[f"low{name[-1]}"] = np.zeros_like(values)
+                stop = "low" if self.bounds[name][0] >= 0 else "high"
+                found[f"{stop}{name[-1]}"] = np.zeros_like(values)
         return found | ({"mode": np.full(len(vectors), -1.0)} if self.mode == -1 else {})
 
     def vector(self, parameters: Mapping[str, float]) -> Array:
@@ -204,6 +233,15 @@ def left_out() -> list[Variant]:
     ]
 
 
+def third_preloads() -> list[Variant]:
+    """The 40 that its figures M.1 to M.20 have a row "3 Seg.: prestress spring 3" for, dashed.
+
+    >>> len(third_preloads())
+    40
+    """
+    return [replace(v, preload=(3,)) for v in thesis() if v.segments == 3 and v.preload]
+
+
 def variants(target: str, option: str) -> list[Variant]:
     """All springs and numbers of segments that the thesis has for an option."""
     fixed = option in ("standard", "relaxed lengths")
@@ -219,7 +257,7 @@ def variants(target: str, option: str) -> list[Variant]:
         )
         for segments in ((3, 4) if fixed else (3,))
         for springs in ("linear", "nonlinear")
-        for preload in (False, True)
+        for preload in ((), tuple(range(2, segments)))
     ]
 
 
@@ -228,6 +266,7 @@ COARSE = 15  # points of a coarse look, at most
 BENT = 0.02  # sine of the last joint's angle: what is straighter can flip its elbow
 BETWEEN = 1.25  # times as much at few points: between them the elbow may be straighter
 RIGHT_ANGLE = np.pi / 2 + 1e-9  # [rad] so that rounding does not end a path before its last point
+STIFF = 30.0  # times the excess over a limit of the spread
 SMALL = 1e-4  # of m g r: errors below it count as squares for any power
 
 
@@ -252,8 +291,9 @@ class Synthesis:
 
     ::
 
-        minimise    mean_j |M1(alpha_j; p) - target_j|^power  +  weight^2 spread^2
+        minimise    mean_j |M1(alpha_j; p) - target_j|^power
         subject to  low <= p <= high,
+                    spread <= limit,
                     a rest posture that is stable, a path from it to 90 degrees without a fold,
                     mode sin(theta_n - theta_(n-1)) > 0.02 all along: the elbow never straightens
 
@@ -267,20 +307,22 @@ class Synthesis:
         Points j 90/points degrees, j = 1, 2 ..; as many as in the thesis when not given.
     power : float
         [1]: 2 for the least error, 1 for the best work reduction, or between.
-    weight : float
-        [1] of the spread of energy between the springs, a second aim (here its mean square).
+    limit : float
+        Largest spread of energy between the springs, f2 [1]: a second aim, as a constraint.
 
     Notes
     -----
     Terms are exact to rounding.  Errors below 1e-4 enter as squares, so that a power below 2 has a
-    slope at zero.
+    slope at zero.  Beyond the limit the square of `STIFF` times the excess is added, so that a
+    design exceeds it by about its error times the slope of the error with the spread, over
+    `STIFF`^2.
     """
 
     variant: Variant
     target: Callable[[Array], Array]
     points: int = 0
     power: float = 2.0
-    weight: float = 0.0
+    limit: float = np.inf
 
     @property
     def low(self) -> Array:
@@ -301,7 +343,7 @@ class Synthesis:
     def fingerprint(self) -> str:
         """What tells this search from any other."""
         wanted = np.asarray(self.target(self.angles), float).tolist()
-        return repr((self.variant, wanted, self.power, self.weight))
+        return repr((self.variant, wanted, self.power, self.limit))
 
     def coarse(self, vectors: Array) -> Array:
         """Terms (B, m), at few points, whose squares add up to the aim; NaN if not buildable."""
@@ -317,11 +359,11 @@ class Synthesis:
         found = moment - self.target(angle)
         if self.power != 2.0:
             found = found * (found**2 + SMALL**2) ** (self.power / 4.0 - 0.5)
-        if self.weight:
-            n = self.variant.segments
-            uneven = np.sqrt(n) * (energy - energy.mean(axis=-1, keepdims=True))
-            found = np.concatenate([found, self.weight * uneven.reshape(len(found), -1)], axis=-1)
-        return found / np.sqrt(angle.size)
+        found = found / np.sqrt(angle.size)
+        if np.isfinite(self.limit):
+            excess = energy_spread(*np.moveaxis(energy, -1, 0)) - self.limit
+            found = np.column_stack([found, STIFF * np.maximum(excess, 0.0)])
+        return found
 
     def figures(self, vectors: Array) -> Figures:
         """Figures of designs (B, d) at all points."""

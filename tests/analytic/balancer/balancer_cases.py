@@ -78,6 +78,25 @@ def designed(line: int, title: str) -> Design:
     )
 
 
+def third(target: str, springs: str, option: str, title: str) -> Design:
+    """A design of ours with a preload of spring 3 beside ours without a preload."""
+    ours, bare = (
+        next(
+            d["parameters"]
+            for d in json.loads(OURS.read_text())
+            if (d["target"], d["variant"], d["option"], d["segments"]) == (target, kind, option, 3)
+        )
+        for kind in (f"{springs}preload 3", springs.strip() or "regular")
+    )
+    return Design(
+        title,
+        f'python -m benchmarks.design_balancer "{target} 3 {springs}preload 3 {option}"',
+        {"pendulum": 1.0, **ours},
+        target,
+        beside={"designed without a preload": {"pendulum": 1.0, **bare, "target": target}},
+    )
+
+
 SAM = DATA["others"][0]
 DESIGNS = {
     "balancer_sine": row(1743, "Sine by three linear springs"),
@@ -105,6 +124,15 @@ DESIGNS = {
     ),
     "balancer_designed": designed(1766, "Sine by three linear springs, designed anew"),
     "balancer_designed_laevo": designed(2107, "Moment of the Laevo exoskeleton, designed anew"),
+    "balancer_third_preload": third(
+        "progressive-degressive",
+        "nonlinear ",
+        "rest angle",
+        "A preload of spring 3 that releases",
+    ),
+    "balancer_third_preload_at_once": third(
+        "degressive-progressive", "", "standard", "A preload of spring 3 that holds at no moment"
+    ),
     "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),
 }
 

@@ -1,0 +1,181 @@
+"""Pareto fronts of error and energy spread of balancers, beside figure 7 of van Nes 2022.
+
+    python -m benchmarks.balancer_fronts [SYSTEM ...] [--jobs 1] [--states FOLDER]
+    python -m benchmarks.balancer_fronts --redraw
+    python -m benchmarks.balancer_fronts --quick
+
+A SYSTEM is a name of the table below, such as "nonlinear preload"; all if left out.  Writes
+docs/balancer_fronts.json, and the .md and .png beside it from that.  With --redraw it searches
+nothing and writes these two again.
+"""
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from benchmarks import ROOT, command, folders
+from proofmass.analytic.balancer import solve
+from proofmass.analytic.balancer.measures import TARGETS, energy_spread, precision_points, rmse
+from proofmass.analytic.balancer.synthesis import Synthesis, Variant
+from proofmass.design.pareto import LIMITS, front, on_hull
+from proofmass.design.search import Effort, SavedSearch
+from proofmass.report.style import RC
+
+PAGE = ROOT / "docs" / "balancer_fronts.json"
+THESIS = ROOT / "tests" / "data" / "balancer.json"
+SYSTEMS = {  # with colour and line; the first three are those of figure 7
+    "regular": (Variant("sine"), "#0072B2", "1743"),
+    "nonlinear": (Variant("sine", springs="nonlinear"), "#D55E00", "1753"),
+    "nonlinear preload": (Variant("sine", springs="nonlinear", preload=(2,)), "#444444", "1755"),
+    "preload": (Variant("sine", preload=(2,)), "#009E73", "1745"),
+    "preload 3": (Variant("sine", preload=(3,)), "#E69F00", ""),
+    "rest angle": (Variant("sine", free_angle=True), "#882255", "1766"),
+}
+Record = dict[str, Any]
+HEAD = """# Error against evenly shared energy
+
+`python -m benchmarks.balancer_fronts` made this. S. van Nes, The use of a rigid linkage balancer
+with torsion springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft
+2022.074, has two aims for a balancer of three segments and a sine: f1, the root mean square error
+over m g r (eq. 18), and f2, how unevenly the springs share the energy (eq. 19). Its figure 7
+shows Pareto fronts of the first three systems of the table, found by a genetic algorithm. It
+prints no number of them, and the curves are not in its text; what it prints are the balancers of
+least f1, whose f1 and f2 are recomputed here from their parameters.
+
+Each front here is a row of searches for the least f1 under a limit of f2, {limits} limits from the
+least f2 to that of the least f1, up and down again, within the bounds of figures M.1 and M.2. Such
+searches find points that lie above the lower convex hull of the front, which a weighted sum of both
+aims can never find. Every point is a design on a stable path to 90 degrees.
+
+![Fronts of f1 and f2, and the thesis's balancers of least f1](balancer_fronts.png)
+
+"""
+
+
+def searched(name: str, states: Path | None, quick: bool) -> Record:
+    """The front of a system, and the processor time it took [s]."""
+    began = time.process_time()
+    task = Synthesis(SYSTEMS[name][0], TARGETS["sine"])
+    file = states / f"{name.replace(' ', '-')}.npz" if states else None
+    effort = Effort(((12, 2), (4, 3))) if quick else Effort()
+    start = SavedSearch(task, effort, file)
+    start.run()
+    folder = states / name.replace(" ", "-") if states else None
+    if folder:
+        folder.mkdir(exist_ok=True)
+    found = front(task, start.found, folder, limits=1 if quick else LIMITS)
+    return {
+        "system": name,
+        "bounds": task.variant.bounds,
+        "rmse": found.rmse.tolist(),
+        "spread": found.spread.tolist(),
+        "work_reduction": found.work_reduction.tolist(),
+        "vectors": found.vectors.tolist(),
+        "cpu_seconds": round(time.process_time() - began, 1),
+    }
+
+
+def printed(name: str) -> tuple[float, float]:
+    """f1 and f2 [1] of the thesis's balancer of least f1, of its parameters as printed."""
+    row = json.loads(THESIS.read_text())["rows"][SYSTEMS[name][2]]
+    angle = precision_points(90)
+    found = solve(angle, **row["parameters"])
+    return (
+        float(rmse(found["balancing_moment"], np.sin(angle))),
+        float(energy_spread(*(found[f"energy{i}"] for i in (1, 2, 3)))),
+    )
+
+
+def least_error(record: Record, spread: float) -> float:
+    """f1 of the front where f2 is no more than `spread` [1]."""
+    f1, f2 = np.array(record["rmse"]), np.array(record["spread"])
+    return float(f1[f2 <= spread].min(initial=np.inf))
+
+
+def table(records: list[Record]) -> Iterator[str]:
+    """The fronts as a Markdown table."""
+    yield (
+        "| system | least f1, with f2 | least f2, with f1 | f1 at f2 ≤ 0.2, 0.1, 0.05 | points | "
+        "above the hull | thesis's line: f1, f2 | s |"
+    )
+    yield "|---|---|---|---|---|---|---|---|"
+    for record in records:
+        f1, f2 = np.array(record["rmse"]), np.array(record["spread"])
+        line = SYSTEMS[record["system"]][2]
+        theirs = "{}: {:.4f}, {:.3f}".format(line, *printed(record["system"])) if line else "-"
+        above = (~on_hull(f1, f2)).sum()
+        some = (least_error(record, spread) for spread in (0.2, 0.1, 0.05))
+        at = ", ".join(f"{error:.4f}" if np.isfinite(error) else "none" for error in some)
+        yield (
+            f"| {record['system']} | {f1[0]:.5f}, {f2[0]:.3f} | {f2[-1]:.4f}, {f1[-1]:.3f} | "
+            f"{at} | {f1.size} | {above} | {theirs} | {record['cpu_seconds']:.0f} |"
+        )
+
+
+def page(records: list[Record]) -> str:
+    """docs/balancer_fronts.md."""
+    return HEAD.format(limits=LIMITS) + "\n".join(table(records)) + "\n"
+
+
+def draw(records: list[Record]) -> Figure:
+    """All fronts: what a weighted sum could find filled, the rest open; the thesis's as crosses."""
+    with rc_context(RC):
+        figure = Figure((9.5, 4.2), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, scale in zip(panels, ("linear", "log"), strict=True):
+            for record in records:
+                name, colour = record["system"], SYSTEMS[record["system"]][1]
+                f1, f2 = np.array(record["rmse"]), np.array(record["spread"])
+                hull = on_hull(f1, f2)
+                axes.step(f1, f2, "-", where="post", color=colour, linewidth=0.8)
+                axes.plot(f1[hull], f2[hull], "o", color=colour, markersize=4, label=name)
+                axes.plot(f1[~hull], f2[~hull], "o", color=colour, markersize=4, mfc="white")
+                if SYSTEMS[name][2]:
+                    axes.plot(*printed(name), "x", color=colour, markersize=7)
+            axes.set(xlabel="f1: root mean square error / m g r [1]", xscale=scale)
+        panels[0].set(ylabel="f2: spread of energy / m g r [1]")
+        panels[0].legend(
+            title="filled: on the convex hull; open: above it; x: thesis, least f1",
+            title_fontsize=7,
+            fontsize=7,
+        )
+        return figure
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Search the fronts asked for, or all, and write what is then known of all."""
+    parser = command(__doc__)
+    parser.add_argument("systems", nargs="*", choices=[*SYSTEMS, []])
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--states", type=Path)
+    parser.add_argument("--redraw", action="store_true")
+    given = parser.parse_args(argv)
+    if given.states:
+        given.states.mkdir(parents=True, exist_ok=True)
+    known = {}
+    if PAGE.exists():
+        known = {record["system"]: record for record in json.loads(PAGE.read_text())}
+    names = given.systems or (["regular"] if given.quick else list(SYSTEMS))
+    if not given.redraw:
+        with ProcessPoolExecutor(given.jobs, get_context("spawn")) as pool:
+            futures = [pool.submit(searched, name, given.states, given.quick) for name in names]
+            for name, future in zip(names, futures, strict=True):
+                known[name] = future.result()
+                print(list(table([known[name]]))[-1], flush=True)
+    records = [known[name] for name in SYSTEMS if name in known]
+    with folders(given.quick, Path()) as (_, docs):
+        (docs / PAGE.name).write_text(json.dumps(records, indent=1) + "\n")
+        (docs / PAGE.name).with_suffix(".md").write_text(page(records))
+        draw(records).savefig((docs / PAGE.name).with_suffix(".png"), dpi=130)
+
+
+if __name__ == "__main__":
+    main()

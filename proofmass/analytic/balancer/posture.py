@@ -1,0 +1,146 @@
+"""A balancer whose postures are prescribed: loads, moments and energy, and no search for a rest."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.balancer import quantities
+from proofmass.analytic.balancer.model import balancer, close
+from proofmass.analytic.balancer.path import Path
+from proofmass.analytic.numerics import Array, cross
+
+MODES = (1, -1)
+
+
+def solve(
+    angle: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    length1: float,
+    length2: float,
+    length3: float,
+    length4: float | None = None,
+    stiffness1: float,
+    stiffness2: float,
+    stiffness3: float,
+    stiffness4: float = 0.0,
+    quadratic1: float = 0.0,
+    quadratic2: float = 0.0,
+    quadratic3: float = 0.0,
+    quadratic4: float = 0.0,
+    preload2: float = 0.0,
+    preload3: float = 0.0,
+    preload4: float = 0.0,
+    pendulum: float = 1.0,
+    rest_angle: float = 0.0,
+    rest_angle2: float = 0.0,
+    weight: float = 0.0,
+    mode: int = 1,
+) -> dict[str, Array]:
+    r"""Loads of a chain whose pendulum and first joints are all driven.
+
+    The chain is that of `proofmass.analytic.balancer.solve`.  With the pendulum and all joints but
+    the last two driven its posture follows from the loop alone.  The springs of the last two joints
+    then give the force F on the tip, and F what every drive has to add::
+
+        F x (tip - P_(n-2)) = M_(n-1),     F x (tip - P_(n-1)) = M_n
+        drive_i = M_i - F x (tip - P_(i-1)),     holding = F x tip - weight r sin(alpha)
+
+    The drives do all work: with V the energy of springs and weight,
+
+        dV = holding dalpha + sum_i drive_i de_i
+
+    Where the posture is an equilibrium of the chain the joints need no drive: then drive_i = 0, and
+    holding is the balancing moment M1.  Where a stop holds a joint of the chain, which has none
+    here, the drives carry what the stop would.
+
+    Parameters
+    ----------
+    angle : pendulum angle alpha and windings e1 (of four segments e1, e2) [rad], (n, ...): the
+        first axis are the drives
+    rate, acceleration : their time derivatives [rad/s, rad/s^2], which statics does not need
+    length1, length2, length3, length4 : segments [m]; length4 makes it a balancer of four segments
+    stiffness1, stiffness2, stiffness3, stiffness4 : k of the slack springs [N m/rad]
+    quadratic1, quadratic2, quadratic3, quadratic4 : A [N m/rad^2]
+    preload2, preload3, preload4 : moment [N m] of the spring where it is not wound from rest
+    pendulum : r [m]
+    rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
+    weight : force at the tip, down along the upright [N]
+    mode : +1 elbow up, -1 elbow down, of the last two segments
+
+    Returns
+    -------
+    dict of (...) arrays: those of `proofmass.analytic.balancer.solve` without rates and targets,
+    and drive_moment1, for four segments drive_moment2 [N m], clockwise as windings are.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain; a first axis that is not 2, or 3 for four segments; a posture
+        that the last two segments cannot reach.
+
+    Notes
+    -----
+    Accuracy: rounding over the sine of the angle between the last two segments' arms to the tip.
+    Source: S. van Nes, MSc thesis TU Delft 2022.074, appendices B and C for the loads, and F for
+    the method: the program SAM takes mechanisms without freedoms alone, so that the angles that its
+    own program had found were prescribed there, and loads and energy compared.
+
+    Examples
+    --------
+    >>> chain = dict(length1=0.3394, length2=0.4573, length3=0.4752, stiffness1=1.2701,
+    ...              stiffness2=0.8473, stiffness3=4.1078, rest_angle=0.6641)
+    >>> pose = solve([0.8726646260, 0.6050932], **chain)  # theta1 = 1.269193 at 50 degrees
+    >>> [round(float(pose[name]), 3) + 0.0 for name in ("holding_moment", "drive_moment1")]
+    [0.769, 0.0]
+    """
+    given = {
+        k: v
+        for k, v in locals().items()
+        if k not in ("angle", "rate", "acceleration") and not (length4 is None and k.endswith("4"))
+    }
+    stops = {  # a preload has one; here nothing leans on it
+        f"{'low' if moment > 0 else 'high'}{i}": 0.0
+        for i, moment in ((2, preload2), (3, preload3), (4, preload4))
+        if moment
+    }
+    chain = balancer(**given, **stops)
+    inputs, n = np.asarray(angle, float), chain.segments
+    if inputs.shape[:1] != (n - 1,):
+        raise ValueError(
+            f"angle needs {n - 1} rows, the pendulum's and those of {n - 2} windings, got "
+            f"{inputs.shape[0] if inputs.ndim else 'none'}"
+        )
+    alpha, *given_windings = inputs.reshape(n - 1, -1)
+    rest = chain.rest[0]
+    first = np.cumsum(np.stack(given_windings, axis=-1) + np.diff(rest[: n - 2], prepend=0.0), -1)
+    psi = close(pendulum, chain.length[0], first - alpha[:, None], mode)
+    if np.isnan(psi).any():
+        at = np.degrees(alpha[np.isnan(psi).any(axis=-1).argmax()])
+        raise ValueError(f"the last two segments cannot reach the tip at alpha = {at:g} deg")
+    winding = np.diff(psi - rest, axis=-1, prepend=0.0)
+    winding[:, 0] += alpha
+    moment = chain.moments(winding[None])[0]
+    arms = np.cumsum((chain.length[0] * (np.sin(psi) + 1j * np.cos(psi)))[:, ::-1], -1)[:, ::-1]
+    before, last = arms[:, -2], arms[:, -1]
+    force = (moment[:, -2] * last - moment[:, -1] * before) / cross(before, last)
+    found = quantities(
+        chain,
+        Path(
+            alpha,
+            (psi + alpha[:, None])[None],
+            winding[None],
+            moment[None],
+            chain.energies(winding[None]),
+            np.zeros((1, alpha.size, n)),
+            np.stack([force.real, force.imag], axis=-1)[None],
+            np.zeros((1, alpha.size, n)),
+        ),
+        np.zeros(alpha.size),
+        weight * pendulum,
+    )
+    found = {k: v for k, v in found.items() if not k.endswith("_rate")}
+    found["holding_moment"] = -pendulum * force.real - weight * pendulum * np.sin(alpha)
+    for i in range(n - 2):
+        found[f"drive_moment{i + 1}"] = moment[:, i] - found[f"node{i + 1}_load"]
+    return {name: value.reshape(inputs.shape[1:]) for name, value in found.items()}
