@@ -9,22 +9,19 @@ import ast
 import json
 import re
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import proofmass
+from benchmarks.notebooks import NAMES, NOTEBOOKS, answers, cells, executed, explored
 from proofmass import Explorer, InputError, as_html, compare, load_case, solve
 from proofmass.outcome import Outcome
 from proofmass.report.explorer import MISSING
 from tests.shipped import shipped
 
-NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
-NAMES = sorted(file.stem for file in NOTEBOOKS.glob("*.ipynb"))
 METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"name": "python"},
@@ -40,23 +37,6 @@ LOGS = {
     "slider_crank": "slider-crank",
     "inverted_slider_crank": "inverted slider-crank",
 }
-
-
-def cells(name: str) -> dict[str, str]:
-    """The code of a notebook by the names of its cells."""
-    found = json.loads((NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))
-    return {c["id"]: "".join(c["source"]) for c in found["cells"] if c["cell_type"] == "code"}
-
-
-def explored(name: str, monkeypatch: pytest.MonkeyPatch) -> Explorer:
-    """The sliders of a notebook, in this process."""
-    monkeypatch.chdir(NOTEBOOKS)
-    known: dict[str, Any] = {}
-    for cell in ("case", "model", "sliders"):
-        exec(compile(cells(name)[cell], f"{name}:{cell}", "exec"), known)
-    explorer = known["explorer"]
-    assert isinstance(explorer, Explorer)
-    return explorer
 
 
 def test_there_is_one_for_each_mechanism() -> None:
@@ -101,23 +81,15 @@ def test_a_notebook_is_short_and_uses_what_is_documented(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(name: str) -> None:
     """CPU time of what a slider calls, the least of three: others may use the processor as well.
 
     The engines run a model with the lengths of the sliders, within the tolerances of the shipped
     case, so what `model` of a notebook changes is what the closed form is told.
     """
-    explorer = explored(name, monkeypatch)
+    explorer = explored(name)
     assert explorer.wrong == ""
-    for call in (explorer.change, explorer.move):
-        took = []
-        for _ in range(3):
-            began = time.process_time()
-            call()
-            took.append(time.process_time() - began)
-        assert min(took) <= ANSWER
+    assert max(answers(explorer, rounds=3)) <= ANSWER
     first = explorer.panel.value
     for key, slider in explorer.sliders.items():
         if key != "mode":
@@ -143,8 +115,8 @@ def run_engines(explorer: Explorer) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_engines_agree_at_random_lengths(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    explorer, random = explored(name, monkeypatch), np.random.default_rng(19)
+def test_engines_agree_at_random_lengths(name: str) -> None:
+    explorer, random = explored(name), np.random.default_rng(19)
     tried = 0
     while tried < 4:
         for key, slider in explorer.sliders.items():
@@ -155,11 +127,9 @@ def test_engines_agree_at_random_lengths(name: str, monkeypatch: pytest.MonkeyPa
             assert run_engines(explorer), explorer.parameters
 
 
-def test_what_engines_find_is_dropped_and_a_wrong_model_shows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_engines_find_is_dropped_and_a_wrong_model_shows() -> None:
     """Other lengths have other curves; a model that is told other ones than the form differs."""
-    explorer = explored("slider_crank", monkeypatch)
+    explorer = explored("slider_crank")
     right = explorer.model
     explorer.model = lambda **p: right(**{**p, "coupler": 1.001 * p["coupler"]}).model_copy(
         update={"parameters": p}
@@ -175,8 +145,8 @@ def test_what_engines_find_is_dropped_and_a_wrong_model_shows(
     assert "division by zero" in explorer.table.value
 
 
-def test_the_panel_says_what_cannot_be_assembled(monkeypatch: pytest.MonkeyPatch) -> None:
-    explorer = explored("fourbar", monkeypatch)
+def test_the_panel_says_what_cannot_be_assembled() -> None:
+    explorer = explored("fourbar")
     assert "Grashof class: crank-rocker" in explorer.panel.value
     explorer.sliders["crank"].value, explorer.sliders["ground"].value = 1.4, 4.0
     explorer.sliders["coupler"].value = 1.5
@@ -187,8 +157,8 @@ def test_the_panel_says_what_cannot_be_assembled(monkeypatch: pytest.MonkeyPatch
     assert not explorer.rows
 
 
-def test_both_modes_and_the_static_panel(monkeypatch: pytest.MonkeyPatch) -> None:
-    explorer = explored("fourbar", monkeypatch)
+def test_both_modes_and_the_static_panel() -> None:
+    explorer = explored("fourbar")
     up = explorer.known["pin_y"].copy()
     explorer.sliders["mode"].value = -1
     assert explorer.known["pin_y"][0] == pytest.approx(-up[0])  # the crank lies on the ground
@@ -198,9 +168,9 @@ def test_both_modes_and_the_static_panel(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "crank [m] 1" in bundle["text/html"]
 
 
-def test_links_of_the_panel_close(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_links_of_the_panel_close() -> None:
     """Corners that links share are the same place, and links are as long as the sliders say."""
-    explorer = explored("fourbar", monkeypatch)
+    explorer = explored("fourbar")
     explorer.sliders["rocker"].value = 2.3
     p = explorer.parameters
     drawn = explorer.links(explorer.known, p)
@@ -255,26 +225,13 @@ def test_a_case_that_cannot_be_drawn_is_shown_without() -> None:
     assert "no.xml" in lost._repr_html_()
 
 
-def executed(name: str) -> dict[str, list[dict[str, Any]]]:
-    """The outputs of a notebook's cells after it ran in a kernel; a cell that fails raises."""
-    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
-    notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
-    client = nbclient.NotebookClient(
-        notebook,
-        timeout=300,
-        resources={"metadata": {"path": str(NOTEBOOKS)}},
-        extra_arguments=["--IPKernelApp.log_level=40"],
-    )
-    client.execute()
-    return {cell["id"]: cell["outputs"] for cell in notebook.cells if cell["cell_type"] == "code"}
-
-
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
 )
 def test_a_notebook_runs(name: str) -> None:
-    outputs = executed(name)
+    notebook = executed(name)
+    outputs = {c["id"]: c["outputs"] for c in notebook.cells if c["cell_type"] == "code"}
     html = {
         cell: "".join(one["data"].get("text/html", "") for one in found if "data" in one)
         for cell, found in outputs.items()

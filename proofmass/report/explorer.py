@@ -112,14 +112,19 @@ class Explorer:
         }
         if "mode" in case.parameters and modes(case):
             self.sliders["mode"] = ipywidgets.ToggleButtons(
-                options=modes(case), value=int(float(case.parameters["mode"])), description="mode"
+                options=modes(case),
+                value=int(float(case.parameters["mode"])),
+                description="mode",
+                style={"button_width": "auto"},
             )
         self.place = ipywidgets.IntSlider(
             value=len(self.x) // 6, max=len(self.x) - 1, description="pose", readout=False
         )
-        self.play = ipywidgets.Play(max=len(self.x) - 1, interval=60, show_repeat=True)
+        self.play = ipywidgets.Play(
+            value=self.place.value, max=len(self.x) - 1, interval=60, show_repeat=True
+        )
         ipywidgets.jslink((self.play, "value"), (self.place, "value"))
-        self.button = ipywidgets.Button(description="run in the engines", icon="play")
+        self.button = ipywidgets.Button(description="run in the engines", layout={"width": "auto"})
         self.panel, self.table = ipywidgets.HTML(), ipywidgets.HTML()
         controls = [ipywidgets.HBox([self.play, self.place]), *self.sliders.values()]
         if model is not None:
