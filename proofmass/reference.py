@@ -173,10 +173,13 @@ def evaluate(case: Case, kind: Kind, x: Array, state: State | None, **changed: f
     Curves
         One curve a channel, under the channel's name, in SI units.
     """
-    known = reference_quantities(case, kind, x, state, {**case.parameters, **changed})
-    names = [c.equals for c in case.channels.values() if isinstance(c.equals, str)]
-    if any(name.startswith(DRIVE) or name not in known for name in names):
+    parameters = {**case.parameters, **changed}
+    names = frozenset(c.equals for c in case.channels.values() if isinstance(c.equals, str))
+    known = reference_quantities(case, kind, x, state, parameters, only=names)
+    if any(name.startswith(DRIVE) for name in names):
         known = known | asked_of_drives(case, kind, x)
+    if not names <= known.keys():  # an error, which suggests another of all names
+        known = quantities(case, kind, x, state, parameters)
     return Curves(x, channels(case, x, known))
 
 
@@ -205,14 +208,15 @@ def reference_quantities(
     state: State | None,
     parameters: dict[str, float | str],
     key: str = "parameters",
+    only: frozenset[str] | None = None,
 ) -> dict[str, Array]:
     """What the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
 
-    `kind`, `x` and `state` are those of `evaluate`.
+    `kind`, `x` and `state` are those of `evaluate`; of `only` some names, it may leave out others.
     """
     truth = module_of(case)
     if not isinstance(truth, Recorded):
-        return call(case, kind, truth, x, state, parameters, key)
+        return call(case, kind, truth, x, state, parameters, key, only)
     if parameters:
         raise InputError(case.file, key, "the reference is a recorded curve, which has none")
     return {name: values[: np.size(x)] for name, values in truth.columns.items()}
@@ -260,12 +264,14 @@ def call(
     state: State | None,
     parameters: dict[str, float | str],
     key: str = "parameters",
+    only: frozenset[str] | None = None,
 ) -> dict[str, Array]:
     """``solve`` of a closed form, with its complaints turned into errors of the sidecar at `key`.
 
     One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
-    One that asks for ``inertia`` is told whether moments and forces are those of a motion.
+    One that asks for ``inertia`` is told whether moments and forces are those of a motion, one that
+    asks for ``only`` which of its quantities are used, None for all.
     """
     known = [
         p.name
@@ -277,6 +283,7 @@ def call(
         "start": lambda: case.start,
         "joints": lambda: tuple(d.joint for d in case.drive),
         "inertia": lambda: case.has_inertia(kind),
+        "only": lambda: only,
     }
     there = [k for k in known if k not in own]
     for name in parameters:

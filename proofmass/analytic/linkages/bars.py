@@ -13,12 +13,23 @@ equation, I dw + I' w^2 / 2.  The others are the force that the pins of the bar 
 its moment about P.
 """
 
+from collections.abc import Collection
+
 import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, cross, dot
 
 Ends = tuple[Complex | complex, Complex | complex]
 """A vector at each end of a bar, as complex numbers."""
+
+
+def asks(only: Collection[str] | None, *endings: str) -> bool:
+    """Whether quantities whose names end so are asked for: all of them are if `only` is None.
+
+    >>> asks(None, "_moment"), asks({"slide"}, "_moment"), asks({"holding_moment"}, "_moment")
+    (True, False, True)
+    """
+    return only is None or any(name.endswith(endings) for name in only)
 
 
 def asked_of_drive(mass: float, acceleration: Ends, moved: Ends) -> Array:

@@ -4,10 +4,12 @@ Beside the motion stands what its lengths allow: Grashof class, crank range, dea
 transmission angles.
 """
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.bars import Ends, asked_of_drive, asked_of_pins
+from proofmass.analytic.linkages.bars import Ends, asked_of_drive, asked_of_pins, asks
 from proofmass.analytic.numerics import (
     TURN,
     Array,
@@ -42,6 +44,7 @@ def solve(
     rocker_load: float = 0.0,
     gravity: float = 9.81,
     inertia: bool = False,
+    only: Collection[str] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of a four-bar linkage whose crank motion is given.
 
@@ -94,6 +97,8 @@ def solve(
     rocker_load : constant moment on the rocker, counter-clockwise positive [N m]
     gravity : [m/s^2]
     inertia : whether moment and forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: moment and forces, which take longer than the
+        motion, are left out if they are not among them; None asks for all
 
     Returns
     -------
@@ -145,23 +150,28 @@ def solve(
         )
         a_motion, b_motion = (a1 * w, a1 * dw + a2 * w**2), (b1 * w, b1 * dw + b2 * w**2)
         along, across = point_along / coupler, point_across / coupler
-        moment = (
-            0.5
-            * gravity
-            * (crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx)
-            - rocker_load * b1
-        )
-        bars = px + 1j * py, ax + 1j * ay, bx + 1j * by
-        rest = np.zeros_like(bars[0])
-        accelerations = 3 * ((rest, rest),)
-        if inertia:
-            at_p = (1j * dw - w**2) * bars[0]
-            at_q = (1j * b_motion[1] - b_motion[0] ** 2) * bars[2]
-            accelerations = (rest, at_p), (at_p, at_q), (rest, at_q)
-            p1, q1 = 1j * bars[0], 1j * b1 * bars[2]
-            moved = (rest, p1), (p1, q1), (rest, q1)
-            for each in zip(masses.values(), accelerations, moved, strict=True):
-                moment = moment + asked_of_drive(*each)
+        loads: dict[str, Array] = {}
+        if asks(only, "_moment", "_force_x", "_force_y"):
+            moment = (
+                0.5
+                * gravity
+                * (crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx)
+                - rocker_load * b1
+            )
+            bars = px + 1j * py, ax + 1j * ay, bx + 1j * by
+            rest = np.zeros_like(bars[0])
+            accelerations = 3 * ((rest, rest),)
+            if inertia:
+                at_p = (1j * dw - w**2) * bars[0]
+                at_q = (1j * b_motion[1] - b_motion[0] ** 2) * bars[2]
+                accelerations = (rest, at_p), (at_p, at_q), (rest, at_q)
+                p1, q1 = 1j * bars[0], 1j * b1 * bars[2]
+                moved = (rest, p1), (p1, q1), (rest, q1)
+                for each in zip(masses.values(), accelerations, moved, strict=True):
+                    moment = moment + asked_of_drive(*each)
+            loads = {"holding_moment": moment}
+            if asks(only, "_force_x", "_force_y"):
+                loads |= _pin_forces(bars, accelerations, cross, masses, rocker_load, gravity)
         curves = {
             "coupler_angle": unwrapped(np.arctan2(ay, ax)),
             "coupler_rate": a_motion[0],
@@ -176,8 +186,7 @@ def solve(
                 (along * ax - across * ay, along * ay + across * ax, *a_motion),
             ),
             "transmission_angle": np.arctan2(np.abs(cross), dot),
-            "holding_moment": moment,
-            **_pin_forces(bars, accelerations, cross, masses, rocker_load, gravity),
+            **loads,
             "mechanical_advantage": 1.0 / b1,
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}

@@ -1,9 +1,11 @@
 """Slider-crank on a straight guide of any inclination: motion, statics and dead points."""
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins
+from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins, asks
 from proofmass.analytic.numerics import (
     Array,
     Complex,
@@ -40,6 +42,7 @@ def solve(
     pin_friction: float = 0.0,
     slider_friction: float = 0.0,
     inertia: bool = False,
+    only: Collection[str] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of a slider-crank whose crank motion is given.
 
@@ -94,6 +97,8 @@ def solve(
         and coupler [N m]
     slider_friction : dry friction of the guide [N]
     inertia : whether moment and forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: moment and forces, which take longer than the
+        motion, are left out if they are not among them; None asks for all
 
     Returns
     -------
@@ -158,19 +163,29 @@ def solve(
         )
         pushed = slider_load - of_slider
         ax, ay = q * cos + h * sin, q * sin - h * cos
-        lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
-        lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
-        moment = gravity * lift - pushed * s1 + of_crank + of_pin * (k1 - 1.0)
-        guide = complex(cos, sin)
-        bars = np.asarray(crank * np.exp(1j * theta), complex), np.asarray(ax + 1j * ay, complex)
-        rest = np.zeros_like(bars[0])
-        at_p = at_s = rest
-        if inertia:
-            at_p, at_s = (1j * dw - w**2) * bars[0], np.asarray(guide * a)
-            p1, slid = 1j * bars[0], np.asarray(guide * s1)
-            moment = moment + asked_of_drive(crank_mass, (rest, at_p), (rest, p1))
-            moment = moment + asked_of_drive(coupler_mass, (at_p, at_s), (p1, slid))
-            moment = moment + slider_mass * a * s1
+        loads: dict[str, Array] = {}
+        if asks(only, "_moment", "_force_x", "_force_y"):
+            lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
+            lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
+            moment = gravity * lift - pushed * s1 + of_crank + of_pin * (k1 - 1.0)
+            guide = complex(cos, sin)
+            bars = (
+                np.asarray(crank * np.exp(1j * theta), complex),
+                np.asarray(ax + 1j * ay, complex),
+            )
+            rest = np.zeros_like(bars[0])
+            at_p = at_s = rest
+            if inertia:
+                at_p, at_s = (1j * dw - w**2) * bars[0], np.asarray(guide * a)
+                p1, slid = 1j * bars[0], np.asarray(guide * s1)
+                moment = moment + asked_of_drive(crank_mass, (rest, at_p), (rest, p1))
+                moment = moment + asked_of_drive(coupler_mass, (at_p, at_s), (p1, slid))
+                moment = moment + slider_mass * a * s1
+            loads = {"holding_moment": moment}
+            if asks(only, "_force_x", "_force_y"):
+                loads |= _forces(
+                    bars, (rest, at_p, at_s), q, guide, (pushed, of_pin), gravity, **masses
+                )
         curves = {
             "slide": s,
             "slide_rate": v,
@@ -185,8 +200,7 @@ def solve(
             "coupler_rate": k1 * w,
             "coupler_acceleration": k1 * dw + k2 * w**2,
             "transmission_angle": np.arctan2(np.abs(q), -h),
-            "holding_moment": moment,
-            **_forces(bars, (rest, at_p, at_s), q, guide, (pushed, of_pin), gravity, **masses),
+            **loads,
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
 
