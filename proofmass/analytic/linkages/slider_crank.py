@@ -157,14 +157,14 @@ def solve(
         h = across - offset
         s, s1, s2 = along + q - start, h * k1 - across, h * k2 - q * k1**2 - along
         v, a = s1 * w, s1 * dw + s2 * w**2
-        of_crank, of_pin, of_slider = (
-            value * senses(rate, float(np.abs(w).max(initial=0.0)))
-            for value, rate in zip(rubs.values(), (w, (k1 - 1.0) * w, v), strict=True)
-        )
-        pushed = slider_load - of_slider
         ax, ay = q * cos + h * sin, q * sin - h * cos
         loads: dict[str, Array] = {}
         if asks(only, "_moment", "_force_x", "_force_y"):
+            of_crank, of_pin, of_slider = (
+                value * senses(rate, float(np.abs(w).max(initial=0.0)))
+                for value, rate in zip(rubs.values(), (w, (k1 - 1.0) * w, v), strict=True)
+            )
+            pushed = slider_load - of_slider
             lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
             lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
             moment = gravity * lift - pushed * s1 + of_crank + of_pin * (k1 - 1.0)
