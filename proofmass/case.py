@@ -336,7 +336,7 @@ class RodTable(Strict):
     which of several equilibria it comes to rest in.  Sensors on the sites ``NAME.middle`` and
     ``NAME.tip`` stay in place whatever the number of `segments`.  `mass` is needed where gravity
     acts.  Without `axial`, EA [N], it does not stretch; without `shear`, GA [N], its sections stay
-    normal to it.
+    normal to it.  `load` is a dead load per length in the axes of the world [N/m].
     """
 
     start: str = Field(alias="from")
@@ -353,6 +353,7 @@ class RodTable(Strict):
     turn: float = 0.0
     axial: float | None = Field(None, gt=0)
     shear: float | None = Field(None, gt=0)
+    load: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @model_validator(mode="before")
     @classmethod
@@ -389,6 +390,7 @@ class RodTable(Strict):
             self.turn,
             self.axial,
             self.shear,
+            self.load,
         )
 
 

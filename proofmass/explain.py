@@ -31,6 +31,7 @@ START = ("zero", "direction")
 PLURALS = {
     "mass": "masses",
     "mass of a rod": "masses of the rods",
+    "load of a rod": "loads of the rods",
     "stiffness of a rod": "stiffnesses of the rods",
     "axial stiffness of a rod": "axial stiffnesses of the rods",
     "shear stiffness of a rod": "shear stiffnesses of the rods",
@@ -48,10 +49,10 @@ PLURALS = {
 TRIED = (
     "Tried are masses, inertias, centres of mass, places and directions of bodies, joints, sites "
     "and loops, zeros, springs, damping, armature, friction, ranges, gravity, loads, gears, how "
-    "hard loops and stops are held, and the lengths, stiffnesses and masses of rods: each changed "
-    f"by {100 * SHARE:.0f} %, one that is 0 by {100 * SHARE:.0f} % of what lengths, masses and "
-    "times of the mechanism make of its unit, up and down. Left out are what is only drawn, what "
-    "is normal to the plane of motion, and the settings of the engines."
+    "hard loops and stops are held, and lengths, stiffnesses, masses and loads of rods: each "
+    f"changed by {100 * SHARE:.0f} %, one that is 0 by {100 * SHARE:.0f} % of what lengths, masses "
+    "and times of the mechanism make of its unit, up and down. Left out are what is only drawn, "
+    "what is normal to the plane of motion, and the settings of the engines."
 )
 
 

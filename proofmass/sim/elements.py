@@ -374,13 +374,18 @@ def present(source: Source, element: Element, place: Place) -> Any:
 
 def changed_rods(
     rods: Sequence[Rod], changes: Sequence[tuple[Number, float]]
-) -> dict[str, dict[str, float]]:
+) -> dict[str, dict[str, Any]]:
     """The keys of rods that changes are of, and their new values."""
-    found: dict[str, dict[str, float]] = {}
+    found: dict[str, dict[str, Any]] = {}
     for number, change in changes:
         if number.place.tag == "rod":
             (rod,) = (one for one in rods if one.name == number.place.rod)
             own = found.setdefault(rod.name, {})
             key = number.place.attribute
-            own[key] = own.get(key, getattr(rod, key)) + change
+            value = own.get(key, getattr(rod, key))
+            if isinstance(value, tuple):
+                more = (change if k == number.place.part else 0.0 for k in range(len(value)))
+                own[key] = tuple(map(sum, zip(value, more, strict=True)))
+            else:
+                own[key] = value + change
     return found

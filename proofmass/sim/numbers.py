@@ -82,6 +82,7 @@ KINDS = {
     "axial stiffness of a rod": "N",
     "shear stiffness of a rod": "N",
     "mass of a rod": "kg",
+    "load of a rod": "N/m",
     "place": "m",
     "anchor": "m",
     "site": "m",
@@ -384,3 +385,7 @@ def of_rods(source: Source) -> Iterator[Number]:
             if (value := getattr(rod, attribute)) is not None:
                 place = Place("rod", k, attribute, rod=rod.name)
                 yield measured(kind, rod.name, float(value), place, 1.0)
+        for part, value in enumerate(rod.load):
+            if value:
+                place = Place("rod", k, "load", part, rod.name)
+                yield measured("load of a rod", f"{rod.name} {'xyz'[part]}", value, place, 1.0)

@@ -204,6 +204,8 @@ class Rod:
         Of its tangent from end to end in the start pose [rad].
     axial, shear : float, optional
         EA and GA [N]; None: it does not stretch, and its sections stay normal to it.
+    load : tuple of three float
+        Dead load per length in the axes of the world [N/m], such as wind.
     """
 
     name: str
@@ -218,6 +220,7 @@ class Rod:
     turn: float = 0.0
     axial: float | None = None
     shear: float | None = None
+    load: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

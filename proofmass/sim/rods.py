@@ -38,7 +38,7 @@ actuators and loops of the MJCF may name what is added:
     NAME                    the loop that holds the far end
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -292,6 +292,15 @@ def draw(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
         contype=0,
         conaffinity=0,
     )
+
+
+def dead_loads(model: mujoco.MjModel, rods: Sequence[Rod]) -> Iterator[tuple[int, Array]]:
+    """Bodies of rods with a load per length, and the force (3,) at their centres of mass [N]."""
+    for rod in rods:
+        if any(rod.load):
+            for body in map(model.body, chain(rod).bodies):
+                share = body.mass[0] / (rod.mass or LIGHT)
+                yield body.id, share * rod.length * np.array(rod.load)
 
 
 def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:

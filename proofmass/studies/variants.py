@@ -162,6 +162,7 @@ def stiffer(case: Case, folder: Path, factor: float) -> Case:
                 for key in ("stiffness", "axial", "shear")
                 if (value := getattr(rod, key)) is not None
             }
+            | {"load": tuple(factor * value for value in rod.load)}
         )
         for name, rod in case.rod.items()
     }

@@ -94,6 +94,7 @@ class Load:
     weight: complex  # [N/m]
     axial: float  # EA [N]
     shear: float  # GA [N]
+    follower: complex = 0.0  # [N], from the normal of the section at the tip
 
     @property
     def keywords(self) -> dict[str, Any]:
@@ -116,6 +117,7 @@ class Load:
         return (
             self.moment == 0.0
             and self.weight == 0.0
+            and self.follower == 0.0
             and abs(np.sin(0.5 * self.psi)) > 1e-100
             and np.isinf(self.axial)
             and np.isinf(self.shear)
@@ -131,10 +133,13 @@ class Load:
         """L sqrt(R/EI)."""
         return float(self.length * np.sqrt(abs(self.force) / self.stiffness))
 
-    def local(self, arc: Array, theta: Array) -> Complex:
-        """Force at arc lengths along the section's normal, real, and across it, imaginary [N]."""
-        beyond = self.force + self.weight * (self.length - arc)
-        return np.asarray(beyond * np.exp(-1j * theta))
+    def on_tip(self, theta: Array) -> Complex:
+        """Force (...) on a tip of that angle [N]."""
+        return np.asarray(self.force + self.follower * np.exp(1j * theta))
+
+    def beyond(self, arc: Array, theta: Array) -> Complex:
+        """Force (...) that the part beyond an arc length puts on the part before [N]."""
+        return self.on_tip(theta) + self.weight * (self.length - arc)
 
 
 def solve(
@@ -147,6 +152,8 @@ def solve(
     moment: float = 0.0,
     weight_x: float = 0.0,
     weight_y: float = 0.0,
+    follower_x: float = 0.0,
+    follower_y: float = 0.0,
     x0: float = 0.0,
     y0: float = 0.0,
     theta0: float = 0.0,
@@ -181,9 +188,12 @@ def solve(
     force_x, force_y : F on the tip [N]
     moment : M on the tip [N m]
     weight_x, weight_y : w, dead load per length of rod [N/m]
+    follower_x, follower_y : force on the tip along the normal of its section and to the left of
+        it, which turns with it [N]
     x0, y0, theta0 : the clamp [m] and its tangent [rad]
     axial, shear : EA, and GA with the section's area of shear [N]; left out: without that strain
-    branch : 1 is the equilibrium of least potential energy, 2 the next (`equilibria`)
+    branch : 1 is the equilibrium of least potential energy, 2 the next (`equilibria`); a force
+        that follows has none and counts for nothing there
 
     Returns
     -------
@@ -219,6 +229,7 @@ def solve(
         theta0,
         axial,
         shear,
+        complex(follower_x, follower_y),
     )
     arc = np.asarray(s, float)
     if not np.all((arc >= 0.0) & (arc <= length)):
@@ -233,7 +244,7 @@ def solve(
     if found["least"][branch - 1] <= 0.0:
         raise ValueError(f"axial must be more than {axial:g} N: the loads press the rod to nothing")
     place = complex(x0, y0) + place * np.exp(1j * theta0)
-    beyond = complex(force_x, force_y) + complex(weight_x, weight_y) * (length - arc)
+    beyond = load.beyond(arc, found["theta"][branch - 1]) * np.exp(1j * theta0)
     return {
         "x": place.real,
         "y": place.imag,
@@ -307,6 +318,7 @@ def _load(
     theta0: float,
     axial: float,
     shear: float,
+    follower: complex = 0.0,
 ) -> Load:
     positive(length=length)
     stiff(stiffness)
@@ -318,10 +330,19 @@ def _load(
         weight_x=weight.real,
         weight_y=weight.imag,
         theta0=theta0,
+        follower_x=follower.real,
+        follower_y=follower.imag,
     )
     turn = np.exp(-1j * theta0)
     return Load(
-        length, stiffness, complex(force * turn), moment, complex(weight * turn), axial, shear
+        length,
+        stiffness,
+        complex(force * turn),
+        moment,
+        complex(weight * turn),
+        axial,
+        shear,
+        follower,
     )
 
 
@@ -331,7 +352,7 @@ def _tips(load: Load) -> dict[str, Array]:
     arc = np.linspace(0.0, load.length, NODES)
     place, theta, m = _shape(load, tip, arc)
     step = arc[1]
-    local = load.local(arc, theta)
+    local = load.beyond(arc, theta[:, -1:]) * np.exp(-1j * theta)
     strained = m**2 / load.stiffness + local.real**2 / load.axial + local.imag**2 / load.shear
     energy = romb(strained, step) / 2.0
     work = (np.conj(load.force) * place[:, -1] + romb(np.conj(load.weight) * place, step)).real
@@ -357,12 +378,9 @@ def _grid(load: Load) -> Array:
     if load.elliptic:
         most = load.waves + 40.0 - np.log(np.sin(0.5 * load.psi))
         return np.linspace(-most, most, 801 + int(10.0 * load.waves * most))
-    mean = (
-        abs(load.moment)
-        + abs(load.force) * load.length / 2.0
-        + abs(load.weight) * load.length**2 / 6.0
-    )
-    most = abs(load.force) + abs(load.weight) * load.length
+    tip = abs(load.force) + abs(load.follower)
+    mean = abs(load.moment) + tip * load.length / 2.0 + abs(load.weight) * load.length**2 / 6.0
+    most = tip + abs(load.weight) * load.length
     reach = mean * load.length / load.stiffness * (1.0 + most / min(load.axial, load.shear))
     even = np.linspace(-reach - 0.01, reach + 0.013, 801 + int(40.0 * reach))
     near = np.geomspace(1e-13, 1.0, 53)
@@ -390,9 +408,8 @@ def _shot(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
     """The same by shooting from tips of given angle."""
     back = load.length - arc
     nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, STEPS + 1), back]))
-    rods = from_tip(
-        load.force.real, load.force.imag, tip, load.moment, **load.keywords, nodes=nodes
-    )
+    force = load.on_tip(tip)
+    rods = from_tip(force.real, force.imag, tip, load.moment, **load.keywords, nodes=nodes)
     at = np.searchsorted(nodes, back)
     place = rods.x + 1j * rods.y
     return (place[-1] - place[at]).T, rods.theta[at].T, -rods.m[at].T

@@ -381,7 +381,8 @@ class Resting(Linkage):
         mujoco.mj_fwdVelocity(self.model, self.data)
         mujoco.mj_fwdActuation(self.model, self.data)
         data = self.data
-        return data.qfrc_bias + self.rub - data.qfrc_passive - data.qfrc_actuator
+        held = data.qfrc_bias + self.rub - data.qfrc_passive - data.qfrc_actuator
+        return np.asarray(held - self.pushed())
 
     def lagrangian(self, pushes: Array) -> Array:
         """K: how the forces change with the joints (nv, nv) while the loops keep their pushes."""

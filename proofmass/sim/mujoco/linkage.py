@@ -236,7 +236,15 @@ class Linkage:
         mujoco.mj_fwdActuation(model, data)
         mujoco.mj_rne(model, data, 1, force)
         force += model.dof_armature * data.qacc + self.rub
-        return force - data.qfrc_passive - data.qfrc_actuator
+        return force - data.qfrc_passive - data.qfrc_actuator - self.pushed()
+
+    def pushed(self) -> Array:
+        """What the forces on bodies, loads of rods, do to the joints (nv,)."""
+        model, data, found = self.model, self.data, np.zeros(self.model.nv)
+        for body in np.flatnonzero(data.xfrc_applied.any(axis=1)):
+            push, turn = np.split(data.xfrc_applied[body], 2)
+            mujoco.mj_applyFT(model, data, push, turn, data.xipos[body], int(body), found)
+        return found
 
     def loop_forces(self, needed: Array) -> Array:
         """Forces in the rows of the active equalities [N or N m], of the pose last closed."""

@@ -11,6 +11,7 @@ from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Run, Unsupported
+from proofmass.sim.rods import dead_loads
 
 S = mujoco.mjtSensor
 
@@ -49,6 +50,8 @@ def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjDat
         if joint_of(model, actuator) in driven:
             first = model.actuator_ctrladr[actuator]
             data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
+    for body, force in dead_loads(model, run.rods):
+        data.xfrc_applied[body, :3] += force
     configure(model, run.settings)
     return model, data
 

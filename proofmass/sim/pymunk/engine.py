@@ -39,7 +39,8 @@ def simulate(model: Path, run: Run) -> Curves:
     joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
     polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in dynamics.
 
-    Loads are motors on sites, constant in the frame of a refsite on the ground.
+    Loads are motors on sites, constant in the frame of a refsite on the ground, or without one in
+    that of the site.
 
     In a sweep the coordinates that drives leave free follow them at rest, from the start key on,
     and in equilibrium they come there with the drives held.  The pose is the engine's: one that its

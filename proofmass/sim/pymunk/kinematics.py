@@ -14,7 +14,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel
-from proofmass.sim.pymunk.links import Hold, HoldTable, LinkJoint, Links
+from proofmass.sim.pymunk.links import Hold, HoldTable, LinkJoint, Links, Pull
 
 STEP = 1e-30
 QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -111,7 +111,11 @@ def alike(links: Links, rows: Array, wanted: Array) -> tuple[Array, Array]:
 
 
 def potential(links: Links, pose: Array) -> Array:
-    """Energy [J] (...) of gravity, joint springs and loads, as the engine's links carry it."""
+    """Energy [J] (...) of gravity, joint springs and loads, as the engine's links carry it.
+
+    Loads that follow their links have no potential.  Here they keep the direction that they have in
+    the real part of the pose, so that derivatives by complex steps are those of their work.
+    """
     weight = links.mass[:, None] * links.gravity
     energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
     for joint in links.joints:
@@ -120,8 +124,14 @@ def potential(links: Links, pose: Array) -> Array:
     for pull in links.pulls:
         body = pose[..., pull.link, :]
         point = body[..., :2] + turned(body[..., 2], pull.at)
-        energy = energy - point @ pull.force - pull.moment * body[..., 2]
+        force = force_of(pull, np.real(pose))
+        energy = energy - (point * force).sum(-1) - pull.moment * body[..., 2]
     return energy
+
+
+def force_of(pull: Pull, pose: Array) -> Array:
+    """The force [N] of a load in poses (..., links + 1, 3)."""
+    return turned(pose[..., pull.link, 2], pull.force) if pull.follows else pull.force
 
 
 MOVE = 0.05
@@ -256,8 +266,9 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     found[..., :-1, :2] -= links.mass[:, None] * links.gravity
     for load in links.pulls:
         arm = turned(pose[..., load.link, 2], load.at) @ QUARTER
-        found[..., load.link, :2] -= load.force
-        found[..., load.link, 2] -= arm @ load.force + load.moment
+        force = force_of(load, pose)
+        found[..., load.link, :2] -= force
+        found[..., load.link, 2] -= (arm * force).sum(-1) + load.moment
     return found
 
 
@@ -293,6 +304,9 @@ class Modes:
         Moves of unit mass [SI].
     squares : ndarray (n,)
         Curvature of the energy along them: their frequencies squared [1/s^2].
+    twist : ndarray (n, n)
+        What loads that follow their links add to the matrix of these curvatures, without symmetry
+        [1/s^2].
     pull : ndarray (held,)
         What it takes to hold what is held [N or N m]: holds, drives, then the joints on their
         stops.
@@ -303,6 +317,7 @@ class Modes:
     pose: Array
     shapes: Array
     squares: Array
+    twist: Array
     pull: Array
     stops: tuple[LinkJoint, ...]
 
@@ -338,7 +353,9 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
     rise = ahead - behind
     bend = np.tensordot(rise, moves, ((1, 2), (1, 2))) * size[:, None]
     squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
-    return Modes(pose, np.tensordot(modes.T, moves, 1), squares, pull, stops)
+    twist = modes.T @ (bend.T - bend) @ modes / (4 * NUDGE)
+    twist *= any(load.follows for load in links.pulls)
+    return Modes(pose, np.tensordot(modes.T, moves, 1), squares, twist, pull, stops)
 
 
 def bent(links: Links, pose: Array, moves: Array) -> Array:

@@ -82,9 +82,10 @@ class LinkJoint:
 
 @dataclass(frozen=True)
 class Pull:
-    """A dead load: constant in the world, at a point of a link seen from its centre at the start.
+    """A load at a point of a link, seen from its centre at the start: constant in the world.
 
-    ``body`` is that of the MJCF, ``force`` in the plane [N], ``moment`` about its normal [N m].
+    ``body`` is that of the MJCF, ``force`` in the plane [N], ``moment`` about its normal [N m].  A
+    load that ``follows`` turns with its link from the start on.
     """
 
     body: int
@@ -92,6 +93,7 @@ class Pull:
     at: Array
     force: Array
     moment: float
+    follows: bool = False
 
 
 @dataclass(frozen=True)

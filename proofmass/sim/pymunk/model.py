@@ -1,6 +1,6 @@
 """A planar MJCF as links for pymunk, and its channels; what pymunk lacks is refused by name."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -11,12 +11,12 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import gear_of, joint_of
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
-from proofmass.sim.protocol import BadModel, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
 from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, Pull
 from proofmass.sim.pymunk.read import Sensor, channel
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
-from proofmass.sim.rods import of_rods
+from proofmass.sim.rods import dead_loads, of_rods
 
 MOST = 1e300  # [kg, kg m^2] of a link; what is computed with it stays finite
 
@@ -24,7 +24,7 @@ MOST = 1e300  # [kg, kg m^2] of a link; what is computed with it stays finite
 def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
     """The links of an MJCF and the settings of a run; raises what `simulate` does."""
     compiled = _compile(model, run)
-    links = read_links(compiled, run.start, _driven(compiled, run))
+    links = read_links(compiled, run.start, _driven(compiled, run), run.rods)
     if links.rubbing and run.kind != "sweep":
         joint = f"frictionloss of joint '{links.joints[links.rubbing[0]].name}' in {run.kind}"
         raise Unsupported(f"{joint}; it is covered in a sweep")
@@ -215,19 +215,19 @@ def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
             and not model.actuator_damping[a].any()
             and not model.actuator_armature[a]
         )
-        if not plain or (joint < 0 and not dead_load(model, a)):
+        if not plain or (joint < 0 and not load_on_site(model, a)):
             yield (
                 f"actuator '{model.actuator(a).name}', which is no motor on a joint, nor on a "
-                f"site with a refsite of the ground"
+                f"site whose refsite, if any, is of the ground"
             )
 
 
-def dead_load(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator pulls at a site in a direction of the ground."""
+def load_on_site(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator pulls at a site in a direction of the ground, or of the site itself."""
     if int(model.actuator_trntype[actuator]) != mujoco.mjtTrn.mjTRN_SITE:
         return False
     frame = model.actuator_trnid[actuator, 1]
-    return bool(frame >= 0 and model.body_weldid[model.site_bodyid[frame]] == 0)
+    return bool(frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0)
 
 
 def _contacts(model: mujoco.MjModel) -> Iterator[str]:
@@ -278,7 +278,9 @@ OPEN = 0.05
 """Largest gap of a loop in the start pose, as a share of the mechanism's extent."""
 
 
-def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Links:
+def read_links(
+    model: mujoco.MjModel, key: str, driven: tuple[int, ...], rods: Sequence[Rod] = ()
+) -> Links:
     """Read the links of a compiled planar model in the pose of a keyframe.
 
     Parameters
@@ -288,6 +290,8 @@ def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Link
         Name of the keyframe.
     driven : tuple of int
         Ids of the joints with a prescribed motion.
+    rods : sequence of Rod
+        Those that the model has been completed with, for their loads.
 
     Returns
     -------
@@ -309,7 +313,10 @@ def read_links(model: mujoco.MjModel, key: str, driven: tuple[int, ...]) -> Link
         [len(roots) if w == 0 else int(np.searchsorted(roots, w)) for w in model.body_weldid]
     )
     centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
-    pulls = _pulls(model, data, plane, of_body, centre)
+    pulls = (
+        *_pulls(model, data, plane, of_body, centre),
+        *_dead_loads(model, data, plane, of_body, centre, rods),
+    )
     joints = tuple(
         _joint(model, data, plane, of_body, centre, j, j in driven) for j in range(model.njnt)
     )
@@ -396,8 +403,9 @@ def _pulls(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
 ) -> tuple[Pull, ...]:
     pulls = []
-    for a in filter(partial(dead_load, model), range(model.nactuator)):
+    for a in filter(partial(load_on_site, model), range(model.nactuator)):
         site, frame = model.actuator_trnid[a]
+        follows, frame = frame < 0, site if frame < 0 else frame
         wrench = data.actuator_force[model.actuator_outadr[a]] * (
             gear_of(model, a).reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T
         )
@@ -411,9 +419,29 @@ def _pulls(
                     plane.flat(data.site_xpos[site]) - centre[link],
                     plane.flat(wrench[0]),
                     float(plane.normal @ wrench[1]),
+                    bool(follows),
                 )
             )
     return tuple(pulls)
+
+
+def _dead_loads(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    plane: MotionPlane,
+    of_body: Array,
+    centre: Array,
+    rods: Sequence[Rod],
+) -> Iterator[Pull]:
+    for body, force in dead_loads(model, rods):
+        link = of_body[body]
+        if abs(force @ plane.normal) > PARALLEL * np.linalg.norm(force):
+            raise Unsupported(
+                f"the load of body '{model.body(body).name}' leaves the plane of motion"
+            )
+        if link < len(centre) - 1:
+            at = plane.flat(data.xipos[body]) - centre[link]
+            yield Pull(body, link, at, plane.flat(force), 0.0)
 
 
 def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:

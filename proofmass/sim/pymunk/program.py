@@ -356,6 +356,8 @@ class Writer:
         """Loads on sites, by body; the last one of a body acts first."""
         found: dict[str, list[str]] = {}
         for pull in self.links.pulls:
+            if pull.follows:
+                raise Unsupported("a program with a load that turns with its body")
             found.setdefault(self.names[pull.link], []).insert(
                 0, f"({tupled(pull.at)}, {tupled(pull.force)}, {digits(pull.moment)})"
             )

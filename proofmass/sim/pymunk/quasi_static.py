@@ -158,7 +158,12 @@ def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -
     stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
     closing = dt * (velocity - np.tensordot(parts, modes.shapes, 1))
     closing /= max(1.0, float(sizes(links, closing)) / CLOSE)
-    ways = (parts / dt - modes.rise(links, pose, closing)) / stiff
+    pushes = parts / dt - modes.rise(links, pose, closing)
+    ways = (
+        np.linalg.solve(np.diag(stiff) + modes.twist, pushes)
+        if modes.twist.any()
+        else pushes / stiff
+    )
     most = MOVE / sizes(links, modes.shapes)  # of each: soft ones wait, stiff ones do not
     fall = np.tensordot(np.clip(ways, -most, most), modes.shapes, 1)
     return closing + fall / max(1.0, _excess(links, pose, fall))

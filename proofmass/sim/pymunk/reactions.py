@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import anchor_bodies
-from proofmass.sim.pymunk.kinematics import along, bound, potential, turned, values
+from proofmass.sim.pymunk.kinematics import along, bound, force_of, potential, turned, values
 from proofmass.sim.pymunk.links import Links
 
 BLOCK = 256
@@ -142,7 +142,7 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
             add(loop.b, loop.on_b, -pull)
     for load in links.pulls:
         if load.body in carried:
-            add(load.link, load.at, np.broadcast_to(-load.force, place.shape))
+            add(load.link, load.at, np.broadcast_to(-force_of(load, motion.pose), place.shape))
             moment = moment - load.moment
     if sensor.moment:
         return moment * sensor.across

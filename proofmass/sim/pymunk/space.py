@@ -86,8 +86,11 @@ def _pull(pull: Pull, body: pymunk.Body) -> None:
     before = body.velocity_func
 
     def pulled(body: pymunk.Body, gravity: pymunk.Vec2d, damping: float, dt: float) -> None:
-        point = body.local_to_world(tuple(pull.at))
-        body.apply_force_at_world_point(tuple(pull.force), point)
+        if pull.follows:
+            body.apply_force_at_local_point(tuple(pull.force), tuple(pull.at))
+        else:
+            point = body.local_to_world(tuple(pull.at))
+            body.apply_force_at_world_point(tuple(pull.force), point)
         body.torque += pull.moment
         before(body, gravity, damping, dt)
 

@@ -22,16 +22,17 @@ def free(
     axial: float,
     shear: float,
     line: complex = 0.0,
+    follower: complex = 0.0,
 ) -> tuple[Array, Array]:
     """Angles of the links [rad], and places of their ends as complex numbers [m].
 
-    A spring that is infinite keeps its link along +x.
+    A spring that is infinite keeps its link along +x; `follower` turns with the last link.
     """
-    beyond = force + line * (np.sum(lengths) - np.cumsum(lengths) + 0.5 * lengths)
+    dead = force + line * (np.sum(lengths) - np.cumsum(lengths) + 0.5 * lengths)
     free = np.isfinite(springs)
 
-    def ends(angles: Array) -> Array:
-        local = beyond * np.exp(-1j * angles)
+    def arms(angles: Array, load: Array) -> Array:
+        local = load * np.exp(-1j * angles)
         return lengths * (1.0 + local.real / axial + 1j * local.imag / shear) * np.exp(1j * angles)
 
     def balance(turns: Array, share: float) -> Array:
@@ -40,11 +41,9 @@ def free(
         moments = np.zeros(lengths.size + 1)
         moments[:-1][free] = springs[free] * np.diff(angles, prepend=0.0)[free]
         moments[-1] = share * moment
-        load = share * beyond
-        local = load * np.exp(-1j * angles)
-        strain = 1.0 + local.real / axial + 1j * local.imag / shear
-        arm = lengths * strain * np.exp(1j * angles)
-        return (moments[:-1] - moments[1:] - np.imag(np.conj(arm) * load))[free]
+        load = share * (dead + follower * np.exp(1j * angles[-1]))
+        bends = np.imag(np.conj(arms(angles, load)) * load)
+        return (moments[:-1] - moments[1:] - bends)[free]
 
     turns = np.zeros(int(free.sum()))
     for share in np.arange(1, 6) / 5.0:
@@ -53,4 +52,4 @@ def free(
         raise ValueError("the links do not balance")
     angles = np.zeros(lengths.size)
     angles[free] = turns
-    return angles, np.cumsum(ends(angles))
+    return angles, np.cumsum(arms(angles, dead + follower * np.exp(1j * angles[-1])))

@@ -54,9 +54,13 @@ def shoot(
     force: tuple[float, float] = (0.0, 0.0),
     moment: float = 0.0,
     line: tuple[float, float] = (0.0, 0.0),
+    follower: tuple[float, float] = (0.0, 0.0),
     steps: int = 3,
 ) -> dict[str, Array]:
-    """x, y, theta and m at arc lengths s from a clamp along +x, the last one being the tip."""
+    """x, y, theta and m at arc lengths s from a clamp along +x, the last one being the tip.
+
+    `force` and `line` keep their directions, `follower` turns with the section at the tip.
+    """
 
     def path(strains: Array, share: float) -> Array:
         start = np.concatenate([strains, np.zeros(3)])
@@ -73,7 +77,7 @@ def shoot(
 
     def missed(strains: Array, share: float) -> Array:
         v_z, v_x, u, theta = path(strains, share)[:4, -1]
-        pull = share * complex(*force) * np.exp(-1j * theta)
+        pull = share * (complex(*force) * np.exp(-1j * theta) + complex(*follower))
         return np.array(
             [
                 v_z - 1.0 - pull.real / section.axial,

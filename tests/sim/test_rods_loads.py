@@ -1,0 +1,111 @@
+"""Loads of rods in both engines: along their length, and turning with their tips."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from proofmass.check import check
+from proofmass.sim.protocol import BadModel, Rod, Unsupported
+from proofmass.sim.rods import chain
+from tests.independent.rods import chain_strained
+from tests.sim.rod_models import ENGINES, model, pull, rest
+from tests.verdicts import verdicts
+
+EACH = pytest.mark.parametrize("engine", ENGINES)
+PLACES = "r.x", "r.y"
+ROD = Rod("r", "ground", None, 1.0, 1.0, 6, ("clamped", "free"), turn=0.5)
+FOLLOWER = '<motor name="follower" site="r.tip" gear="-1 4 0 0 0 0.2"/>'
+
+
+@EACH
+@pytest.mark.parametrize("strain", [None, 30.0])
+def test_a_chain_under_all_loads_at_once(engine, strain, tmp_path):
+    """Own weight, wind, dead and follower loads, against the balance of the links."""
+    file = model(
+        tmp_path, actuators=pull("r.tip", 1.0, -0.5) + FOLLOWER, ctrl="1 1", gravity="0 -10 0"
+    )
+    rod = replace(ROD, mass=0.2, load=(0.7, 0.4, 0.0), axial=strain)
+    one = chain(rod)
+    loads = {"line": 0.7 - 1.6j, "follower": -1.0 + 4.0j}
+    angles, ends = chain_strained.free(
+        one.lengths, one.springs, 1.0 - 0.5j, 0.2, strain or np.inf, np.inf, **loads
+    )
+    found = rest(engine, file, (rod,), (*PLACES, "r.angle"), samples=13).channels
+    at = found["r.x"] + 1j * found["r.y"]
+    # both engines end where nothing moves by 1e-12 of the model
+    np.testing.assert_allclose(at[1::2], ends[:-1], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(at[-1], ends[-1], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found["r.angle"][2::2], angles[1:], rtol=0, atol=1e-10)
+
+
+@EACH
+def test_wind_does_what_the_same_weight_does(engine, tmp_path):
+    """A load per length, or gravity on a mass; on a rod that is pinned at its far end."""
+    held = Rod("r", "ground", "far", 1.0, 1.0, 8, ("clamped", "pinned"), mass=0.5, turn=1.0)
+    far = '<site name="far" pos="0.9 0.1 0"/>'
+    heavy, windy = (
+        rest(engine, model(tmp_path, far, gravity=gravity), (rod,), PLACES, samples=9).channels
+        for gravity, rod in (
+            ("6 -10 0", held),
+            ("0 0 0", replace(held, load=(3.0, -5.0, 0.0))),
+        )
+    )
+    for name in PLACES:
+        np.testing.assert_allclose(heavy[name], windy[name], rtol=0, atol=1e-11)
+
+
+def test_a_wind_out_of_the_plane_is_refused_by_pymunk(tmp_path):
+    rod = replace(ROD, load=(0.0, 0.0, 1.0))
+    with pytest.raises(Unsupported, match=r"the load of body 'r\.0' leaves the plane of motion"):
+        rest("pymunk", model(tmp_path), (rod,), PLACES)
+
+
+def test_a_load_in_the_frame_of_another_body_is_refused_by_pymunk(tmp_path):
+    body = '<body name="b"><joint name="j"/><geom size="0.1"/><site name="moving"/></body>'
+    motor = '<motor name="m" site="r.tip" refsite="moving" gear="0 1 0 0 0 0"/>'
+    with pytest.raises(Unsupported, match=r"actuator 'm', which is no motor .* is of the ground"):
+        rest("pymunk", model(tmp_path, body, motor, ctrl="1"), (ROD,), PLACES)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("rod_wind.toml", r"load = \[4.0", "load = [4.1"),
+        ("rod_wind.toml", r"load = .*\n", ""),
+        ("rod_wind.toml", "mass = 1.0", "mass = 1.02"),
+        ("rod_wind.xml", "0 -9.81 0", "0 -9.7 0"),
+        ("rod_follower.xml", 'gear="-0.25 1', 'gear="-0.26 1'),
+        ("rod_follower.xml", 'ctrl="8"', 'ctrl="8.1"'),
+        ("rod_follower.xml", 'site="rod.tip"', 'site="rod.tip" refsite="clamp"'),
+    ],
+)
+def test_another_load_is_noticed(name, old, new, edit):
+    """1 to 4 % of it in MuJoCo; none at all, or a dead one for one that follows, in pymunk."""
+    sidecar = edit(name, old, new).with_suffix(".toml")
+    solver = "pymunk" if new == "" or "refsite" in new else "mujoco"
+    edit(sidecar.name, '"mujoco", "pymunk"', f'"{solver}"')
+    assert "differs" in {c.outcome for c in verdicts(sidecar)}
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("4.0", "valid tuple"),
+        ("[4.0, 0.0]", "load.2"),
+        ("[nan, 0.0, 0.0]", "finite"),
+        ('["a", 0.0, 0.0]', "load.0"),
+    ],
+)
+def test_no_such_load_is_an_error_of_its_key(value, words, edit):
+    file = edit("rod_wind.toml", r"(?m)^load = .*", f"load = {value}")
+    (error,) = check([file]).errors
+    assert "rod_wind.toml: rod.rod.load" in str(error)
+    assert words in str(error)
+
+
+def test_a_motor_that_pushes_a_straight_rod_over_is_not_called_stable(tmp_path):
+    """MuJoCo asks for a positive stiffness, which a push of 30 along the tip does not leave."""
+    file = model(tmp_path, actuators=FOLLOWER.replace("-1 4 0 0 0 0.2", "-30 0 0 0 0 0"), ctrl="1")
+    with pytest.raises(BadModel, match="unstable equilibrium"):
+        rest("mujoco", file, (replace(ROD, turn=0.0),), PLACES)
