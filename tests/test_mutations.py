@@ -113,7 +113,10 @@ OTHERS = {  # sidecars that share a model
     "double_crank_crossed": "double_crank",
     "slider_crank_mirrored": "slider_crank",
     "inverted_slider_crank_held": "inverted_slider_crank",
+    "inverted_slider_crank_equal": "inverted_slider_crank",
+    "inverted_slider_crank_faster": "inverted_slider_crank",
     "fivebar_down": "fivebar",
+    "fivebar_equal": "fivebar",
     "fivebar_rectangle": "fivebar_circle",
     "threeprr_second": "threeprr",
 }

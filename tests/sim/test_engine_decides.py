@@ -108,7 +108,8 @@ QUICK = ("balancer_sine", "balancer4_sine", "rod_cantilever", "rod_pinned", "rfr
 SLOW = {
     run
     for run in SPRINGS
-    if run[0] == "rfr2_driven" or (run[2] not in ("mujoco", "mujoco:flex") and run[0] not in QUICK)
+    if run[0] in ("rfr2_driven", "rfr2_circles", "rfr2_rectangles")
+    or (run[2] not in ("mujoco", "mujoco:flex") and run[0] not in QUICK)
 }
 """What takes seconds, and has its like among the others."""
 

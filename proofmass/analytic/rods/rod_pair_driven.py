@@ -1,15 +1,202 @@
 """Two clamped rods with their tips on one pin (2RFR), led by their motors through equilibria."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
-from proofmass.analytic.numerics import Array, finite
+from proofmass.analytic.numerics import Array, Complex, finite
 from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, direct, newton
+from proofmass.analytic.rods.equilibrium import (
+    RodState,
+    columns,
+    derivatives,
+    direct,
+    newton,
+    within_reach,
+)
 from proofmass.analytic.rods.rod_pair import pair
 
 PairNumbers = tuple[float, ...]
+
+
+FINE = 4  # places in a division at which the inverse problem is solved
+STRIDE = 0.02  # of L, from the first equilibrium to all places at once
+
+
+def circles(
+    time: ArrayLike, *, diameter: float, number: int, divisions: int, **pair: float
+) -> tuple[Array, Array, Array]:
+    """Motor angles that lead the pin round concentric circles, a division in a second: a drive law.
+
+    Parameters
+    ----------
+    time : array_like (n,)
+        [s]; at 0 the pin is in the centre, at 1 + k divisions on the x axis where circle k, from 0,
+        begins, counter-clockwise; in the last division of a round it goes out to the next.
+    diameter : float
+        Of the outermost circle [m]; the others have equal distances.
+    number, divisions : int
+        Circles, and parts of each.
+    **pair
+        The equilibrium in the centre: theta1, theta2, angles of the motors [rad], and distance,
+        pin_x .. push_y, force_x, force_y, length, stiffness as for `solve`.
+
+    Returns
+    -------
+    angle, rate, acceleration : ndarray (2, n)
+        Of both motors [rad, rad/s, rad/s^2]: cubic splines through solutions of the inverse
+        problem, `FINE` in each division.  At the divisions, whole seconds, the pin is on its circle
+        within 1e-9 m.
+
+    Raises
+    ------
+    ValueError
+        As `solve`; counts below 1, no size, or a place to which the pin cannot be led.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, text lines 3118-3128: D = 0.2 m, 5 circles of 8 divisions each, no
+    load.  Its function for the points is not listed: their order is ours.
+
+    Examples
+    --------
+    >>> angles, _, _ = circles([0.0, 1.0], diameter=0.2, number=1, divisions=8, distance=0.6,
+    ...     theta1=-0.5622717, theta2=0.3649722, stiffness=0.0521860264, pin_x=0.293,
+    ...     pin_y=-0.341, moment1=0.28, moment2=0.29, push_x=-0.83, push_y=0.95)
+    >>> np.degrees(angles[:, 1]).round(3).tolist()
+    [-51.075, 23.811]
+    """
+    sized(diameter, number, divisions)
+    turns, size = rounds(number, divisions)
+    return led(time, 0.5 * diameter * size * np.exp(2j * np.pi * turns), pair)
+
+
+def rectangles(
+    time: ArrayLike, *, width: float, height: float, number: int, divisions: int, **pair: float
+) -> tuple[Array, Array, Array]:
+    """Motor angles that lead the pin round concentric rectangles, a division in a second.
+
+    Parameters
+    ----------
+    time : array_like (n,)
+        [s]; at 0 the pin is in the centre, at 1 + 4 k divisions on rectangle k, from 0, one
+        division from its lower right corner, in which it ends a round; clockwise.
+    width, height : float
+        Of the outermost rectangle [m]; the others have equal distances.
+    number, divisions : int
+        Rectangles, and parts of each side.
+    **pair
+        As for `circles`.
+
+    Returns
+    -------
+    angle, rate, acceleration : ndarray (2, n)
+        As of `circles` [rad, rad/s, rad/s^2].
+
+    Raises
+    ------
+    ValueError
+        As `circles`.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, text lines 3130-3137: 0.2 m by 0.2 m, 4 rectangles, 4 divisions a
+    side, no load; their order is ours.  About its centre the last of the 64 places, a corner of the
+    largest one, is an unstable equilibrium: the program holds the pin, which the motors cannot.
+    """
+    sized(min(width, height), number, divisions)
+    turns, size = rounds(number, 4 * int(divisions))
+    sides = 4.0 * turns + 1.0 / divisions
+    corner = np.array([1 - 1j, -1 - 1j, -1 + 1j, 1 + 1j, 1 - 1j])
+    side = np.floor(sides + 1e-9).astype(int)
+    shape = corner[side % 4] + (sides - side) * (corner[side % 4 + 1] - corner[side % 4])
+    return led(time, 0.5 * size * (width * shape.real + 1j * height * shape.imag), pair)
+
+
+def sized(size: float, number: int, divisions: int) -> None:
+    """ValueError for paths of no size [m], or in less than one part."""
+    if not (number >= 1 and divisions >= 1 and 0.0 < size < np.inf):
+        raise ValueError(
+            f"a size [m] must be positive and finite, and number and divisions 1 or more, got "
+            f"{size}, {number}, {divisions}"
+        )
+
+
+def rounds(number: int, divisions: int) -> tuple[Array, Array]:
+    """Turns [1] about the centre over the places of a path, and their share [1] of its size."""
+    t = np.arange(FINE * number * int(divisions) + 1) / FINE
+    turns = np.maximum(t - 1.0, 0.0) / divisions
+    out = np.clip(divisions * (turns % 1.0) - (divisions - 1.0), 0.0, 1.0)
+    ring = np.floor(turns) + 1.0 + np.where(turns < number - 1, out, 0.0)
+    return turns, np.minimum(t, np.minimum(ring, number)) / number
+
+
+def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array, Array, Array]:
+    """Motor angles, rates and accelerations (2, n) of splines through places x + iy of the pin.
+
+    Parameters
+    ----------
+    time : array_like (n,)
+        [s]
+    places : ndarray (m,)
+        Seen from the first equilibrium, `FINE` to a second [m].
+    pair : dict
+        Of `circles`.
+
+    Returns
+    -------
+    angle, rate, acceleration : ndarray (2, n)
+        [rad, rad/s, rad/s^2]
+    """
+    try:
+        spline = spline_of(tuple(places.tolist()), **pair)
+    except TypeError as error:  # of a parameter too many or too few
+        raise ValueError(str(error).replace("held()", "a path")) from None
+    t = np.asarray(time, float)
+    angle, rate, acceleration = (np.moveaxis(spline(t, k), -1, 0) for k in range(3))
+    return angle, rate, acceleration
+
+
+@lru_cache(8)
+def spline_of(places: tuple[complex, ...], **pair: float) -> CubicSpline:
+    """Both motor angles over time; see `led`."""
+    return CubicSpline(np.arange(len(places)) / FINE, held(places, **pair).inputs)
+
+
+def held(
+    places: tuple[complex, ...],
+    *,
+    theta1: float,
+    theta2: float,
+    distance: float,
+    pin_x: float,
+    pin_y: float,
+    moment1: float,
+    moment2: float,
+    push_x: float,
+    push_y: float,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+) -> RodState:
+    """Equilibria (m,) with the pin at places seen from its first one, by straight ways there."""
+    problem = distance, length, stiffness, force_x, force_y
+    start = first_of((theta1, theta2), problem, (pin_x, pin_y, moment1, moment2, push_x, push_y))
+    free, way = columns(start.assembly, "rods", "inputs"), np.array(places)
+    now = RodState(start.assembly, np.tile(start.vector, (way.size, 1)))
+    steps = 1 + int(np.ceil(np.abs(way).max() / STRIDE / length))
+    goal = np.stack([way.real, way.imag], axis=1)
+    within_reach(now.replaced(pose=start.pose + goal))
+    for share in np.linspace(0.0, 1.0, steps)[1:]:
+        now, moved = newton(now.replaced(pose=start.pose + share * goal), free)
+        if not np.isfinite(moved).all():
+            x, y = start.pose + share * goal[np.argmax(~np.isfinite(moved))]
+            raise ValueError(f"the pin cannot be led to ({x:.6g}, {y:.6g}) m")
+    return now
 
 
 def solve(
@@ -110,10 +297,15 @@ def branch(
 
     Newton's method goes on from there to problems of more digits, of which sensitivities want many.
     """
+    first = first_of(path[0], problem, guess)
+    return followed(path, problem, tuple(first.vector.tolist()))
+
+
+def first_of(angles: tuple[float, ...], problem: PairNumbers, guess: PairNumbers) -> RodState:
+    """The equilibrium at first angles of the motors that a guess leads to."""
     pin_x, pin_y, moment1, moment2, *push = guess
     rods = [moment1, *push, moment2, *np.subtract(problem[-2:], push)]
-    first = direct(begun(np.array([*rods, pin_x, pin_y, *path[0], 0.0, 0.0]), *problem))
-    return followed(path, problem, tuple(first.vector.tolist()))
+    return direct(begun(np.array([*rods, pin_x, pin_y, *angles, 0.0, 0.0]), *problem))
 
 
 @nearby

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.linkages import fourbar
+from proofmass.analytic.linkages import fivebar, fourbar, inverted_slider_crank
 from proofmass.analytic.linkages import natural_coordinates as scheme
 from proofmass.analytic.newton_raphson import NotConverged
 
@@ -376,3 +376,26 @@ def test_rows_of_angles_are_derived_right_and_leave_one_degree_of_freedom(linkag
 def test_a_start_of_another_length_names_the_coordinates():
     with pytest.raises(ValueError, match=r"start must be X1, Y1, X2, Y2, theta, got .* \(4,\)"):
         scheme.assemble(scheme.EXAMPLES["four-bar"][0], (0.1, 1.0, 1.0, 0.2))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.5])
+def test_drives_of_figures_69_70_92_93(ratio):
+    """Both angles alike, and one and a half times as large: two formulations, 50 poses each."""
+    crank = np.linspace(0.0, 2.0 * 3.1416, 50)
+    angles, rates = np.stack([crank, ratio * crank]), np.array([1.0, ratio])
+    given = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0}
+    truth = fivebar.solve(angles, rates[:, None], 0.0, left_x=0.0, right_x=2.0, **given)
+    start = [2.0, 0.0, truth["tip_x"][0], truth["tip_y"][0], 3.0, 0.0, 0.0, 0.0]
+    linkage = scheme.fivebar(*given.values(), ground=2.0, threshold=None)
+    found = scheme.sweep(linkage, start, angles.T, list(rates), [0.0, 0.0])
+    for order, part in enumerate(("", "v", "a")):
+        wanted = np.stack([truth[f"tip_{part}x"], truth[f"tip_{part}y"]], axis=1)
+        np.testing.assert_allclose(found[order, :, 2:4], wanted, rtol=0, atol=1e-11)  # rounding
+    given = {"crank": 2.0, "rod": 3.0, "bar": 1.0}
+    truth = inverted_slider_crank.solve(angles, rates[:, None], 0.0, ground_x=2.0, **given)
+    start = [2.0, 0.0, truth["end_x"][0], truth["end_y"][0], 3.0, 0.0, 0.0, 0.0]
+    linkage = scheme.inverted_slider_crank(*given.values(), ground=2.0, threshold=None)
+    found = scheme.sweep(linkage, start, angles.T, list(rates), [0.0, 0.0])
+    for order, part in enumerate(("", "v", "a")):
+        wanted = np.stack([truth[f"end_{part}x"], truth[f"end_{part}y"]], axis=1)
+        np.testing.assert_allclose(found[order, :, 2:4], wanted, rtol=0, atol=1e-11)

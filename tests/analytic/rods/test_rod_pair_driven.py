@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.rod_pair_driven import solve
+from proofmass.analytic.rods.equilibrium import derivatives
+from proofmass.analytic.rods.rod_pair_driven import circles, held, rectangles, solve
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
 from tests.analytic.rods.rod_chain_cases import continuum
 
@@ -213,3 +214,77 @@ def test_the_way_there_does_not_matter():
 def test_bad_values_are_named(change, word):
     with pytest.raises(ValueError, match=word):
         solve(**{"angle": BEGIN + FIRST * [0.0, 0.1]} | LINE | change)
+
+
+CENTRE = {"theta1": BEGIN[0, 0], "theta2": BEGIN[1, 0]}
+ROUND = {"diameter": 0.2, "number": 5, "divisions": 8}
+SQUARES = {"width": 0.2, "height": 0.2, "number": 4, "divisions": 4}
+
+
+def led_to(law, time, size):
+    """Places of the pin x + iy about its first one, where the motors lead it."""
+    found = solve(*law(time, **size, **CENTRE, **LINE), **LINE)
+    place = found["pin_x"] + 1j * found["pin_y"]
+    return place - place[0]
+
+
+def stiffness_at(places):
+    """The least stiffness that the motors hold the pin with at places about the centre."""
+    states = held(tuple(places.tolist()), **CENTRE, **LINE)
+    return states, np.linalg.eigvalsh(derivatives(states).stiffness)[:, 0]
+
+
+def test_five_circles_of_the_document():
+    """The last of them is the ring that was recomputed; all poses are stable."""
+    turns = np.exp(0.25j * np.pi * np.arange(8))
+    wanted = np.outer(0.02 * np.arange(1.0, 6.0), turns).ravel()
+    time = np.array([0, 1, 4, 11, 18, 25, 29, 33, 36, 39])
+    places = led_to(circles, time, ROUND)
+    np.testing.assert_allclose(places[1:], wanted[time[1:] - 1], rtol=0, atol=1e-9)  # of `solve`
+    assert stiffness_at(wanted)[1].min() > 0.1
+    angles = circles(np.arange(33.0, 41.0), **ROUND, **CENTRE, **LINE)[0]
+    rows = [row["inputs_deg"] for row in PATHS["ring"]]
+    np.testing.assert_allclose(np.degrees(angles.T), rows, rtol=0, atol=1e-4)  # five decimals
+
+
+def test_four_rectangles_of_the_document_end_beyond_a_fold():
+    """All 64 places, of which the last, a corner of the largest, is an unstable equilibrium."""
+    # clockwise, from the lower right corner: each side is the one before, turned
+    square = (-1j) ** np.arange(4)[:, None] * (1.0 - 1.0j - 0.5 * np.arange(1, 5))
+    wanted = np.outer(0.025 * np.arange(1, 5), square).ravel()
+    time = np.array([0, 3, 4, 8, 12, 16, 21, 28, 35, 44, 50, 56, 60])
+    places = led_to(rectangles, time, SQUARES)
+    np.testing.assert_allclose(places[1:], wanted[time[1:] - 1], rtol=0, atol=1e-9)
+    states, least = stiffness_at(wanted)
+    assert least[:-1].min() > 0.05
+    assert least[-1] < -0.1  # the document's inverse problem holds the pin, which motors cannot
+    own = rectangles(np.arange(1.0, 65.0), **SQUARES, **CENTRE, **LINE)[0]
+    np.testing.assert_allclose(own.T, states.inputs, rtol=0, atol=1e-9)
+    # two shapes at these angles: the motors lead to the stable one
+    assert (
+        abs(led_to(rectangles, np.array([0.0, 56.0, 60.0, 64.0]), SQUARES)[-1] - wanted[-1]) > 0.05
+    )
+
+
+@pytest.mark.parametrize("law", [circles, rectangles])
+def test_a_path_has_the_rates_of_its_angles(law):
+    size = ROUND if law is circles else SQUARES
+    t, step = np.array([0.7, 7.3, 22.9]), 1e-4
+    angle, rate, acceleration = law(t, **size, **CENTRE, **LINE)
+    ahead, behind = (law(t + s, **size, **CENTRE, **LINE)[0] for s in (step, -step))
+    np.testing.assert_allclose(rate, (ahead - behind) / (2 * step), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(acceleration, (ahead - 2 * angle + behind) / step**2, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"number": 0}, "1 or more, got 0.2, 0, 8"),
+        ({"diameter": -0.2}, "must be positive and finite"),
+        ({"diameter": 4.0}, "out of reach"),
+        ({"pins": 1.0}, "unexpected keyword argument 'pins'"),
+    ],
+)
+def test_a_path_that_cannot_be(change, words):
+    with pytest.raises(ValueError, match=words):
+        circles(0.0, **{**ROUND, **CENTRE, **LINE, **change})
