@@ -243,8 +243,8 @@ def animate_command(
 ) -> None:
     """Write the mechanism in motion as a picture: pale the reference, lines what engines found.
 
-    Exit code 0: written; 1: written, but a solver was lost; 2: bad input, or a file that cannot be
-    written.
+    Exit code 0: written; 1: written, but a solver was lost or the motion ends early; 2: bad input,
+    or a file that cannot be written.
     """
     from proofmass.check import load
     from proofmass.report.animation import animate, require_writable
@@ -268,7 +268,7 @@ def animate_command(
     if found.stopped:
         errors.print(f"the motion ends early: {found.stopped}")
     print(file)
-    raise typer.Exit(1 if found.lost else 0)
+    raise typer.Exit(1 if found.lost or found.stopped else 0)
 
 
 @app.command("list")

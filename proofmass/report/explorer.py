@@ -15,7 +15,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare
 from proofmass.engines import engine_names
-from proofmass.errors import InputError
+from proofmass.errors import InputError, suggest
 from proofmass.reference import channels, facts, modes, reference_quantities, unit_of
 from proofmass.report.data import axis, readable
 from proofmass.report.mechanism import pose_in_words
@@ -65,6 +65,10 @@ class Explorer:
 
     Raises
     ------
+    InputError
+        The reference is a recorded curve, or has no such parameter; a channel is not there.
+    ValueError
+        The bounds of a slider do not rise, or leave the parameter out.
     ImportError
         ipywidgets is not installed.
     """
@@ -85,6 +89,7 @@ class Explorer:
             import ipywidgets
         except ImportError:
             raise ImportError(MISSING) from None
+        require_sliders(case, sliders, curves)
         self.case, self.curves, self.links, self.model = case, curves, links, model
         self.properties, self.told = properties, dict[str, str]()
         self.kind: Kind = next(iter(case.run)) if run is None else run
@@ -142,6 +147,13 @@ class Explorer:
         self.button.on_click(self.run_engines)
         self.change()
 
+    def require_curves(self) -> None:
+        """Raise InputError for a curve that is neither a channel nor a quantity."""
+        there = [*self.case.channels, *self.known]
+        for name in (name for names in self.curves for name in names):
+            if name not in there:
+                raise InputError(self.case.file, f"channels.{name}", suggest(name, there))
+
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters as the sliders have them [SI]."""
@@ -161,7 +173,10 @@ class Explorer:
             self.known, self.wrong = {**joints, **known}, ""
             changed = self.case.model_copy(update={"parameters": self.parameters})
             self.told = facts(changed) if self.properties else {}
+            self.require_curves()
         except InputError as error:
+            if error.key.startswith("channels."):
+                raise
             self.wrong = error.wrong
         self.move()
 
@@ -341,6 +356,29 @@ class Explorer:
             **(bundle or {}),
             "text/html": f"<div><p>{escape(shown)}</p>{self.panel.value}{self.table.value}</div>",
         }
+
+
+def require_sliders(
+    case: Case, sliders: Mapping[str, tuple[float, float]], curves: Sequence[Sequence[str]]
+) -> None:
+    """Raise InputError or ValueError for sliders or curves that a case cannot have."""
+    if case.recorded:
+        raise InputError(case.file, "reference", "a recorded curve has nothing to slide")
+    numbers = [k for k, v in case.parameters.items() if k != "mode" and not isinstance(v, str)]
+    for name, (low, high) in sliders.items():
+        if name not in numbers:
+            raise InputError(
+                case.file, f"parameters.{name}", f"no slider: {suggest(name, numbers)}"
+            )
+        if not low < high or not low <= float(case.parameters[name]) <= high:
+            raise ValueError(
+                f"slider {name}: the bounds {low:g}, {high:g} must rise, with the case's "
+                f"{float(case.parameters[name]):g} between them"
+            )
+    for names in curves:
+        if not names or names[0] not in case.channels:
+            name = names[0] if names else ""
+            raise InputError(case.file, f"channels.{name}", suggest(name, case.channels))
 
 
 def stroke(points: Array, colour: str, width: float, dash: str = "", opacity: float = 1.0) -> str:

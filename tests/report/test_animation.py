@@ -235,3 +235,29 @@ def test_a_lost_solver_is_told_and_the_model_drawn(
     assert "mujoco timed out: " in answer.output
     with Image.open(tmp_path / "mine.webp") as image:
         assert image.n_frames == 3
+
+
+def test_a_motion_that_ends_early_is_told(models: Path, tmp_path: Path) -> None:
+    """The planar reference follows the triple rocker's crank as far as its loop closes."""
+    drive = load_case(models / "triple_rocker.toml").drive[0]
+    (models / "mine.xml").write_text((models / "triple_rocker.xml").read_text())
+    (models / "mine.toml").write_text(
+        f'''title = "too far"
+source = "the test"
+reference = "planar"
+
+[drive]
+joint = "{drive.joint}"
+from = {drive.start}
+to = {drive.start + 6.0}
+rate = 1.0
+
+[run.sweep]
+n = 31
+'''
+    )
+    file = tmp_path / "mine.gif"
+    answer = command(models / "mine.toml", "--solver", "mujoco", "--frames", "3", "-o", file)
+    assert answer.exit_code == 1
+    assert "the motion ends early: cannot be assembled at" in answer.output
+    assert file.exists()
