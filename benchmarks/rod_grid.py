@@ -1,6 +1,7 @@
 """The grids in which Pérez Gámiz 2018 looks for equilibria of two and of three rods.
 
-Newton's method is ours, which closes platforms by their pose: it keeps no mirrored ones.
+Newton's method is ours, which closes platforms by their pose: it keeps no mirrored ones, unless a
+mirrored platform is asked for as well.
 """
 
 from collections.abc import Iterator
@@ -22,11 +23,15 @@ FINE = 400  # values of k_rel of each sign in which a load is looked up
 
 @dataclass(frozen=True)
 class Grid:
-    """What a grid was and led to: nodes, starts of Newton's method, distinct equilibria."""
+    """What a grid was and led to: nodes, starts of Newton's method, distinct equilibria.
+
+    `mirrored` are those of a mirrored platform, where it was asked for.
+    """
 
     nodes: int
     starts: int
     found: int
+    mirrored: int = 0
 
 
 def moduli(count: int = 21) -> Array:
@@ -84,7 +89,9 @@ def turned(residual: Array) -> NDArray[np.bool_]:
     return np.asarray(some & ~every)
 
 
-def three(s: RodState, nodes: int, gap: float, moment: float) -> Grid:
+def three(
+    s: RodState, nodes: int, gap: float, moment: float, mirror: RodState | None = None
+) -> Grid:
     """(k_rel1, psi1, psi2, psi3): starts are nodes whose sides and moment are off by less.
 
     Balance of forces gives the loads of rods 2 and 3, the inverse of R(k_rel) up to four shapes of
@@ -95,15 +102,20 @@ def three(s: RodState, nodes: int, gap: float, moment: float) -> Grid:
     s : inputs and load
     nodes : n of each psi; 42 n^3 in all
     gap, moment : tolL [m], tolM [N m]
+    mirror : the same with a mirrored platform, which has the same sides
     """
-    k_rel, found, starts = moduli(), [], 0
+    k_rel, starts = moduli(), 0
+    both = [s] if mirror is None else [s, mirror]
+    found: list[list[Array]] = [[] for _ in both]
     table = [Inverse(psi, s.assembly.stiffness[0]) for psi in directions(nodes)]
     for psi1 in directions(nodes):
         for shapes in shaped(s, psi1, k_rel, table):
             chart, pose = near(s, shapes, gap, moment)
             starts += pose.shape[1]
-            found.append(arrived(s, chart, pose))
-    return Grid(k_rel.size * nodes**3, starts, distinct(np.concatenate(found)))
+            for some, one in zip(found, both, strict=True):
+                some.append(arrived(one, chart, pose))
+    counts = [distinct(np.concatenate(some)) for some in found]
+    return Grid(k_rel.size * nodes**3, starts, *counts)
 
 
 class Inverse:

@@ -175,7 +175,8 @@ def row(
 TAIL = """
 "Found" are distinct equilibria with alpha to 20, "of" those of our search up to there. Printed are
 solutions and times of Table 2 (2018, MATLAB, another machine, load not stated), which count
-mirrored platforms: three of the six roots of its residual for the mechanism of its program. All of
+mirrored platforms: three of the six roots of its residual for the mechanism of its program; [all
+of its cells](rod_table2.md) are on a page of their own. All of
 Table 2 takes 985 s (n = 15, three solutions) to 17,241 s (n = 30, six). The nodes of the five
 settings here cost it 8 to 19 ms at any n; here time goes with the starts as well. From wide
 tolerances Newton's method in a chart without seams gets to all equilibria of modes 1 with alpha to

@@ -1,6 +1,7 @@
 """Numbers in README.md and docs/ are those that the benchmarks' data and the sources give."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from benchmarks import design_table
 from benchmarks.design_balancer import TABLE, exact
 from benchmarks.rod_solutions import PRINTED, TAIL
+from benchmarks.rod_table2 import PRINTED as TABLE2
 from tests.analytic.balancer.balancer_table import rows
 
 ROOT = Path(__file__).parent.parent
@@ -79,3 +81,20 @@ def test_times_of_the_thesis_for_three_rods():
     page = (ROOT / "docs" / "rod_solutions.md").read_text(encoding="utf-8")
     assert page.endswith(TAIL)
     assert f"takes {least} s (n = 15, three solutions) to {most:,} s" in " ".join(TAIL.split())
+    seconds = [seconds for _, seconds in TABLE2.values()]
+    assert (min(seconds), max(seconds), len(seconds)) == (least, most, 17)
+    assert PRINTED.items() <= TABLE2.items()
+
+
+def test_table_2_of_the_thesis_is_answered_cell_by_cell():
+    """Each printed cell has a row; the two orientations of the platform make its six solutions."""
+    page = (ROOT / "docs" / "rod_table2.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:-1] for line in page.splitlines() if re.match(r"\| \d", line)]
+    cells = [(int(row[0]), float(row[1]), float(row[2])) for row in rows]
+    assert cells == list(TABLE2)
+    for row, (solutions, seconds) in zip(rows, TABLE2.values(), strict=True):
+        assert (int(row[8]), int(row[9].replace(",", ""))) == (solutions, seconds)
+        assert int(row[3].replace(",", "")) == 42 * int(row[0]) ** 3  # nodes
+        found, mirrored = int(row[5]), int(row[6])
+        assert found <= 3 >= mirrored  # all that there are with alpha to 20
+        assert float(row[1]) < 0.5 or found + mirrored == 6  # of wide tolerances

@@ -1,0 +1,113 @@
+"""Table 2 of Pérez Gámiz 2018 cell by cell: what its grids lead to, and in what time.
+
+python -m benchmarks.rod_table2 [-o docs/rod_table2.md] [--quick]
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmarks import command
+from benchmarks.rod_grid import three
+from benchmarks.rod_solutions import CASES, CORNERS, EI, GUIDES
+from proofmass.analytic.rods.assembly import assembly, triangle
+from proofmass.analytic.rods.equilibrium import state
+
+PRINTED = {  # n, tolL [m], tolM [N m]: solutions, seconds (text lines 1152-1155)
+    (15, 1.0, 1.0): (5, 2030),
+    (15, 0.5, 1.0): (5, 1686),
+    (15, 0.1, 1.0): (4, 1270),
+    (15, 1.0, 0.5): (4, 1067),
+    (15, 0.5, 0.5): (3, 985),
+    (20, 1.0, 1.0): (6, 4848),
+    (20, 0.5, 1.0): (6, 4341),
+    (20, 0.1, 1.0): (5, 3170),
+    (20, 1.0, 0.5): (6, 3534),
+    (20, 0.5, 0.5): (5, 3592),
+    (25, 1.0, 1.0): (6, 9908),
+    (25, 0.5, 1.0): (6, 12176),
+    (25, 0.1, 1.0): (5, 7771),
+    (25, 1.0, 0.5): (5, 7171),
+    (25, 0.1, 0.1): (3, 5467),
+    (30, 0.1, 1.0): (6, 17241),
+    (30, 0.5, 0.5): (6, 11750),
+}
+
+HEAD = """# Table 2 of Pérez Gámiz, cell by cell
+
+`python -m benchmarks.rod_table2 -o docs/rod_table2.md` made this page. Table 2 of J. Pérez Gámiz,
+Resolución del problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG,
+UPV/EHU Bilbao 2018 (text lines 1152-1155) has solutions and times of its grids for three rods and
+a platform of 0.5 m: n values of each psi, and the tolerances of sides and moment within which a
+node is a start of Newton's method. The mechanism and the load are those of its 3PFR program (code
+lines 8812-8945); the table does not say whether they are its own. Its fourth heading repeats the
+second, tolL = 0.5 and tolM = 1; it is read as tolL = 1 and tolM = 0.5 here, which completes the
+scheme.
+
+The document closes a platform by its three sides, so that mirrored platforms count as solutions.
+Here Newton's method runs twice from each start: with the platform as it is, which has {true}
+equilibria of modes 1 with alpha to 20 (`docs/rod_solutions.md`), and with a mirrored one, which
+has {mirrored}. Both columns together are what the printed number counts.
+
+| n | tolL m | tolM N m | nodes | starts | found | mirrored | CPU s | printed: solutions | s | \
+times as long |
+|---|---|---|---|---|---|---|---|---|---|---|
+"""
+
+TAIL = """
+
+CPU seconds are those of one thread, on a machine that others used as well; those of the document
+are of MATLAB in 2018, on a machine that it does not name. Of {cells} cells {same} have as many
+solutions here as printed, {more} more and {fewer} fewer. Here the wide tolerances find all on the
+coarsest grid already, where Newton's method comes from further away than the document's own, which
+keeps the sign of k_rel and psi within a turn. Its times go with the nodes, those here with the
+starts.
+"""
+
+
+def rows(cells: Sequence[tuple[int, float, float]]) -> Iterator[tuple[str, int]]:
+    """A row for each cell, and by how many solutions it differs from the print."""
+    a, given, _ = CASES["3PFR, annex"]
+    turned = assembly(
+        CORNERS, stiffness=EI, arm=triangle(0.5) * [1.0, -1.0], angle=GUIDES, guide=GUIDES
+    )
+    s, mirror = (state(one, **given) for one in (a, turned))
+    for cell in cells:
+        began = time.process_time()
+        grid = three(s, *cell, mirror=mirror)
+        seconds = time.process_time() - began
+        count, printed = PRINTED.get(cell, (0, 0))
+        row = (
+            f"| {cell[0]} | {cell[1]:g} | {cell[2]:g} | {grid.nodes:,} | {grid.starts:,} | "
+            f"{grid.found} | {grid.mirrored} | {seconds:.1f} | {count} | {printed:,} | "
+            f"{printed / seconds:,.0f} |"
+        )
+        print(row, flush=True)
+        yield row, grid.found + grid.mirrored - count
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=None)
+    given = parser.parse_args(argv)
+    cells = [(3, 0.5, 1.0)] if given.quick else list(PRINTED)
+    found, apart = zip(*rows(cells), strict=True)
+    counts = [row.split("|")[6:8] for row in found]
+    text = (
+        HEAD.format(
+            true=max(int(one) for one, _ in counts), mirrored=max(int(one) for _, one in counts)
+        )
+        + "\n".join(found)
+        + TAIL.format(
+            cells=len(cells),
+            same=sum(d == 0 for d in apart),
+            more=sum(d > 0 for d in apart),
+            fewer=sum(d < 0 for d in apart),
+        )
+    )
+    if given.output:
+        given.output.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
