@@ -73,6 +73,11 @@ LENGTHS = {
         "coupler": [at(SITE, "coupler_end", 0, -1)],
         "offset": [at(BODY, "slider", 1)],
     },
+    "hacksaw_forces": {
+        "crank": [at(BODY, "coupler")],
+        "coupler": [at(BODY, "pin")],
+        "offset": [at(BODY, "slider", 1)],
+    },
     "slider_crank": SLIDER_CRANK | {"guide_x": [at(BODY, "slider")]},
     "slider_crank_offset": SLIDER_CRANK | {"guide_y": [at(BODY, "slider", 1)]},
     "slider_crank_inclined": SLIDER_CRANK

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import simpson
 
 from proofmass.analytic.linkages import hacksaw
 from tests.analytic.linkages.spectral import assert_close, derivative
@@ -180,8 +181,10 @@ def test_reference_points(row):
     for found, name in zip(law, ("angle", "rate", "acceleration"), strict=True):
         assert found == pytest.approx(row[name], rel=1e-14, abs=1e-14)  # rounding of the time
     pose = hacksaw.solve(*law, **LINK)
-    assert pose.pop("holding_moment") == 0.0  # no cutting force, and no weights in the closed form
-    for name, curve in pose.items():
+    loads = {name for name in pose if name.endswith(("_moment", "_force_x", "_force_y"))}
+    assert len(loads) == 9
+    assert not any(pose[name] for name in loads)  # no cutting force, and no masses
+    for name, curve in ((name, pose[name]) for name in pose.keys() - loads):
         # rounding of an angle of up to 19 rad, 4e-15, through slopes of up to 10
         assert curve == pytest.approx(row[name], rel=4e-14, abs=4e-14), name
 
@@ -318,3 +321,69 @@ def test_shapes_broadcast():
     pose = hacksaw.solve(np.zeros((3, 1)), np.ones(4), 0.0, **LINK)
     assert {curve.shape for curve in pose.values()} == {(3, 4)}
     assert {curve.shape for curve in hacksaw.solve(0.0, 1.0, 0.0, **LINK).values()} == {()}
+
+
+LOADED = {
+    "crank_mass": 0.2,
+    "coupler_mass": 0.3,
+    "slider_mass": 0.5,
+    "gravity": 9.81,
+    "cutting_force": 10.0,
+}
+
+
+def moving(mode):
+    """Motion and forces under the motor, and the crank's motion; a second has no kink of jerk."""
+    law = hacksaw.motor(np.linspace(0.7, 1.2, 2001))
+    return law, hacksaw.solve(*law, **{**LINK, "mode": mode}, **LOADED, inertia=True)
+
+
+@MODES
+def test_work_of_the_motor_is_the_energy_of_the_bodies(mode):
+    """Kinetic and potential energy from the motion alone; M dtheta2 by Simpson's rule."""
+    (angle, rate, _), found = moving(mode)
+    crank, coupler = (LINK[name] for name in ("crank", "coupler"))
+    pin = crank * np.exp(1j * angle)
+    turn, spin = found["theta3"], found["theta3_rate"]
+    middle = pin + 0.5 * coupler * np.exp(1j * turn)
+    speed = 1j * pin * rate + 0.5j * coupler * np.exp(1j * turn) * spin
+    kinetic = 0.5 * LOADED["crank_mass"] * crank**2 / 3.0 * rate**2
+    kinetic = kinetic + 0.5 * LOADED["coupler_mass"] * (
+        np.abs(speed) ** 2 + coupler**2 / 12.0 * spin**2
+    )
+    kinetic = kinetic + 0.5 * LOADED["slider_mass"] * found["slider_velocity"] ** 2
+    height = 0.5 * LOADED["crank_mass"] * pin.imag + LOADED["coupler_mass"] * middle.imag
+    energy = kinetic + LOADED["gravity"] * height - LOADED["cutting_force"] * found["slider_x"]
+    time = np.linspace(0.7, 1.2, 2001)
+    work = simpson(found["holding_moment"] * rate, x=time)
+    assert work == pytest.approx(energy[-1] - energy[0], rel=1e-9)  # step^4
+    assert abs(work) > 0.1
+
+
+@MODES
+def test_ground_carries_weight_and_inertia_of_all_bodies(mode):
+    """Reactions of crank and guide against the accelerations of three centres of mass."""
+    (angle, rate, acceleration), found = moving(mode)
+    crank, coupler = (LINK[name] for name in ("crank", "coupler"))
+    turn, spin, bend = (found[f"theta3{part}"] for part in ("", "_rate", "_acceleration"))
+    arm = crank * np.exp(1j * angle)
+    of_pin = (1j * acceleration - rate**2) * arm
+    of_middle = of_pin + (1j * bend - spin**2) * 0.5 * coupler * np.exp(1j * turn)
+    masses = [LOADED[f"{name}_mass"] for name in ("crank", "coupler", "slider")]
+    moved = np.array([0.5 * of_pin, of_middle, found["slider_acceleration"] + 0j])
+    needed = np.tensordot(masses, moved + 1j * LOADED["gravity"], 1)
+    on_crank = (found["crank_force_x"] + 1j * found["crank_force_y"]) * np.exp(1j * angle)
+    on_slider = found["guide_force_x"] + 1j * found["guide_force_y"]
+    np.testing.assert_allclose(on_crank + on_slider, needed, rtol=0, atol=1e-12)  # rounding
+    np.testing.assert_allclose(found["guide_force_x"], LOADED["cutting_force"], atol=1e-12)
+
+
+def test_masses_that_are_not_asked_for_cost_nothing_and_change_no_motion():
+    law = (np.linspace(0.0, 6.0, 7), 1.0, 0.2)
+    bare, loaded = hacksaw.solve(*law, **LINK), hacksaw.solve(*law, **LINK, **LOADED)
+    for name in ("r1", "theta1_rate", "theta3_acceleration", "slider_x"):
+        np.testing.assert_array_equal(bare[name], loaded[name])
+    assert not np.allclose(bare["holding_moment"], loaded["holding_moment"])
+    assert "holding_moment" not in hacksaw.solve(*law, **LINK, only={"r1"})
+    with pytest.raises(ValueError, match="slider_mass must be zero or positive"):
+        hacksaw.solve(*law, **LINK, slider_mass=-1.0)

@@ -1,11 +1,16 @@
 """Power hacksaw: offset slider-crank with the slider on a guide above the crank axis."""
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.linkages import slider_crank
+from proofmass.analytic.linkages.bars import asks
+from proofmass.analytic.numerics import Array, finite, not_negative
 
 MODES = (1, -1)
+LOADS = "_moment", "_force_x", "_force_y"
 
 
 def solve(
@@ -18,6 +23,12 @@ def solve(
     offset: float,
     mode: int = 1,
     cutting_force: float = 0.0,
+    crank_mass: float = 0.0,
+    coupler_mass: float = 0.0,
+    slider_mass: float = 0.0,
+    gravity: float = 9.81,
+    inertia: bool = False,
+    only: Collection[str] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of the hacksaw linkage whose crank motion is given, in the report's nine curves.
 
@@ -38,8 +49,8 @@ def solve(
         x'' = -r2 (cos(theta2) theta2'^2 + sin(theta2) theta2'') - q theta3'^2 - e theta3''
         r1 = -hypot(x, offset)         theta1 = atan2(-offset, -x)
 
-    The moment that holds the crank against the cutting force is -cutting_force dx/dtheta2, by
-    virtual work; the guide is horizontal, and neither weights nor friction are in it.
+    Moment and forces are those of a slider-crank, see `slider_crank.solve`: at rest the moment is
+    that of the weights, less cutting_force dx/dtheta2, by virtual work.
 
     r1 is negative by the report's convention, so theta1 points away from the slider: with the
     slider on the left it lies in (-pi/2, 0). r1' and r1'' are not the slider's rates x' and x''.
@@ -53,16 +64,22 @@ def solve(
     mode : +1 slider left of the crank pin, theta3 = pi - asin(e/r3) (the report's); -1 right of
         it, theta3 = asin(e/r3)
     cutting_force : constant force on the slider along +x [N]
+    crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
+    gravity : along -y [m/s^2]
+    inertia : whether moment and forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: moment and forces are left out if they are
+        not among them; None asks for all
 
     Returns
     -------
     dict of (...) arrays: r1 [m], theta1, theta3 [rad], each with _rate and _acceleration;
-    slider_x [m], slider_velocity [m/s], slider_acceleration [m/s^2]; holding_moment [N m].
+    slider_x [m], slider_velocity [m/s], slider_acceleration [m/s^2]; holding_moment [N m] of the
+    crank's drive; crank_force_x .. guide_force_y [N], see `slider_crank.solve`.
 
     Raises
     ------
     ValueError
-        A length not positive (offset, cutting_force: not finite), a mode unknown, or a pose that
+        A length not positive, a mass negative, a value not finite, a mode unknown, or a pose that
         cannot close: the message gives the first such angle and by how much the coupler misses.
 
     Notes
@@ -80,8 +97,8 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("r1", "theta1", "theta3")]
     [-0.099672, -0.468422, 2.873694]
     """
-    if not np.isfinite(cutting_force):
-        raise ValueError(f"cutting_force must be finite [N], got {cutting_force}")
+    finite(cutting_force=cutting_force, gravity=gravity)
+    not_negative(crank_mass=crank_mass, coupler_mass=coupler_mass, slider_mass=slider_mass)
     theta, w, dw = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
     px, py, q = _close(theta, crank, coupler, offset, mode)
     e, x, square = offset - py, px + q, (px + q) ** 2 + offset**2
@@ -104,8 +121,25 @@ def solve(
             "slider_x": x,
             "slider_velocity": v,
             "slider_acceleration": a,
-            "holding_moment": cutting_force * (py - e * px / q),
         }
+    if asks(only, *LOADS):
+        whole = slider_crank.solve(
+            theta,
+            w,
+            dw,
+            crank=crank,
+            coupler=coupler,
+            guide_y=offset,
+            mode=-mode,  # there +1 is ahead of the crank pin along the guide
+            crank_mass=crank_mass,
+            coupler_mass=coupler_mass,
+            slider_mass=slider_mass,
+            slider_load=cutting_force,
+            gravity=gravity,
+            inertia=inertia,
+            only=only,
+        )
+        curves |= {name: curve for name, curve in whole.items() if asks({name}, *LOADS)}
     return {name: np.asarray(curve) for name, curve in curves.items()}
 
 
