@@ -89,7 +89,7 @@ def rectangles(
     number, divisions : int
         Rectangles, and parts of each side.
     **pair
-        As for `circles`.
+        As for `circles` [SI].
 
     Returns
     -------
@@ -143,8 +143,8 @@ def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array
         [s]
     places : ndarray (m,)
         Seen from the first equilibrium, `FINE` to a second [m].
-    pair : dict
-        Of `circles`.
+    pair : dict of float
+        Of `circles` [SI].
 
     Returns
     -------
