@@ -374,6 +374,13 @@ def balancer_command(
             show_default="907, 903, 908",
         ),
     ] = None,
+    extension: Annotated[
+        str | None,
+        typer.Option(
+            help="E1:E2, of a pendulum with r/r0 = 1 + E1 alpha + E2 alpha^2; the target is the "
+            "weight on it."
+        ),
+    ] = None,
     strips: Annotated[
         Path | None,
         typer.Option(
@@ -417,6 +424,7 @@ def balancer_command(
         output,
         pareto,
         catalogue,
+        extension,
         strips,
         moment,
         beside,

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import design_table
+from benchmarks import balancer_fronts, design_table
 from benchmarks.design_balancer import TABLE, exact
 from benchmarks.rod_solutions import PRINTED, TAIL
 from benchmarks.rod_table2 import PRINTED as TABLE2
+from proofmass.analytic.balancer import solve
+from proofmass.analytic.balancer.measures import precision_points
+from tests.analytic.balancer.balancer_cases import EXTENDING
 from tests.analytic.balancer.balancer_table import rows
 
 ROOT = Path(__file__).parent.parent
@@ -49,6 +52,28 @@ def test_pages_count_the_designs_that_are_better_than_the_thesis():
     assert f"and {same} the same at the digits of the print in some figure and worse in" in text
     assert f"{down} of the {len(THESIS)} designs have their elbow down" in text
     assert f"{up} are as good or better with the elbow up" in text
+
+
+def test_a_balancer_for_a_pendulum_that_extends_against_two_for_one_that_does_not():
+    angle = precision_points(90)
+    ours = next(row["parameters"] for row in THESIS if row["line"] == 1766)
+    chains = (EXTENDING, ours, rows()["1766"]["parameters"])
+    errors = [
+        np.sqrt(
+            np.mean(solve(angle, target="weight", **{**chain, "extension2": 0.04})["residual"] ** 2)
+        )
+        for chain in chains
+    ]
+    assert (
+        f"with an error of {errors[0]:.4f}; the best one for a pendulum that keeps its length has "
+        f"{errors[1]:.3f} there, and the thesis's own (line 1766) {errors[2]:.3f}"
+    ) in words("docs/balancer.md")
+
+
+def test_page_of_fronts_is_the_one_that_its_command_writes():
+    records = json.loads(balancer_fronts.PAGE.read_text())
+    page = balancer_fronts.PAGE.with_suffix(".md").read_text(encoding="utf-8")
+    assert page == balancer_fronts.page(records)
 
 
 def test_page_of_designs_is_the_one_that_its_command_writes():

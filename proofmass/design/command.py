@@ -8,7 +8,7 @@ import numpy as np
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from proofmass.analytic.balancer.measures import TARGETS, Target, tabulated
+from proofmass.analytic.balancer.measures import TARGETS, Target, tabulated, weight_on
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
 from proofmass.check import check
@@ -40,13 +40,20 @@ def design_balancer(
     output: Path,
     pareto: bool,
     catalogue: Path | None,
+    extension: str | None,
     strips: Path | None,
     moment: float,
     beside: list[Path] | None,
 ) -> None:
     """What ``proofmass design balancer`` does; `proofmass.cli` says what it is given."""
     with answering(f"{output} keeps the state"):
+        grows = extended(extension) if extension else (0.0, 0.0)
+        if extension and (table or target != "sine"):
+            raise ValueError(
+                "--extension: the target is the weight on a pendulum that extends; give no other"
+            )
         wanted = read_target(table) if table else named(target)
+        wanted = weight_on(*grows) if extension else wanted
         others = read_balancers(beside or [])
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
         sections = read_strips(strips) if strips else []
@@ -61,6 +68,7 @@ def design_balancer(
             contact,
             relaxed,
             -1 if elbow_down else 1,
+            grows,
             narrowed(bound or []),
         )
         task = Synthesis(variant, wanted, power=power)
@@ -117,6 +125,21 @@ def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
                 f"{case.reference!r} is no balancer; beside a design stands reference = 'balancer'",
             )
     return {case.title: case.parameters for case in cases}
+
+
+def extended(text: str) -> tuple[float, float]:
+    """An extension given as E1:E2; the pendulum keeps a positive length to 90 degrees."""
+    try:
+        first, second = map(float, text.split(":"))
+    except ValueError:
+        raise ValueError(
+            f"--extension {text}: write it as E1:E2, for r/r0 = 1 + E1 alpha + E2 alpha^2, such as "
+            f"0:0.05"
+        ) from None
+    alpha = np.linspace(0.0, np.pi / 2, 91)
+    if not (1.0 + alpha * (first + alpha * second) > 0).all():
+        raise ValueError(f"--extension {text}: the pendulum's length must stay positive to 90 deg")
+    return first, second
 
 
 def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
@@ -206,7 +229,7 @@ def verified(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: 
         title=f"Balancer found for the target {record['target']}",
         source=f"proofmass design balancer, seed {record['seed']}: work reduction "
         f"{record['work_reduction']:.3f} %, rmse {record['rmse']:.6f}",
-        target=record["target"] if record["target"] in TARGETS else None,
+        target=record["target"] if record["target"] in {*TARGETS, "weight"} else None,
         beside=others,
     )
     result = check([sidecar])

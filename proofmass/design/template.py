@@ -162,6 +162,7 @@ def write_case(
         "pendulum": float(design.pendulum[0]),
         "mass": float(design.weight[0]) / GRAVITY,
         "gravity": GRAVITY,
+        "extends": bool(design.extension1.any() or design.extension2.any()),
         "energy": not any(s.load for s in chain),
         "first": DEGREE if (design.loose * design.preload[:, -1]).any() else 0.0,
     }

@@ -50,9 +50,12 @@ def test_every_balancer_in_models_is_of_the_table():
 def test_the_start_pose_is_closed_and_at_rest(name):
     model, data = at_start(shipped(f"{name}.xml"))
     gap = data.site("tip").xpos - data.site("pendulum_tip").xpos
-    assert np.abs(gap).max() <= 5e-16  # sums of four coordinates below 1 m
+    # sums of four coordinates below 1 m; arc cosines lose digits where an elbow is nearly straight
+    assert np.abs(gap).max() <= (5e-15 if name == "balancer_extending" else 5e-16)
     # no spring pulls but against its stop, and no segment weighs: rounding of 1 N m
-    assert np.abs((data.qfrc_passive - data.qfrc_bias)[model.jnt_limited == 0]).max() <= 1e-15
+    driven = np.array([model.joint(j).name == "extension" for j in range(model.njnt)])
+    free = (model.jnt_limited == 0) & ~driven
+    assert np.abs((data.qfrc_passive - data.qfrc_bias)[free]).max() <= 1e-15
 
 
 @pytest.mark.parametrize("chain", [FREE, FOUR], ids=["three segments", "four segments"])

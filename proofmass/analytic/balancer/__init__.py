@@ -3,10 +3,15 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.balancer.measures import TARGETS, facts, marks
-from proofmass.analytic.balancer.measures import target as target_of
+from proofmass.analytic.balancer.measures import facts, marks, target_for
 from proofmass.analytic.balancer.model import Balancer, balancer
-from proofmass.analytic.balancer.path import BalancerPaths, Path, along, follow
+from proofmass.analytic.balancer.path import (
+    BalancerPaths,
+    Path,
+    along,
+    balancing_moment,
+    follow,
+)
 from proofmass.analytic.numerics import Array, cross, in_frame
 
 MODES = (1, -1)
@@ -53,6 +58,8 @@ def solve(
     high3: float = np.inf,
     high4: float = np.inf,
     pendulum: float = 1.0,
+    extension1: float = 0.0,
+    extension2: float = 0.0,
     rest_angle: float = 0.0,
     rest_angle2: float = 0.0,
     weight: float = 0.0,
@@ -85,11 +92,18 @@ def solve(
 
         dV*/dalpha = M1,     less the weight's, weight r sin(alpha)
 
-    since turning everything about O winds spring 1 alone.
+    since turning everything about O winds spring 1 alone.  A pendulum that extends as it leans, as
+    a human back does, has r = pendulum + extension1 alpha + extension2 alpha^2.  The chain's force
+    f along it then does work as well, and balances
+
+        dV*/dalpha = M1 - f dr/dalpha
+
+    of the weight's  weight (r sin(alpha) - dr/dalpha cos(alpha)).
 
     Parameters
     ----------
-    angle : pendulum angle alpha [rad], (...)
+    angle : pendulum angle alpha [rad], (...); with an extension it may be (2, n), alpha and the
+        extension [m] of a drive, which has to be that of r(alpha)
     rate, acceleration : its time derivatives [rad/s, rad/s^2]; `rate` scales the quasi-static
         rates, `acceleration` has no meaning in statics
     length1, length2, length3, length4 : segments [m]; length4 makes it a balancer of four segments
@@ -97,19 +111,22 @@ def solve(
     quadratic1, quadratic2, quadratic3, quadratic4 : A [N m/rad^2]
     preload2, preload3, preload4 : moment [N m] of the spring at rest
     low2, low3, low4, high2, high3, high4 : stops of the winding from rest [rad], low <= 0 <= high
-    pendulum : r [m]
+    pendulum : r [m], at rest if it extends
+    extension1, extension2 : how it extends with alpha [m/rad, m/rad^2]
     rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
     weight : force at the tip, down along the upright [N]
     mode : +1 elbow up, -1 elbow down, of the last two segments at rest
     target, target_moment : what the balancing moment is designed for: a name of
-        `proofmass.analytic.balancer.measures` and the moment m g r [N m] that it is multiplied by
+        `proofmass.analytic.balancer.measures`, or weight, that of a mass on the pendulum as it
+        extends, and the moment m g r [N m] that it is multiplied by
 
     Returns
     -------
     dict of (...) arrays: theta1.., winding1.. [rad], theta1_rate.., winding1_rate.. [rad/s],
     node2_x, node2_y, .. [m] of the joints at the ends of segment 1 and on, y up,
-    moment1.. [N m] of the springs, balancing_moment = moment1, holding_moment [N m], energy1.. [J]
-    of the springs, weight_energy (zero at the height of O), energy of springs and weight,
+    moment1.. [N m] of the springs, balancing_moment [N m], holding_moment [N m] about O of what
+    turns the pendulum, extension_force [N] of what extends it, energy1.. [J] of the springs,
+    weight_energy (zero at the height of O), energy of springs and weight,
     force_x, force_y [N] of the chain on the tip, x to the side of growing alpha, y up (every pin
     carries the same force, the segments having no weight); node1_force_x, node1_force_y, .. the
     same force, as each segment gets it from the one before or from the ground, along that segment
@@ -147,13 +164,50 @@ def solve(
         if k not in ("angle", "rate", "acceleration", "target", "target_moment")
         and not (length4 is None and k.endswith("4"))
     }
-    alpha, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     chain = balancer(**given)
+    if (extension1 or extension2) and np.ndim(angle) == 2 and len(np.asarray(angle)) == 2:
+        angle = np.asarray(angle)[0]
+        rate = np.asarray(rate)[0] if np.ndim(rate) == 2 else rate
+    alpha, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+    if not (chain.reach(alpha.ravel()) > 0).all():
+        raise ValueError("extension1, extension2: the pendulum must keep a positive length")
     found = both_ways(chain, alpha.ravel())
-    values = quantities(chain, found, w.ravel(), weight * pendulum)
+    values = quantities(chain, found, w.ravel())
     if target:
-        values |= aimed(target, target_moment, alpha.ravel(), values["balancing_moment"])
+        values |= aimed(chain, target, target_moment, alpha.ravel(), values["balancing_moment"])
     return {name: value.reshape(alpha.shape) for name, value in values.items()}
+
+
+def flexing(
+    time: ArrayLike,
+    *,
+    extension1: float,
+    extension2: float = 0.0,
+    to: float = np.pi / 2,
+    period: float = 2.0,
+) -> tuple[Array, Array, Array]:
+    """A pendulum that leans and extends: its angle [rad] and its extension [m], to and fro.
+
+    ::
+
+        alpha = to (1 - cos(2 pi time/period))/2
+        extension = extension1 alpha + extension2 alpha^2
+
+    `time` [s] (n,), `extension1` [m/rad], `extension2` [m/rad^2], `to` [rad], `period` [s].
+    Returns values and first and second time derivatives, each (2, n).
+
+    >>> flexing([0.0, 1.0], extension1=0.1, to=1.5)[0].round(9).tolist()
+    [[0.0, 1.5], [0.0, 0.15]]
+    """
+    w = 2.0 * np.pi / period
+    turn = np.exp(1j * w * np.asarray(time, float))
+    a, da, dda = to / 2 * (1.0 - turn.real), to / 2 * w * turn.imag, to / 2 * w**2 * turn.real
+    slope = extension1 + 2.0 * extension2 * a
+    return (
+        np.stack([a, a * (extension1 + extension2 * a)]),
+        np.stack([da, slope * da]),
+        np.stack([dda, slope * dda + 2.0 * extension2 * da**2]),
+    )
 
 
 def both_ways(chain: Balancer, alpha: Array) -> Path:
@@ -178,24 +232,30 @@ def both_ways(chain: Balancer, alpha: Array) -> Path:
     return Path(alpha, **merged)
 
 
-def aimed(name: str, scale: float, alpha: Array, moment: Array) -> dict[str, Array]:
+def aimed(
+    chain: Balancer, name: str, scale: float, alpha: Array, moment: Array
+) -> dict[str, Array]:
     """The design target, and what is left of it."""
-    wanted = scale * target_of(name, alpha)
+    aim = target_for(chain, name)
+    wanted = scale * aim(alpha)
     return {
         "target": wanted,
         "residual": moment - wanted,
-        "target_energy": scale * TARGETS[name].height_energy(alpha),
+        "target_energy": scale * aim.height_energy(alpha),
     }
 
 
-def quantities(chain: Balancer, path: Path, rate: Array, scale: float) -> dict[str, Array]:
+def quantities(chain: Balancer, path: Path, rate: Array) -> dict[str, Array]:
     """The quantities of a path, by name."""
+    weight = chain.weight[0]
+    scale = weight * chain.reach(path.alpha)
     turn, s, c = path.rate[0], np.sin(path.alpha), np.cos(path.alpha)
     across, along_it = path.force[0].T
     found = {
-        "balancing_moment": path.moment[0, :, 0],
+        "balancing_moment": balancing_moment(chain, path)[0],
         "holding_moment": path.moment[0, :, 0] - scale * s,
         "energy": path.energy[0].sum(axis=-1) + scale * c,
+        "extension_force": weight * c - along_it,
         "weight_energy": scale * c,
         "force_x": across * c + along_it * s,
         "force_y": along_it * c - across * s,

@@ -14,7 +14,13 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from proofmass.analytic.balancer.model import Balancer, balancer
-from proofmass.analytic.balancer.path import BalancerPaths, Path, along, follow
+from proofmass.analytic.balancer.path import (
+    BalancerPaths,
+    Path,
+    along,
+    balancing_moment,
+    follow,
+)
 from proofmass.analytic.numerics import Array
 
 Curve = Callable[[Array], Array]
@@ -72,6 +78,38 @@ def target(name: str, angle: ArrayLike) -> Array:
     if name not in TARGETS:
         raise ValueError(f"target must be one of {', '.join(TARGETS)}, got {name!r}")
     return TARGETS[name](angle)
+
+
+def target_for(b: Balancer, name: str) -> Target:
+    """A target by name; `weight` is that of a mass on the pendulum of `b` as it extends.
+
+    ::
+
+        weight    M = (r sin a - dr/da cos a)/r0,    V = r cos a/r0,    r = r(a), r0 = r(0)
+
+    Without extension it is the sine.  ValueError for another name that is not in `TARGETS`.
+    """
+    if name != "weight":
+        target(name, 0.0)
+        return TARGETS[name]
+    return weight_on(float(b.extension1[0] / b.pendulum[0]), float(b.extension2[0] / b.pendulum[0]))
+
+
+def weight_on(extension1: float, extension2: float) -> Target:
+    """The target `weight` of a pendulum that extends by these shares of it [1/rad, 1/rad^2].
+
+    >>> float(weight_on(0.1, 0.0)(np.pi / 2).round(6))
+    1.15708
+    """
+
+    def reach(a: Array) -> Array:
+        return 1.0 + a * (extension1 + a * extension2)
+
+    return Target(
+        "weight",
+        lambda a: reach(a) * np.sin(a) - (extension1 + 2.0 * a * extension2) * np.cos(a),
+        lambda a: reach(a) * np.cos(a),
+    )
 
 
 def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Target:
@@ -519,11 +557,11 @@ def measured(b: Balancer, target: str, scale: float) -> dict[str, str]:
     """Largest winding, and how a target is met."""
     angle = precision_points(90 if b.segments == 3 else 15)
     path = along(b, follow(b, ALL + 1e-9), angle)
-    moment, energy = path.moment[0, :, 0], path.energy[0]
+    moment, energy = balancing_moment(b, path)[0], path.energy[0]
     far = np.degrees(np.abs(path.winding[0]).max(axis=0))
     found = {"springs wound by": ", ".join(f"{w:.0f}°" for w in far) + " at most"}
     if target:
-        wanted = scale * TARGETS[target](angle)
+        wanted = scale * target_for(b, target)(angle)
         found |= {
             "error": f"{float(rmse(moment, wanted, scale=scale)):.5f} m g r, root mean square at "
             f"{angle.size} angles",

@@ -106,7 +106,15 @@ ALONG = 1e-9  # sine of an angle at which segment 1 counts as lying along the pe
 NUMBERED = ("length", "stiffness", "quadratic", "preload", "low", "high")
 REQUIRED = ("length", "stiffness")
 PLAIN = {"quadratic": 0.0, "preload": 0.0, "low": -np.inf, "high": np.inf}
-OTHERS = {"pendulum": 1.0, "rest_angle": 0.0, "rest_angle2": 0.0, "weight": 0.0, "mode": 1}
+OTHERS = {
+    "pendulum": 1.0,
+    "extension1": 0.0,
+    "extension2": 0.0,
+    "rest_angle": 0.0,
+    "rest_angle2": 0.0,
+    "weight": 0.0,
+    "mode": 1,
+}
 
 
 @dataclass(frozen=True)
@@ -115,8 +123,10 @@ class Balancer:
 
     Attributes
     ----------
-    pendulum, weight : ndarray (B,)
-        Length r [m] and weight at the tip [N].
+    pendulum, extension1, extension2, weight : ndarray (B,)
+        Length [m] of the pendulum, which grows with its angle to
+        ``r = pendulum + extension1 alpha + extension2 alpha^2`` [m/rad, m/rad^2], and weight at the
+        tip [N].
     length, rest : ndarray (B, n)
         Segments' lengths [m] and angles in the rest posture, clockwise from the upright [rad].
     stiffness, quadratic, preload : ndarray (B, n)
@@ -137,6 +147,8 @@ class Balancer:
     """
 
     pendulum: Array
+    extension1: Array
+    extension2: Array
     weight: Array
     length: Array
     rest: Array
@@ -160,6 +172,14 @@ class Balancer:
     def segments(self) -> int:
         """How many segments n."""
         return self.length.shape[1]
+
+    def reach(self, alpha: Array) -> Array:
+        """Length r [m] of the pendulum at angles (B,), or (A,) for all."""
+        return self.pendulum + alpha * (self.extension1 + alpha * self.extension2)
+
+    def stretch(self, alpha: Array) -> Array:
+        """Its slope dr/dalpha [m/rad]."""
+        return self.extension1 + 2.0 * alpha * self.extension2
 
     @property
     def loose(self) -> NDArray[np.int_]:
@@ -250,6 +270,8 @@ def balancers(**parameters: ArrayLike) -> Balancer:
     there = np.isfinite(table["low"]) | np.isfinite(table["high"])
     found = Balancer(
         single["pendulum"],
+        single["extension1"],
+        single["extension2"],
         single["weight"],
         table["length"],
         rest,

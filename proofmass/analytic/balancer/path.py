@@ -2,7 +2,7 @@ r"""Static equilibrium of a balancer's chain, and the path of equilibria from th
 
 In the pendulum's frame the equilibrium is one linear system.  With psi the segments' angles from
 the pendulum, e = D psi + alpha (1, 0, ..) - e0 the windings and c(psi) = sum l_i u(psi_i) - (0, r)
-the loop, the energy is stationary under loop and stops::
+the loop, where r may change with alpha, the energy is stationary under loop and stops::
 
     D^T M(e) + A^T lambda - S^T mu = 0,     c = 0,     e_j = bound_j or mu_j = 0
 
@@ -110,7 +110,7 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
             - np.pad(load[:, 1:], ((0, 0), (0, 1)))
             + force[:, :1] * north
             - force[:, 1:] * east,
-            np.stack([east.sum(-1), north.sum(-1) - b.pendulum], axis=-1),
+            np.stack([east.sum(-1), north.sum(-1) - b.reach(p.alpha)], axis=-1),
             np.where(held > 0, bounds(b, p.side) - e[:, j], stop),
         ],
         axis=-1,
@@ -158,6 +158,7 @@ def tangent(b: Balancer, p: Point) -> tuple[Array, Which]:
     pull = np.zeros_like(p.unknowns)  # of the residual with alpha
     e = windings(b, p.alpha, p.unknowns[:, : b.segments])
     pull[:, 0] = b.slopes(e)[:, 0]
+    pull[:, b.segments + 1] = -b.stretch(p.alpha)
     with np.errstate(invalid="ignore"):  # a lost equilibrium is not stable
         sign = np.linalg.slogdet(matrix)[0] * (-1.0) ** (p.side != 0).sum(axis=-1)
     return -solved(matrix, pull), np.asarray(sign > 0)
@@ -425,6 +426,12 @@ class Path:
     rate: Array
     force: Array
     side: Array
+
+
+def balancing_moment(b: Balancer, path: Path) -> Array:
+    """dV*/dalpha (B, A) [N m]: M1, less what the chain's force does as the pendulum extends."""
+    stretch = np.stack([b.stretch(np.full(len(b), a)) for a in path.alpha], axis=-1)
+    return np.asarray(path.moment[..., 0] - path.force[..., 1] * stretch)
 
 
 def along(b: Balancer, trail: BalancerPaths, alpha: Array) -> Path:

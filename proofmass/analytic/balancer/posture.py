@@ -137,7 +137,6 @@ def solve(
             np.zeros((1, alpha.size, n)),
         ),
         np.zeros(alpha.size),
-        weight * pendulum,
     )
     found = {k: v for k, v in found.items() if not k.endswith("_rate")}
     found["holding_moment"] = -pendulum * force.real - weight * pendulum * np.sin(alpha)

@@ -15,7 +15,7 @@ from proofmass.analytic.balancer.measures import (
     work_reduction,
 )
 from proofmass.analytic.balancer.model import balancers
-from proofmass.analytic.balancer.path import along, follow
+from proofmass.analytic.balancer.path import along, balancing_moment, follow
 from proofmass.analytic.numerics import Array
 
 SPRINGS = ("linear", "nonlinear", "each")
@@ -66,6 +66,8 @@ class Variant:
         The rest angle of segment 1 is free; joint 2 has an upper stop; lengths from 0.1 to 0.9 m.
     mode : int
         1 elbow up, as in all of the thesis's tables; -1 elbow down, which its programs know too.
+    extension : tuple of float
+        extension1 and extension2 of the pendulum [m/rad, m/rad^2], which are given, not searched.
     narrowed : mapping of str to (float, float)
         Bounds instead of the usual ones, by parameter [SI].
 
@@ -97,6 +99,7 @@ class Variant:
     contact: bool = False
     relaxed: bool = False
     mode: int = 1
+    extension: tuple[float, float] = (0.0, 0.0)
     narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -195,6 +198,9 @@ class Variant:
             if name.startswith("preload"):
                 stop = "low" if self.bounds[name][0] >= 0 else "high"
                 found[f"{stop}{name[-1]}"] = np.zeros_like(values)
+        if any(self.extension):
+            for i, given in enumerate(self.extension, 1):
+                found[f"extension{i}"] = np.full(len(vectors), given)
         return found | ({"mode": np.full(len(vectors), -1.0)} if self.mode == -1 else {})
 
     def vector(self, parameters: Mapping[str, float]) -> Array:
@@ -388,5 +394,6 @@ class Synthesis:
                 path = along(chains, follow(chains, RIGHT_ANGLE), angle)
                 last, before = path.theta[..., -1], path.theta[..., -2]
                 good = (self.variant.mode * np.sin(last - before) > bent).all(axis=-1)
-            moment[there[good]], energy[there[good]] = path.moment[good, :, 0], path.energy[good]
+            moment[there[good]] = balancing_moment(chains, path)[good]
+            energy[there[good]] = path.energy[good]
         return moment, energy

@@ -98,6 +98,15 @@ def third(target: str, springs: str, option: str, title: str) -> Design:
 
 
 SAM = DATA["others"][0]
+EXTENDING = {
+    "length1": 0.4998059906957808,
+    "length2": 0.49404732892788594,
+    "length3": 0.3596921548964842,
+    "stiffness1": 1.0205119218463403,
+    "stiffness2": 1.353107950233032,
+    "stiffness3": 0.7006551570717843,
+    "rest_angle": 1.0225316908942226,
+}
 DESIGNS = {
     "balancer_sine": row(1743, "Sine by three linear springs"),
     "balancer_sine_preload": row(1745, "Sine by linear springs, one of them preloaded"),
@@ -132,6 +141,21 @@ DESIGNS = {
     ),
     "balancer_third_preload_at_once": third(
         "degressive-progressive", "", "standard", "A preload of spring 3 that holds at no moment"
+    ),
+    "balancer_extending": Design(
+        "A pendulum that extends by a tenth as it leans, balanced by three linear springs",
+        "proofmass design balancer --free-angle --extension 0:0.04",
+        {"pendulum": 1.0, **EXTENDING, "extension2": 0.04, "weight": 1.0},
+        "weight",
+        beside={
+            "designed for a pendulum that keeps its length": {
+                "pendulum": 1.0,
+                **next(d["parameters"] for d in json.loads(OURS.read_text()) if d["line"] == 1766),
+                "extension2": 0.04,
+                "weight": 1.0,
+                "target": "weight",
+            }
+        },
     ),
     "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),
 }
