@@ -270,22 +270,23 @@ class View(Strict):
 
     Names are channels, driven joints, or quantities of the reference.  `y` is drawn as the
     reference and every solver, a panel each; `stack` piles up quantities of the reference and draws
-    their sum as a line.  `dashed` is held beside `y`, a target for one.  `marks` are places on x by
-    what happens there, or a function of the reference's module that tells them of its parameters.
-    `unit` and `x_unit` are those of names that no channel knows; such names and marks are in SI.
+    their sum as a line.  `dashed` are held beside `y`, a target for one.  `marks` are places on x
+    by what happens there, or a function of the reference's module that tells them of its
+    parameters.  `unit` and `x_unit` are those of names that no channel knows; such names and marks
+    are in SI.
     """
 
     title: str = Field(min_length=1)
     x: str
     y: tuple[str, ...] = ()
     stack: tuple[str, ...] = ()
-    dashed: str | None = None
+    dashed: tuple[str, ...] = ()
     marks: str | dict[str, float] = Field({})
     unit: str | None = None
     x_unit: str | None = None
     run: Kind | None = None
 
-    @field_validator("y", "stack", mode="before")
+    @field_validator("y", "stack", "dashed", mode="before")
     @classmethod
     def _listed(cls, value: Any) -> Any:
         return (value,) if isinstance(value, str) else value
@@ -299,7 +300,7 @@ class View(Strict):
     def _one_kind(self) -> "View":
         if bool(self.y) == bool(self.stack):
             raise ValueError("give either y or stack")
-        if self.dashed is not None and len(self.y) != 1:
+        if self.dashed and len(self.y) != 1:
             raise ValueError("dashed goes with one y")
         return self
 
@@ -697,20 +698,11 @@ class Case(Strict):
         frames: int = 60,
         seconds: float = 4.0,
         magnify: float = 1.0,
-        samples: int | None = None,
     ) -> "Animation":
         """The mechanism in motion, see `proofmass.animate`, which takes the same arguments."""
         from proofmass import animate  # the core draws nothing; the report does when it is asked
 
-        return animate(
-            self,
-            run,
-            solvers,
-            frames=frames,
-            seconds=seconds,
-            magnify=magnify,
-            samples=samples,
-        )
+        return animate(self, run, solvers, frames=frames, seconds=seconds, magnify=magnify)
 
     def explore(
         self, sliders: Mapping[str, tuple[float, float]], *args: Any, **options: Any

@@ -86,7 +86,7 @@ def named(view: View) -> dict[str, tuple[str, ...]]:
         "x": (view.x,),
         "y": view.y,
         "stack": view.stack,
-        "dashed": (view.dashed,) if view.dashed is not None else (),
+        "dashed": view.dashed,
     }
 
 
@@ -154,7 +154,7 @@ def check_views(case: Case, run: str, curves: Curves) -> None:
         if case.run_of(view) == run:
             for beside in (None, *case.compare_with):
                 found = seen(case, view, curves, beside)
-            both = {found.units[n] for n in (*view.y, *view.stack, view.dashed) if n}
+            both = {found.units[n] for n in (*view.y, *view.stack, *view.dashed)}
             if len(both) > 1 and (view.stack or view.dashed):
                 key = "stack" if view.stack else "dashed"
                 raise InputError(

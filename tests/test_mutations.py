@@ -13,7 +13,7 @@ from proofmass.case import Case
 from proofmass.compare import compare
 from proofmass.sidecar import load_case
 from proofmass.solve import solve
-from tests.shipped import shipped
+from tests.shipped import fewer_samples, shipped
 
 Place = tuple[str, str, int, float]
 # where each length of the drawing stands in the MJCF: element path, attribute, index, sign
@@ -86,6 +86,17 @@ LENGTHS = {
         "guide_y": [at(BODY, "slider", 1)],
         "guide_angle": [(BODY.format("slider"), "euler", 2, 1)],
     },
+    "slider_crank_friction": {
+        "crank": [at(BODY, "coupler")],
+        "coupler": [at(BODY, "pin")],
+        "guide_x": [at(BODY, "slider")],
+    },
+    "shaft_pendulum": {
+        "length": [
+            at(".//body[@name='{}']/inertial", "pendulum", 1, -1),
+            at(SITE, "bob", 1, -1),
+        ]
+    },
     "inverted_slider_crank": {
         "crank": [at(BODY, "rod")],
         "bar": [at(SITE, "bar_tip")],
@@ -147,12 +158,13 @@ def lengthen(file: Path, places: list[Place], by: float) -> None:
 def few(case: Case, kind: str) -> Case:
     """The case with a tenth of the places of a sweep, each of which is found by itself.
 
-    What a change must be to be noticed is asked of the same places.
+    Where joints have dry friction the turns of the drive are among them.  What a change must be to
+    be noticed is asked of the same places.
     """
     run = case.run[kind]
     if kind != "sweep" or not run.n:
         return case
-    fewer = run.model_copy(update={"n": run.n // 10})
+    fewer = run.model_copy(update={"n": fewer_samples(run.n)})
     return case.model_copy(update={"run": {**case.run, kind: fewer}})
 
 

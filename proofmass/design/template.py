@@ -10,7 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from proofmass.analytic.balancer import Balancer, balancer
+from proofmass.analytic.balancer import Balancer
+from proofmass.analytic.balancer.measures import chain_of
 from proofmass.analytic.balancer.model import preloaded
 from proofmass.engines import default_engines
 from proofmass.files import write_whole
@@ -45,6 +46,8 @@ class Segment:
         Winding of the spring at rest [rad]; moment of one that has no stiffness [N m].
     stops : tuple of float
         [rad]; empty without any.
+    friction : float
+        Dry friction of the joint [N m].
     """
 
     number: int
@@ -57,6 +60,7 @@ class Segment:
     wound: float
     load: float
     stops: tuple[float, ...]
+    friction: float
 
     @property
     def along(self) -> tuple[float, float]:
@@ -147,7 +151,12 @@ def write_case(
     ...     write_case(folder, "mine", title="Mine", source="ours", parameters=chain).name
     'mine.toml'
     """
-    design = balancer(**parameters)
+    design = chain_of(dict(parameters))
+    friction = any(value for key, value in parameters.items() if "friction" in key)
+    drawn = ["target"]
+    drawn += ["expected_moment"] * ("expected" in parameters)
+    drawn += ["frictionless_moment"] * friction
+    drawn += ["expected_measurement"] * ("expected" in parameters)
     chain = segments(design, parameters)
     words = {
         "name": name,
@@ -157,6 +166,8 @@ def write_case(
         "parameters": dict(parameters),
         "target": target,
         "target_moment": target_moment,
+        "friction": friction,
+        "dashed": drawn if len(drawn) > 1 else "target",
         "solvers": list(solvers),
         "compare_with": beside,
         "pendulum": float(design.pendulum[0]),
@@ -201,6 +212,7 @@ def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]
                 0.0 if steady else wound,
                 preload if steady else 0.0,
                 () if np.isinf([low, high]).all() else (max(low, -OPEN), min(high, OPEN)),
+                float(parameters.get(f"friction{i + 1}", 0.0)),
             )
         )
     return found

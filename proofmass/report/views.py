@@ -69,7 +69,7 @@ def viewed(shown: Shown, view: View) -> Viewed:
     case = shown.case
     of_longest = max(shown.curves, key=lambda solver: len(shown.curves[solver].x))
     longest, own_truth = shown.curves[of_longest], shown.truth[of_longest]
-    bare = view.model_copy(update={"y": (), "stack": (), "dashed": None, "marks": {}})
+    bare = view.model_copy(update={"y": (), "stack": (), "dashed": (), "marks": {}})
     curves, truth = {}, {}
     for solver, found in shown.curves.items():
         there = seen(case, bare, found, truth=shown.truth[solver]).values[view.x]
@@ -137,7 +137,7 @@ def caption(view: Viewed) -> str:
     else:
         words = ["Reference (thick, pale) and solvers on top of it"]
         words += ["markers open where x rises, filled where it falls"] * view.loop
-        words += [f"dashed: {view.view.dashed}"] * (view.view.dashed is not None)
+        words += [f"dashed: {listed(view.view.dashed)}"] * bool(view.view.dashed)
         words += [f"thin: {listed(view.beside)}"] * bool(view.beside)
         words += [
             "below, the difference to the reference in the channel's unit, with what the "
@@ -147,7 +147,15 @@ def caption(view: Viewed) -> str:
 
 
 INK = "#1b1f24"
-TARGET: dict[str, Any] = {"color": INK, "linewidth": 1.3, "linestyle": (0, (5, 3)), "zorder": 2.8}
+TARGETS: list[dict[str, Any]] = [
+    {"color": colour, "linewidth": 1.3, "linestyle": (0, dash), "zorder": 2.8}
+    for colour, dash in (
+        (INK, (5, 3)),
+        ("#7b4ba0", (1, 1.5)),
+        ("#6b5600", (6, 2, 1, 2)),
+        ("#555555", (9, 3)),
+    )
+]
 SUM: dict[str, Any] = {"color": INK, "linewidth": 1.7, "zorder": 2.7}
 THIN: list[dict[str, Any]] = [
     {"color": colour, "linewidth": 0.9, "linestyle": dash, "zorder": 2.6}
@@ -215,7 +223,7 @@ def has_below(view: Viewed, name: str) -> bool:
 def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) -> None:
     """A name of `y`: reference, solvers, target and other parameter sets; differences below."""
     others = [view.readable(name, by) for by in view.beside.values()]
-    target = [view.readable(view.view.dashed)] if view.view.dashed else []
+    target = [view.readable(name) for name in view.view.dashed]
     unit = readable(view.own.units[name])[0]
     if name in view.over.channels:
         overlay(pair[0], view.over, name, style, [*others, *target])
@@ -235,7 +243,10 @@ def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) 
             [*others, *target],
             jumps,
         )
-    for y, look in [*zip(others, THIN * len(others), strict=False), *((y, TARGET) for y in target)]:
+    for y, look in [
+        *zip(others, THIN * len(others), strict=False),
+        *zip(target, TARGETS * len(target), strict=False),
+    ]:
         pair[0].plot(*once(view.x, y), **look)
 
 
@@ -350,8 +361,10 @@ def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array)
         handles += [Line2D([], [], label="reference", **REFERENCE)]
         shown = any(n in view.over.channels for n in view.view.y)
         handles += solver_handles(view.over.curves if shown else (), style)
-    if view.view.dashed:
-        handles.append(Line2D([], [], label=view.view.dashed, **TARGET))
+    handles += [
+        Line2D([], [], label=fill(name, WORDS), **look)
+        for name, look in zip(view.view.dashed, TARGETS * len(view.view.dashed), strict=False)
+    ]
     handles += [
         Line2D([], [], label=fill(name, WORDS), **look)
         for name, look in zip(view.beside, THIN * len(view.beside), strict=False)

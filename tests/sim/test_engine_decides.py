@@ -18,7 +18,7 @@ from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.links import LinkJoint
 from proofmass.solve import plan, simulate
-from tests.shipped import models_like
+from tests.shipped import fewer_samples, models_like
 
 CASES = {file.stem: load_case(file) for file in models_like()}
 RUNS = [
@@ -115,11 +115,13 @@ SLOW = {
 
 
 def fewer(case: Case, kind: str) -> Case:
-    """A tenth of the places of a balancer's sweep: each rests by itself, and errors are smooth."""
+    """A tenth of the places of a balancer's sweep, and its turns: errors are smooth."""
     run = case.run[kind]
     if case.reference != "balancer":
         return case
-    return case.model_copy(update={"run": {kind: run.model_copy(update={"n": run.n // 10})}})
+    return case.model_copy(
+        update={"run": {kind: run.model_copy(update={"n": fewer_samples(run.n)})}}
+    )
 
 
 def differs(name: str, kind: str, solver: str, monkeypatch) -> None:

@@ -9,14 +9,19 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import planar
+from proofmass.analytic.balancer.friction import RubbingChain
+from proofmass.analytic.balancer.model import OTHERS, balancer
+from proofmass.analytic.friction import advance
 from proofmass.analytic.linkages import shaft_pendulum, slider_crank
 from proofmass.compare import compare
+from proofmass.design.template import write_case
 from proofmass.drive import Swing
 from proofmass.errors import InputError
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Drive, Run, Unsupported
 from proofmass.solve import plan, run_here, simulate
+from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.shipped import models_like, shipped
 
 ENGINES = ("mujoco", "pymunk")
@@ -113,6 +118,61 @@ def test_the_closed_form_of_the_slider_crank_is_what_the_general_solver_finds():
             )
 
 
+PROTOTYPE = load_case(shipped("balancer_prototype.toml"))
+
+
+def events(angles):
+    """Angles of the pendulum on its way where a joint of the prototype sticks or slips."""
+    own = {k: v for k, v in PROTOTYPE.parameters.items() if k[-1] in "123" or k in OTHERS}
+    rubs = {k: own.pop(k) for k in tuple(own) if "friction" in k}
+    chain, found = (
+        RubbingChain(balancer(**own), np.array([rubs.get(f"friction{i}", 0.0) for i in (1, 2, 3)])),
+        [],
+    )
+    enter = chain.enter
+    chain.enter = lambda senses: (found.append(chain.alpha), enter(senses))
+    for angle in angles:
+        advance(chain, np.array([angle]))
+        found.append(angle)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", pytest.param("pymunk", marks=pytest.mark.slow)])
+def test_a_cycle_of_the_prototype_loses_the_friction_of_its_joints_times_their_way(engine):
+    """The work of the drive against sum of friction |way|; quadrature between the events."""
+    end = np.pi / 2
+    here = events([end, 0.0, end, 0.0])
+    ends = here[np.flatnonzero(here == 0.0)[1] :]  # from the first way back on
+    ends = ends[np.append(True, np.abs(np.diff(ends)) > 1e-9)]
+    values = (0.0, end, 0.0, *ends[1:])
+    x, weights = gauss(np.arange(len(values), dtype=float).tolist(), 16)
+    names = ("holding_moment", "winding2", "winding3")
+    run = Run("sweep", x, names, (Drive("pendulum", Along(values)),))
+    found = simulate(engine, PROTOTYPE.model_path, run).channels
+    second = x > 2.0
+    area = (found["holding_moment"] * run.motion(x)[1][0] * weights)[second].sum()
+    ways = [np.abs(np.diff(found[f"winding{i}"][x >= 2.0])).sum() for i in (2, 3)]
+    lost = sum(
+        PROTOTYPE.parameters[f"friction{i}"] * way for i, way in zip((2, 3), ways, strict=True)
+    )
+    assert area == pytest.approx(lost, rel=1e-8)
+    assert area > 0.004  # J
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ENGINES)
+def test_four_segments_of_which_all_joints_rub_follow_the_reference(engine, tmp_path):
+    """Two free motions: joints stick that hold each other, alone, and not at all."""
+    chain = parameters(rows()["1744"]) | {f"friction{i}": 0.004 * i for i in (1, 2, 3, 4)}
+    chain["pendulum_friction"] = 0.003
+    case = load_case(write_case(tmp_path, "four", title="4", source="-", parameters=chain))
+    case = case.model_copy(
+        update={"run": {"sweep": case.run["sweep"].model_copy(update={"n": 13})}}
+    )
+    found = compare(case, "sweep", engine, run_here(case, "sweep", engine), detectable=False)
+    assert {one.outcome for one in found} <= {"agrees", "unsupported"}
+
+
 def few(case):
     """A case of a third of its intervals, whose drives turn on samples as before."""
     n = (case.run["sweep"].n - 1) // 3 + 1
@@ -127,8 +187,18 @@ NUMBERS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "number"), NUMBERS)
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("name", "number", "engine"),
+    [
+        pytest.param(
+            *one,
+            engine,
+            marks=[pytest.mark.slow] * (engine == "pymunk" and one[0] == "balancer_prototype"),
+        )
+        for one in NUMBERS
+        for engine in ENGINES
+    ],
+)
 def test_every_friction_of_a_shipped_model_is_noticed(name, number, engine, models):
     """One frictionloss 0.1 % larger turns the verdict."""
     file = models / load_case(shipped(f"{name}.toml")).model

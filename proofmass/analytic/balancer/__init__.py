@@ -3,8 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.balancer.friction import rubbed
+from proofmass.analytic.balancer.measures import expected as expected_of
 from proofmass.analytic.balancer.measures import facts, marks, target_for
-from proofmass.analytic.balancer.model import Balancer, balancer
+from proofmass.analytic.balancer.model import NUMBERED, OTHERS, Balancer, balancer
 from proofmass.analytic.balancer.path import (
     BalancerPaths,
     Path,
@@ -12,7 +14,7 @@ from proofmass.analytic.balancer.path import (
     balancing_moment,
     follow,
 )
-from proofmass.analytic.numerics import Array, cross, in_frame
+from proofmass.analytic.numerics import Array, cross, in_frame, senses
 
 MODES = (1, -1)
 MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path
@@ -64,8 +66,14 @@ def solve(
     rest_angle2: float = 0.0,
     weight: float = 0.0,
     mode: int = 1,
+    friction1: float = 0.0,
+    friction2: float = 0.0,
+    friction3: float = 0.0,
+    friction4: float = 0.0,
+    pendulum_friction: float = 0.0,
     target: str = "",
     target_moment: float = 1.0,
+    expected: str = "",
 ) -> dict[str, Array]:
     r"""Static equilibrium of a chain with torsion springs that balances a pendulum.
 
@@ -100,6 +108,12 @@ def solve(
 
     of the weight's  weight (r sin(alpha) - dr/dalpha cos(alpha)).
 
+    With dry friction the order of the angles matters: joints stick, or slip with their friction
+    against the motion, from a rest without friction at the first angle on
+    (`proofmass.analytic.balancer.friction`). To first order in the friction, with the rates de_i of
+    the frictionless path, the moment is then off by +-(friction1 |de1/dalpha| + friction2 ...),
+    with the sense of the motion: the width of the loop is the friction's work per angle.
+
     Parameters
     ----------
     angle : pendulum angle alpha [rad], (...); with an extension it may be (2, n), alpha and the
@@ -116,9 +130,13 @@ def solve(
     rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
     weight : force at the tip, down along the upright [N]
     mode : +1 elbow up, -1 elbow down, of the last two segments at rest
+    friction1, friction2, friction3, friction4 : dry friction of the joints with springs [N m]
+    pendulum_friction : dry friction of the pendulum's own bearing [N m]
     target, target_moment : what the balancing moment is designed for: a name of
         `proofmass.analytic.balancer.measures`, or weight, that of a mass on the pendulum as it
         extends, and the moment m g r [N m] that it is multiplied by
+    expected : name of a curve of `proofmass.analytic.balancer.measures.EXPECTED` that a measurement
+        was held against
 
     Returns
     -------
@@ -127,18 +145,23 @@ def solve(
     moment1.. [N m] of the springs, balancing_moment [N m], holding_moment [N m] about O of what
     turns the pendulum, extension_force [N] of what extends it, energy1.. [J] of the springs,
     weight_energy (zero at the height of O), energy of springs and weight,
+    friction1.. [N m] against the windings, frictionless_moment [N m], what holding_moment is
+    without friction,
     force_x, force_y [N] of the chain on the tip, x to the side of growing alpha, y up (every pin
     carries the same force, the segments having no weight); node1_force_x, node1_force_y, .. the
     same force, as each segment gets it from the one before or from the ground, along that segment
     and across it, to the left; node1_load, .. [N m] the moment that it gets beside, which is the
     spring's and that of a stop, against the winding.  With a target also target [N m],
     residual = balancing_moment - target, and target_energy [J], the energy of what is balanced.
+    With an expected curve also expected_moment [N m], and expected_measurement [N m], which is it
+    with the friction's loop to first order.
 
     Raises
     ------
     ValueError
         A parameter out of its domain; lengths that cannot reach the tip; a rest posture that is
-        unstable; a path that ends at a fold before `angle`, where the chain would jump.
+        unstable; a path that ends at a fold before `angle`, where the chain would jump; friction
+        beside stops, or friction that holds the whole chain.
 
     Notes
     -----
@@ -161,9 +184,17 @@ def solve(
     given = {
         k: v
         for k, v in locals().items()
-        if k not in ("angle", "rate", "acceleration", "target", "target_moment")
+        if (k in OTHERS or k.rstrip("1234") in NUMBERED)
         and not (length4 is None and k.endswith("4"))
     }
+    rubs = {
+        "friction1": friction1,
+        "friction2": friction2,
+        "friction3": friction3,
+        "friction4": friction4,
+        "pendulum_friction": pendulum_friction,
+    }
+    check_friction(rubs, 3 if length4 is None else 4)
     chain = balancer(**given)
     if (extension1 or extension2) and np.ndim(angle) == 2 and len(np.asarray(angle)) == 2:
         angle = np.asarray(angle)[0]
@@ -171,10 +202,23 @@ def solve(
     alpha, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     if not (chain.reach(alpha.ravel()) > 0).all():
         raise ValueError("extension1, extension2: the pendulum must keep a positive length")
-    found = both_ways(chain, alpha.ravel())
-    values = quantities(chain, found, w.ravel())
+    free = found = both_ways(chain, alpha.ravel())
+    friction = np.array(list(rubs.values()))[: chain.segments]
+    rub = np.zeros((alpha.size, chain.segments))
+    if friction.any():
+        found, rub = rubbed(chain, friction, alpha.ravel())
+    sense = senses(w.ravel(), float(np.abs(w).max(initial=0.0)))
+    bearing = pendulum_friction * sense
+    values = quantities(chain, found, w.ravel(), rub, bearing)
+    if any(rubs.values()):
+        values["frictionless_moment"] = quantities(chain, free, w.ravel())["holding_moment"]
     if target:
         values |= aimed(chain, target, target_moment, alpha.ravel(), values["balancing_moment"])
+    if expected:
+        turns = np.diff(free.rate[0], axis=-1, prepend=0.0)
+        width = sense * (np.abs(turns) @ friction) + bearing
+        curve = expected_of(expected, alpha.ravel())
+        values |= {"expected_moment": curve, "expected_measurement": curve + width}
     return {name: value.reshape(alpha.shape) for name, value in values.items()}
 
 
@@ -208,6 +252,15 @@ def flexing(
         np.stack([da, slope * da]),
         np.stack([dda, slope * dda + 2.0 * extension2 * da**2]),
     )
+
+
+def check_friction(rubs: dict[str, float], joints: int) -> None:
+    """ValueError for the first friction that is negative, not finite, or of no joint."""
+    for name, value in rubs.items():
+        if not 0.0 <= value < np.inf:
+            raise ValueError(f"{name} must be zero or positive [N m], got {value}")
+    if joints == 3 and rubs["friction4"]:
+        raise ValueError("friction4 is of a joint that a balancer of three segments has not")
 
 
 def both_ways(chain: Balancer, alpha: Array) -> Path:
@@ -245,15 +298,22 @@ def aimed(
     }
 
 
-def quantities(chain: Balancer, path: Path, rate: Array) -> dict[str, Array]:
-    """The quantities of a path, by name."""
+def quantities(
+    chain: Balancer,
+    path: Path,
+    rate: Array,
+    rub: Array | float = 0.0,
+    bearing: Array | float = 0.0,
+) -> dict[str, Array]:
+    """The quantities of a path, by name; `rub` is the friction of its joints."""
+    rub = np.broadcast_to(rub, path.rate[0].shape)
     weight = chain.weight[0]
     scale = weight * chain.reach(path.alpha)
     turn, s, c = path.rate[0], np.sin(path.alpha), np.cos(path.alpha)
     across, along_it = path.force[0].T
     found = {
-        "balancing_moment": balancing_moment(chain, path)[0],
-        "holding_moment": path.moment[0, :, 0] - scale * s,
+        "balancing_moment": balancing_moment(chain, path)[0] + rub[:, 0],
+        "holding_moment": path.moment[0, :, 0] + rub[:, 0] + bearing - scale * s,
         "energy": path.energy[0].sum(axis=-1) + scale * c,
         "extension_force": weight * c - along_it,
         "weight_energy": scale * c,
@@ -276,6 +336,7 @@ def quantities(chain: Balancer, path: Path, rate: Array) -> dict[str, Array]:
             f"moment{i + 1}": path.moment[0, :, i],
             f"winding{i + 1}_rate": winding_rate[:, i] * rate,
             f"energy{i + 1}": path.energy[0, :, i],
+            f"friction{i + 1}": rub[:, i],
             f"node{i + 1}_load": cross(arms[:, i], pull),
             **in_frame(f"node{i + 1}_force", pull, segments[:, i]),
         }

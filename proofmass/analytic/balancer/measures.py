@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
+from proofmass.analytic.balancer.friction import rubbed
 from proofmass.analytic.balancer.model import Balancer, balancer
 from proofmass.analytic.balancer.path import (
     BalancerPaths,
@@ -110,6 +111,32 @@ def weight_on(extension1: float, extension2: float) -> Target:
         lambda a: reach(a) * np.sin(a) - (extension1 + 2.0 * a * extension2) * np.cos(a),
         lambda a: reach(a) * np.cos(a),
     )
+
+
+# van Nes 2022, listing N.2: degree 5 in degrees, highest first [N m]; the print has 4.4283e-10 for
+# the first, which is 2.41 N m at 90 degrees
+EXPECTED = {
+    "van Nes N.2": (4.4283e-11, -8.2536e-09, 4.8168e-07, -1.4378e-05, 0.0011225, -0.00029428)
+}
+
+
+def expected(name: str, angle: ArrayLike) -> Array:
+    r"""Moment [N m] that a measurement was held against, at a pendulum angle [rad] (...).
+
+    ``van Nes N.2`` is the fit to the model of the prototype with its springs as measured::
+
+        4.4283e-11 x^5 - 8.2536e-9 x^4 + 4.8168e-7 x^3 - 1.4378e-5 x^2 + 1.1225e-3 x - 2.9428e-4
+
+    with x in degrees, from 0 to 90. ValueError for a name that is not in `EXPECTED`. Source: van
+    Nes 2022, listing N.2, lines 2298 and 2303, whose print of the first coefficient is ten times
+    too large.
+
+    >>> round(float(expected("van Nes N.2", np.pi / 3)), 5)
+    0.04691
+    """
+    if name not in EXPECTED:
+        raise ValueError(f"expected must be one of {', '.join(EXPECTED)}, got {name!r}")
+    return np.asarray(np.polyval(EXPECTED[name], np.degrees(np.asarray(angle, float))))
 
 
 def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Target:
@@ -510,8 +537,17 @@ ALL = np.pi / 2
 
 
 def chain_of(parameters: dict[str, Any]) -> Balancer:
-    """The balancer alone, without what it is designed for."""
-    return balancer(**{k: v for k, v in parameters.items() if not k.startswith("target")})
+    """The balancer alone, without what it is designed for, and without friction."""
+    return balancer(**without_friction(parameters))
+
+
+def without_friction(parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters of the chain alone."""
+    return {
+        key: value
+        for key, value in parameters.items()
+        if not (key.startswith("target") or key == "expected" or "friction" in key)
+    }
 
 
 def marks(**parameters: Any) -> dict[str, float]:
@@ -549,8 +585,30 @@ def facts(**parameters: Any) -> dict[str, str]:
         found |= measured(
             b, str(parameters.get("target", "")), float(parameters.get("target_moment", 1.0))
         )
-    warnings = flags(**{k: v for k, v in parameters.items() if not k.startswith("target")})
+    if "expected" in parameters:
+        found |= looped(b, parameters)
+    warnings = flags(**without_friction(parameters))
     return found | ({"mind": "; ".join(warnings)} if warnings else {})
+
+
+def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
+    """How a loop of friction meets what was expected of a measurement, as in listing N.2."""
+    way = np.radians(np.linspace(0.0, 90.0, 181))
+    angle = np.concatenate([way, way[-2::-1], way[1:], way[-2::-1]])  # the second one is closed
+    friction = [float(parameters.get(f"friction{i + 1}", 0.0)) for i in range(b.segments)]
+    path, rub = rubbed(b, np.array(friction), angle)
+    bearing = float(parameters.get("pendulum_friction", 0.0)) * np.sign(np.gradient(angle))
+    moment = (path.moment[0, :, 0] + rub[:, 0] + bearing)[360:]
+    wanted = expected(str(parameters["expected"]), angle[360:])
+    left = np.abs(moment - wanted)
+    work = np.trapezoid(left[:181], way) + np.trapezoid(left[180:][::-1], way)
+    reference = 2.0 * np.trapezoid(wanted[:181], way)
+    lost = np.trapezoid(moment[:181], way) - np.trapezoid(moment[180:][::-1], way)
+    return {
+        "work reduction of the loop": f"{100.0 * (1.0 - work / reference):.2f} % against "
+        f"{parameters['expected']}",
+        "lost in a cycle": f"{1000.0 * lost:.2f} mJ by friction",
+    }
 
 
 def measured(b: Balancer, target: str, scale: float) -> dict[str, str]:

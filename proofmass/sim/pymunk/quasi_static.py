@@ -27,7 +27,14 @@ import pymunk
 from numpy.typing import NDArray
 from pymunk import batch
 
-from proofmass.analytic.friction import HOLDS_ALL, MOST_JOINTS, PathEnds, SlipProblem, advance
+from proofmass.analytic.friction import (
+    DEPENDENT,
+    HOLDS_ALL,
+    MOST_JOINTS,
+    PathEnds,
+    SlipProblem,
+    advance,
+)
 from proofmass.analytic.numerics import STANDS, Array
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.sim.pymunk.dynamics import enough
@@ -522,13 +529,15 @@ class HeldRubbing(Held):
         NotSolved
             They slip in its step.
         """
-        for drive, motor in zip(self.drives[self.driving :], self.sticking, strict=True):
+        for drive in self.drives[self.driving :]:
             drive.max_force = 0.0
+        for motor in self.sticking:
             motor.stick(float(joint_value(motor.joint, self.pose)))
         self.step(np.append(self.at(), self.fixed))
         moved = float(sizes(self.links, self.dt * self.velocity))
-        for drive, motor in zip(self.drives[self.driving :], self.sticking, strict=True):
+        for drive in self.drives[self.driving :]:
             drive.max_force = float("inf")
+        for motor in self.sticking:
             motor.slip(0.0, 0.0)
         if moved > HELD:
             names = ", ".join(f"'{motor.joint.name}'" for motor in self.sticking)
@@ -582,6 +591,18 @@ class HeldRubbing(Held):
             self.bounds,
         )
 
+    def independent(self, stuck: NDArray[np.intp]) -> list[int]:
+        """Joints of those that stick which hold all of them, as few as can be."""
+        own, kept = self.own, list[int]()
+        free = free_directions(own, jacobian(lambda p: bound(own, p), self.pose))
+        joints = tuple(own.joints[j] for j in self.loose)
+        turn = along(lambda p: values(joints, p), self.pose, free).T
+        for k in stuck.tolist():
+            rows = turn[[*kept, k]]
+            if np.linalg.matrix_rank(rows, rtol=DEPENDENT) == len(rows):
+                kept.append(k)
+        return kept
+
     def enter(self, senses: Array) -> None:
         """Let joints stick where they are, or slip."""
         self.senses, self.past, self.begins = senses, None, False
@@ -592,7 +613,7 @@ class HeldRubbing(Held):
             joint = joints[j]
             joints[j] = replace(joint, load=joint.load - sense * joint.friction)
             motor.slip(sense, float(joint_value(joint, self.pose)))
-        stuck = [j for j, sense in zip(self.loose, senses, strict=True) if sense == 0]
+        stuck = [self.loose[k] for k in self.independent(np.flatnonzero(senses == 0))]
         self.links = replace(self.own, joints=tuple(joints), driven=(*self.own.driven, *stuck))
         holds = [new_drive(joints[j], self.own, self.space) for j in stuck]
         self.space.add(*holds)

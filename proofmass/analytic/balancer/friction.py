@@ -1,0 +1,224 @@
+"""Dry friction in the joints of a balancer: its rests in the order in which they are passed.
+
+In the pendulum's frame, with psi, e, D, c and A as in `proofmass.analytic.balancer.path`, the chain
+rests where::
+
+    D^T (M(e) + R) + A^T lambda = 0,     c = 0,
+    e_i as it was (stuck)  or  R_i = +-tau_i (slipping)
+
+R_i being the friction of joint i against its winding up.  Which joints stick and slip between two
+angles is the matter of `proofmass.analytic.friction`.
+"""
+
+import numpy as np
+
+from proofmass.analytic.balancer.model import Balancer
+from proofmass.analytic.balancer.path import Path, at_rest, windings
+from proofmass.analytic.friction import PathEnds, SlipProblem, advance
+from proofmass.analytic.numerics import Array
+
+STRIDE = 0.05  # [rad] of the pendulum at once
+STRAY = 0.05  # [rad] that Newton may move off the tangent: more could be another branch
+STILL = 1e-10  # [rad] the last Newton step; what is left is its square
+MOST = 12
+DEPENDENT = 1e-11  # of the largest singular value: joints that hold each other
+FLAT = 1e-9  # of the largest stiffness
+HELD = (
+    "dry friction holds the whole chain: no joint slips over the angles that are asked for; give "
+    "less friction, or a wider motion"
+)
+
+
+class RubbingChain:
+    """The chain of one balancer without stops, at rest, some of whose joints rub.
+
+    Parameters
+    ----------
+    b : Balancer
+        Of a batch of one.
+    friction : ndarray (n,)
+        tau of each joint [N m].
+    """
+
+    def __init__(self, b: Balancer, friction: Array):
+        n = b.segments
+        self.b, self.rubbing = b, np.flatnonzero(friction)
+        self.bound, self.friction = friction[self.rubbing], np.zeros(n)
+        self.turns = np.eye(n) - np.eye(n, k=-1)
+        self.alpha, self.psi, self.pull = 0.0, at_rest(b).unknowns[0, :n], np.zeros(2)
+        self.senses, self.begins = np.ones(self.rubbing.size), True
+        self.stuck, self.fixed = self.rubbing[:0], np.zeros(0)
+
+    def at(self) -> Array:
+        """The pendulum's angle [rad] (1,)."""
+        return np.array([self.alpha])
+
+    def kept(self) -> tuple[float, Array, Array]:
+        """The pose, and the force at the tip."""
+        return self.alpha, self.psi, self.pull
+
+    def back(self, kept: tuple[float, Array, Array]) -> None:
+        """Come back to a pose."""
+        self.alpha, self.psi, self.pull = kept
+
+    def winding(self) -> Array:
+        """Windings of all springs (n,) [rad]."""
+        return windings(self.b, np.array([self.alpha]), self.psi[None])[0]
+
+    def go(self, values: Array) -> None:
+        """Follow the rest to another angle in the present state."""
+        count = int(np.ceil(abs(float(values[0]) - self.alpha) / STRIDE)) or 1
+        for alpha in np.linspace(self.alpha, float(values[0]), count + 1)[1:]:
+            self.stride(float(alpha))
+
+    def stride(self, alpha: float) -> None:
+        """Newton's method from the end of the tangent."""
+        _, matrix, pulled = self.system()
+        ahead = -self.solved(matrix, pulled) * (alpha - self.alpha)
+        self.alpha, moved = alpha, 0.0
+        for step in (ahead, *[None] * MOST):
+            if step is None:
+                residual, matrix, _ = self.system()
+                step = -self.solved(matrix, residual)
+                moved += np.abs(step[: self.psi.size]).max()
+            self.psi = self.psi + step[: self.psi.size]
+            self.pull = self.pull + step[self.psi.size : self.psi.size + 2]
+            if step is not ahead and np.abs(step[: self.psi.size]).max() < STILL:
+                break
+        else:
+            moved = np.inf
+        if not (moved < STRAY and self.stable()):
+            raise PathEnds(
+                f"at {np.degrees(alpha):.4f} deg the equilibrium ends at a fold, where the chain "
+                "jumps"
+            )
+
+    def slopes(self) -> tuple[Array, Array, Array]:
+        """Stiffness (n, n) in psi, loop's Jacobian A (2, n), and spring moments (n,)."""
+        b, e = self.b, self.winding()[None]
+        east, north = b.length[0] * np.sin(self.psi), b.length[0] * np.cos(self.psi)
+        bend = np.diag(self.pull[0] * east + self.pull[1] * north)
+        stiffness = self.turns.T @ (b.slopes(e)[0, :, None] * self.turns) - bend
+        return stiffness, np.stack([north, -east]), b.moments(e)[0]
+
+    def system(self) -> tuple[Array, Array, Array]:
+        """Residual, Newton's matrix and the residual's change with alpha, at the present pose."""
+        b, n, e = self.b, self.psi.size, self.winding()
+        stiffness, loop, moment = self.slopes()
+        held = self.turns[self.stuck]
+        rows = np.vstack([loop, held])
+        none = np.zeros((len(rows), len(rows)))
+        load = self.turns.T @ (moment + self.friction) + loop.T @ self.pull
+        east, north = b.length[0] * np.sin(self.psi), b.length[0] * np.cos(self.psi)
+        gap = [east.sum(), north.sum() - b.pendulum[0], *(e[self.stuck] - self.fixed)]
+        pulled = np.zeros(n + len(rows))
+        pulled[0] = b.slopes(e[None])[0, 0]
+        pulled[n + 2 :] = self.stuck == 0
+        return (
+            np.concatenate([load, gap]),
+            np.block([[stiffness, rows.T], [rows, none]]),
+            pulled,
+        )
+
+    def solved(self, matrix: Array, right: Array) -> Array:
+        """The least solution: stuck joints may hold each other."""
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=DEPENDENT)[0], float)
+
+    def stable(self) -> bool:
+        """Whether the rest is a minimum for what does not stick."""
+        stiffness, loop, _ = self.slopes()
+        left = free_of(np.vstack([loop, self.turns[self.stuck]]))
+        least = np.linalg.eigvalsh(left @ stiffness @ left.T).min(initial=np.inf)
+        return bool(least > FLAT * np.abs(stiffness).max())
+
+    def problem(self, way: Array) -> SlipProblem:
+        """The present rest in coordinates of its free motions, without its friction."""
+        stiffness, loop, moment = self.slopes()
+        free, own, step = free_of(loop), self.rubbing, float(way[0])
+        slope = self.b.slopes(self.winding()[None])[0, 0]
+        return SlipProblem(
+            free @ (self.turns.T @ moment),
+            free @ stiffness @ free.T,
+            free[:, 0] * slope * step,
+            self.turns[own] @ free.T,
+            (own == 0) * step,
+            self.bound,
+        )
+
+    def enter(self, senses: Array) -> None:
+        """Let joints stick where they are, or slip."""
+        self.senses, self.begins = senses, False
+        self.stuck = self.rubbing[senses == 0]
+        self.fixed = self.winding()[self.stuck]
+        self.friction = np.zeros(self.psi.size)
+        self.friction[self.rubbing] = senses * self.bound
+
+    def rub(self, way: Array) -> Array:
+        """Friction of all joints (n,) on a way of the pendulum [N m]."""
+        found = np.zeros(self.psi.size)
+        if not self.begins:
+            rate = self.problem(way).goes(self.senses)
+            assert rate is not None
+            found[self.rubbing] = rate.friction
+        return found
+
+
+def free_of(rows: Array) -> Array:
+    """Motions (free, n) that leave what the rows hold."""
+    _, sizes, ways = np.linalg.svd(rows)
+    return np.asarray(ways[int((sizes > DEPENDENT * sizes.max()).sum()) :])
+
+
+def rubbed(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:
+    """The rests at pendulum angles in the order in which they are passed, and the friction there.
+
+    Parameters
+    ----------
+    b : Balancer
+        Of a batch of one, without stops.
+    friction : ndarray (n,)
+        tau of each joint [N m].
+    alpha : ndarray (A,)
+        Angles [rad]; the chain is at rest without friction at the first.
+
+    Returns
+    -------
+    Path
+    ndarray (A, n)
+        R of each joint [N m].
+
+    Raises
+    ------
+    ValueError
+        Stops; friction that holds the whole chain; a path that ends at a fold.
+    """
+    if b.stopped:
+        raise ValueError(
+            f"friction and stops (preload, low, high of joint {b.stopped[0] + 1}) are not covered "
+            "together; give one of the two"
+        )
+    if b.extension1.any() or b.extension2.any():
+        raise ValueError("friction and a pendulum that extends are not covered together")
+    chain, way = RubbingChain(b, friction), np.ones(1)
+    rows = list[tuple[Array, ...]]()
+    chain.go(alpha[:1])
+    slipped = False
+    for angle in alpha:
+        way = np.sign(angle - chain.at()) if angle != chain.alpha else way
+        if rows:
+            advance(chain, np.array([angle]))
+        slipped |= bool(chain.senses[chain.rubbing > 0].any()) and not chain.begins
+        rub = chain.rub(way)
+        _, loop, moment = chain.slopes()
+        load = chain.turns.T @ (moment + rub)
+        chain.pull = np.asarray(np.linalg.lstsq(loop.T, -load, rcond=None)[0], float)
+        _, matrix, pulled = chain.system()
+        rate = 1.0 - chain.solved(matrix, pulled)[: chain.psi.size]
+        rows.append((chain.psi + chain.alpha, chain.winding(), moment, rate, chain.pull, rub))
+    if alpha.size > 2 and not slipped and (friction[1:] > 0).any():
+        raise ValueError(HELD)
+    theta, winding, moment, rate, force, rub = (np.array(part) for part in zip(*rows, strict=True))
+    energy = b.energies(winding[None])[0]
+    side = np.zeros_like(theta)
+    parts = (part[None] for part in (theta, winding, moment, energy, rate, force, side))
+    return Path(alpha, *parts), rub
