@@ -39,7 +39,7 @@ actuators and loops of the MJCF may name what is added:
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -146,6 +146,7 @@ def check_rod(rod: Rod) -> None:
 
 MOVE = 0.1  # [rad] a joint turns no further in a Newton step, so that the arc's side is kept
 CLOSED = 1e-12  # of the length: rounding of the links' sum
+TAUT = 1e-9  # of the distance: a rod that is longer by less is straight, and cannot give way
 MOST = 1000  # Newton steps; 2 pi / MOVE of them turn every joint once around
 
 
@@ -158,6 +159,14 @@ def tip(chain: Chain, bends: Array) -> tuple[Array, Array]:
         np.append(links.sum(axis=1), angles[-1]),
         np.stack([-ahead[1], ahead[0], np.ones_like(bends)]),
     )
+
+
+def stretched(chain: Chain, target: Array | None) -> Chain:
+    """The chain with links that are long enough to reach its support, if they stretch."""
+    apart = 0.0 if target is None else float(np.hypot(*target[:2]))
+    if chain.rod.axial is None or chain.rod.length >= apart:
+        return chain
+    return replace(chain, lengths=chain.lengths * apart / chain.rod.length)
 
 
 def start_pose(chain: Chain, target: Array | None) -> Array:
@@ -177,12 +186,13 @@ def start_pose(chain: Chain, target: Array | None) -> Array:
     rod, bends = chain.rod, chain.arc(chain.rod.turn)
     if target is None:
         return bends
-    apart = float(np.hypot(*target[:2]))
-    if rod.length < apart:
+    apart, reach = float(np.hypot(*target[:2])), float(chain.vertices[-1])
+    if reach < apart * (1.0 + TAUT) and rod.axial is None:
         raise BadRod(
             rod.name,
             "length",
-            f"{rod.length:g} m, but its supports are {apart:.6g} m apart; it must be longer",
+            f"{rod.length:g} m, but its supports are {apart:.6g} m apart; it must be longer, or "
+            f"stretch: axial = EA [N]",
         )
     if not chain.springs[0]:
         bends[0] += np.arctan2(target[1], target[0]) - np.arctan2(*tip(chain, bends)[0][1::-1])
@@ -488,9 +498,13 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
             x, y, _ = (far - place) @ turn
             cos, sin, _ = other[:, 0] @ turn
             target = np.array([x, y, np.arctan2(sin, cos)])
-        bends = start_pose(one, target)
-        frames[f"{one.rod.name}.tip"] = placed(one, bends, place, turn)
+        longer = stretched(one, target)
+        bends = start_pose(longer, target)
+        frames[f"{one.rod.name}.tip"] = placed(longer, bends, place, turn)
         found |= {n: float(b) for n, b, j in zip(one.names, bends, one.jointed, strict=True) if j}
+        if one.rod.axial is not None:
+            ways = longer.lengths - one.lengths
+            found |= {f"{n}.x": float(way) for n, way in zip(one.names, ways, strict=True)}
     return found
 
 

@@ -6,13 +6,14 @@ Rod from a clamp to a pin, at rest: the shape that a first guess of its force le
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
-from proofmass.analytic.numerics import TURN, Array
-from proofmass.analytic.rods.elastica import bounds, modulus, of_load, tip
+from proofmass.analytic.numerics import TURN, Array, finite
+from proofmass.analytic.rods.elastica import bounds, compliant, modulus, of_load, tip
 from proofmass.analytic.rods.equilibrium import flow
 from proofmass.analytic.rods.shooting import ShotRods, integrate
 
@@ -38,6 +39,10 @@ def pinned(
     theta0: float = 0.0,
     length: float = 1.0,
     stiffness: float = 1.0,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
     nodes: int = 81,
     scheme: str = "dop853",
     exact: bool = True,
@@ -57,6 +62,7 @@ def pinned(
     x, y : the pin, from the clamp [m]
     guess : (n_x, n_y, m0) to begin with [N, N m]
     theta0, length, stiffness : clamp's tangent [rad], L [m], EI [N m^2]
+    weight_x, weight_y, axial, shear : of `integrate` [N/m, N/m, N, N]
     nodes, scheme : of `integrate`
     exact : Jacobian by the variational equations; otherwise the document's forward differences
     tolerance : largest |f| of a root [m, N m]
@@ -64,7 +70,8 @@ def pinned(
     Raises
     ------
     ValueError
-        A pin farther away than the rod is long, or a parameter out of its domain.
+        A pin farther away than a rod is long that does not stretch, or a parameter out of its
+        domain.
 
     Notes
     -----
@@ -78,10 +85,20 @@ def pinned(
     >>> found.unknowns.round(6).tolist(), found.converged
     ([-3.230877, -1.163408, -0.607639], True)
     """
-    if not np.hypot(x, y) <= length:
+    compliant(axial, shear)
+    if np.isinf(axial) and np.isinf(shear) and not np.hypot(x, y) <= length:
         raise ValueError(f"length must reach the pin, {np.hypot(x, y):.6g} m away, got {length}")
     shoot = partial(
-        integrate, theta0=theta0, length=length, stiffness=stiffness, nodes=nodes, scheme=scheme
+        integrate,
+        theta0=theta0,
+        length=length,
+        stiffness=stiffness,
+        weight_x=weight_x,
+        weight_y=weight_y,
+        axial=axial,
+        shear=shear,
+        nodes=nodes,
+        scheme=scheme,
     )
     target = np.array([x, y, 0.0])
 
@@ -140,6 +157,10 @@ def solve(
     length: float = 1.0,
     stiffness: float = 1.0,
     theta0: float = 0.0,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
 ) -> dict[str, Array]:
     r"""Shape of a rod clamped at the origin with its tip pinned to a place, at arc lengths `s`.
 
@@ -149,6 +170,10 @@ def solve(
         |=  `-._      .-o pin         m' = n_x sin(theta) - n_y cos(theta)
         |       `-..-'
 
+    With a weight, or strains of its sections, it obeys the equations of
+    `proofmass.analytic.rods.cantilever.solve`.  A rod that stretches may be straight between its
+    supports, or taut.
+
     Parameters
     ----------
     s : [m], in [0, length]  (...)
@@ -157,6 +182,8 @@ def solve(
         among the equilibria
     moment : first guess of the moment at the clamp [N m]
     length, stiffness, theta0 : L [m], EI [N m^2], tangent at the clamp [rad]
+    weight_x, weight_y : dead load per length of rod [N/m]
+    axial, shear : EA, and GA with the section's area of shear [N]; left out: without that strain
 
     Returns
     -------
@@ -180,21 +207,35 @@ def solve(
     [0.8, 0.1, 1.254165]
     """
     arc = np.asarray(s, float)
-    found = pinned(
-        pin_x, pin_y, (force_x, force_y, moment), length=length, stiffness=stiffness, theta0=theta0
-    )
+    finite(weight_x=weight_x, weight_y=weight_y)
+    made: dict[str, Any] = {
+        "weight_x": weight_x,
+        "weight_y": weight_y,
+        "length": length,
+        "stiffness": stiffness,
+        "axial": axial,
+        "shear": shear,
+        "theta0": theta0,
+    }
+    found = pinned(pin_x, pin_y, (force_x, force_y, moment), **made)
     if not found.converged:
         raise ValueError(
             f"force_x, force_y, moment = {force_x:g}, {force_y:g}, {moment:g} lead to "
             f"no equilibrium; give a nearer guess"
         )
     n = complex(*found.unknowns[:2])
-    place, theta = flow(theta0, found.unknowns[2], n, arc, stiffness)
-    m = found.unknowns[2] + (np.conj(n) * place[0]).imag
+    if weight_x or weight_y or np.isfinite(axial) or np.isfinite(shear):
+        nodes = np.unique(np.append(found.rod.s, arc))
+        rod = integrate(*found.unknowns, **made, nodes=nodes)
+        at = np.searchsorted(nodes, arc)
+        x, y, theta, m = (curve[at] for curve in (rod.x, rod.y, rod.theta, rod.m))
+    else:
+        (place,), (theta,) = flow(theta0, found.unknowns[2], n, arc, stiffness)
+        x, y, m = place.real, place.imag, found.unknowns[2] + (np.conj(n) * place).imag
     return {
-        "x": place[0].real,
-        "y": place[0].imag,
-        "theta": theta[0],
+        "x": x,
+        "y": y,
+        "theta": theta,
         "m": m,
         "force_x": np.full(arc.shape, n.real),
         "force_y": np.full(arc.shape, n.imag),

@@ -15,7 +15,7 @@ from the clamp, whose three strains are found by `scipy.optimize.root` while the
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_bvp, solve_ivp
 from scipy.optimize import root
 
 from proofmass.analytic.numerics import Array
@@ -34,7 +34,7 @@ def rates(state: Array, section: Section, line: Array) -> Array:
     """d/ds of (v_z, v_x, u, theta, x, y) under a dead load per length."""
     v_z, v_x, u, theta = state[:4]
     c, s = np.cos(theta), np.sin(theta)
-    along, across = line @ [c, s], line @ [-s, c]
+    along, across = line[0] * c + line[1] * s, line[1] * c - line[0] * s
     ea, ga = section.axial, section.shear
     return np.array(
         [
@@ -93,4 +93,24 @@ def shoot(
     if np.abs(found.fun).max() > 1e-11:
         raise ValueError(found.message)
     _, _, u, theta, x, y = path(strains, 1.0)
+    return {"x": x, "y": y, "theta": theta, "m": section.bending * u}
+
+
+def pinned(
+    s: Array, section: Section, pin: tuple[float, float], line: tuple[float, float]
+) -> dict[str, Array]:
+    """The same with the tip pinned to a place, by scipy's collocation from the straight rod."""
+    nodes = np.linspace(0.0, s[-1], 41)
+    straight, level = np.hypot(*pin) / s[-1], 0.0 * nodes
+    found = solve_bvp(
+        lambda _, z: np.stack(rates(z, section, np.array(line))),
+        lambda a, b: np.array([*a[3:], b[2], b[4] - pin[0], b[5] - pin[1]]),
+        nodes,
+        np.stack([level + straight, level, level, level, straight * nodes, level]),
+        tol=1e-9,
+        max_nodes=20000,
+    )
+    if not found.success:
+        raise ValueError(found.message)
+    _, _, u, theta, x, y = found.sol(s)
     return {"x": x, "y": y, "theta": theta, "m": section.bending * u}

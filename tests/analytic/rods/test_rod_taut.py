@@ -1,0 +1,69 @@
+"""Rods that are straight or taut between a clamp and a pin: a second formulation, the small sag."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.rod_pinned import pinned, solve
+from tests.independent.rods.cosserat import Section
+from tests.independent.rods.cosserat import pinned as collocated
+
+TAUT = {"pin_x": 1.0, "pin_y": 0.0, "length": 0.98, "stiffness": 0.05, "axial": 50.0}
+GUESS = {"force_x": 1.3, "force_y": 0.4, "moment": -0.07}
+
+
+def test_collocation_in_the_frame_of_the_sections():
+    s = np.linspace(0.0, 0.98, 8)
+    own = collocated(s, Section(0.05, 50.0, 30.0), (1.0, 0.0), (0.3, -1.0))
+    rod = solve(s, **TAUT, **GUESS, weight_x=0.3, weight_y=-1.0, shear=30.0)
+    for name, values in own.items():
+        # its tolerance for the residual, summed
+        np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("length", [0.98, 1.0])
+def test_a_small_sag_is_that_of_a_beam_in_tension(length):
+    """Linear about the straight rod: EI theta'' = (1 + T/EA) (T theta - V - w (L - s))."""
+    small, s, ei, ea = 1e-5, np.linspace(0.0, length, 9), 0.05, 50.0
+    stretch = 1.0 / length
+    tension = ea * (stretch - 1.0)
+    if tension:
+        k = np.sqrt(stretch * tension / ei)
+        # theta = a cosh(k s) + b sinh(k s) + (V + w (L - s))/T
+        end, mean = k * length, length / tension
+        rows = [
+            [1.0, 0.0, 1.0 / tension],
+            [k * np.sinh(end), k * np.cosh(end), 0.0],
+            [np.sinh(end) / k, (np.cosh(end) - 1.0) / k, mean],
+        ]
+        weight = [-length / tension, 1.0 / tension, -(length**2) / (2.0 * tension)]
+        a, b, v = np.linalg.solve(rows, weight)
+        theta = a * np.cosh(k * s) + b * np.sinh(k * s) + (v + length - s) / tension
+    else:  # the propped beam: y = w s^2 (3 L^2 - 5 L s + 2 s^2)/(48 EI)
+        theta = s * (6.0 * length**2 - 15.0 * length * s + 8.0 * s**2) / (48.0 * ei)
+    guess = {"force_x": tension, "force_y": -0.4 * small, "moment": 0.1 * small}
+    rod = solve(s, **TAUT | {"length": length}, **guess, weight_y=small)
+    # what is of third order in the weight, and Newton's 1e-12 over it
+    np.testing.assert_allclose(rod["theta"] / small, theta, rtol=0, atol=2e-6)
+
+
+def test_the_pin_s_force_keeps_the_rod_in_balance():
+    """Moments about the clamp: the pin's force, the weight at its place, and the clamp's moment."""
+    s, weights = np.polynomial.legendre.leggauss(30)
+    rod = solve(0.49 * (1.0 + s), **TAUT, **GUESS, weight_y=-1.0)
+    moment = -0.49 * weights @ rod["x"] + rod["force_y"][0]
+    assert moment == pytest.approx(-rod["hold"][0], abs=1e-11)  # rounding, order 8
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"axial": 0.0}, "^axial must be a positive stiffness"),
+        ({"shear": np.nan}, "^shear must be a positive stiffness"),
+        ({"axial": np.inf}, "^length must reach the pin"),
+        ({"weight_y": np.nan}, "^weight_y must be finite"),
+    ],
+)
+def test_bad_values_are_named(given, message):
+    with pytest.raises(ValueError, match=message):
+        solve(0.5, **TAUT | GUESS | given)
+    assert pinned(1.0, 0.0, (1.0, 0.0, 0.0), length=0.98, axial=50.0).converged
