@@ -96,10 +96,10 @@ def test_what_was_asked_is_a_quantity_of_its_own():
     assert list(found) == ["drive.crank", "drive.crank.rate", "drive.crank.acceleration"]
     assert np.array(list(found.values())) == pytest.approx(np.array(motor(x)))
     late = tuple(np.array([part]) for part in motor(x + 0.01))
-    there = evaluate(case, "sweep", x, late).channels
+    there = evaluate(case, "dynamics", x, late).channels
     assert there["theta2"] == pytest.approx(motor(x)[0], abs=1e-15)  # not at the drive's state
     prompt = tuple(np.array([part]) for part in motor(x))
-    assert there["r1"] != pytest.approx(evaluate(case, "sweep", x, prompt).channels["r1"])
+    assert there["r1"] != pytest.approx(evaluate(case, "dynamics", x, prompt).channels["r1"])
 
 
 def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
