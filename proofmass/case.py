@@ -698,11 +698,20 @@ class Case(Strict):
         frames: int = 60,
         seconds: float = 4.0,
         magnify: float = 1.0,
+        samples: int | None = None,
     ) -> "Animation":
         """The mechanism in motion, see `proofmass.animate`, which takes the same arguments."""
         from proofmass import animate  # the core draws nothing; the report does when it is asked
 
-        return animate(self, run, solvers, frames=frames, seconds=seconds, magnify=magnify)
+        return animate(
+            self,
+            run,
+            solvers,
+            frames=frames,
+            seconds=seconds,
+            magnify=magnify,
+            samples=samples,
+        )
 
     def explore(
         self, sliders: Mapping[str, tuple[float, float]], *args: Any, **options: Any

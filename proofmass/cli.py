@@ -240,6 +240,14 @@ def animate_command(
             min=0.0, help="Differences to the reference are drawn so many times as large."
         ),
     ] = 1.0,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=2,
+            help="Of the run; pictures between them are interpolated.",
+            show_default="those of the sidecar",
+        ),
+    ] = None,
 ) -> None:
     """Write the mechanism in motion as a picture: pale the reference, lines what engines found.
 
@@ -261,6 +269,7 @@ def animate_command(
                 frames=frames,
                 seconds=seconds,
                 magnify=magnify,
+                samples=samples,
             )
             found.save(file)
     for name, why in found.lost.items():

@@ -24,7 +24,7 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case
+from proofmass.case import Case, RunTable
 from proofmass.check import CheckTask, Result, judge, run_one
 from proofmass.compare import compare
 from proofmass.engines import computes
@@ -145,6 +145,7 @@ def animate(
     frames: int = FRAMES,
     seconds: float = LASTS,
     magnify: float = 1.0,
+    samples: int | None = None,
 ) -> Animation:
     """Run a case and show its mechanism in motion, the solvers beside the reference.
 
@@ -162,6 +163,8 @@ def animate(
         How long it plays [s].
     magnify : float
         Differences to the reference are drawn so many times as large [1].
+    samples : int, optional
+        Of the run, instead of the sidecar's: pictures between samples are interpolated.
 
     Returns
     -------
@@ -184,6 +187,8 @@ def animate(
     require_numbers(frames, seconds, magnify)
     kind = run_in_motion(case, run)
     table = case.run[kind]
+    if samples is not None:
+        table = with_samples(case, kind, samples)
     chosen = tuple(dict.fromkeys(first_of_engines(table.solvers) if solvers is None else solvers))
     case = case.model_copy(
         update={"run": {kind: table.model_copy(update={"solvers": chosen})}, "tolerance": ()}
@@ -205,6 +210,23 @@ def animate(
     except Exception as error:
         raise InputError(case.model_path, "", f"it cannot be drawn: {error}") from None
     return Animation(title, pictures, seconds, lost, stopped)
+
+
+def with_samples(case: Case, kind: Kind, samples: int) -> RunTable:
+    """A run with another number of samples.
+
+    Raises
+    ------
+    InputError
+        A recorded curve says which there are.
+    ValueError
+        There must be two at least.
+    """
+    if case.recorded:
+        raise InputError(case.file, f"run.{kind}.n", "is given by the recorded curve")
+    if samples < 2:
+        raise ValueError(f"samples = {samples}: a motion has 2 at least")
+    return case.run[kind].model_copy(update={"n": samples})
 
 
 def first_of_engines(solvers: Iterable[str]) -> list[str]:

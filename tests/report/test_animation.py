@@ -16,7 +16,7 @@ from proofmass.analytic.linkages import fourbar
 from proofmass.check import Result, judge, run_one
 from proofmass.cli import app
 from proofmass.reference import grid
-from proofmass.report.animation import Stage, returns
+from proofmass.report.animation import Stage, returns, with_samples
 from proofmass.report.data import Shown, shown
 from proofmass.report.drawing import measured, moved_here
 from proofmass.solve import plan
@@ -185,6 +185,7 @@ def test_what_is_no_animation() -> None:
         ({"frames": 601}, "2 to 600"),
         ({"seconds": 0.0}, "seconds = 0: give a time above 0"),
         ({"magnify": float("nan")}, "magnify = nan"),
+        ({"samples": 1}, "samples = 1: a motion has 2 at least"),
     ):
         with pytest.raises(ValueError, match=wrong):
             case.animate(**options)
@@ -192,6 +193,21 @@ def test_what_is_no_animation() -> None:
         case.animate("equilibrium")
     with pytest.raises(InputError, match=r"mine.png: ends in '.png'; .*known: .gif, .webp"):
         playing().save("mine.png")
+
+
+def test_another_number_of_samples() -> None:
+    """Pictures between samples are interpolated: with few of them the crank is too short there."""
+    case = load_case(shipped("fourbar.toml"))
+
+    def pictures(samples: int | None) -> np.ndarray:
+        return case.animate(solvers=["mujoco"], frames=4, samples=samples).frames
+
+    assert np.array_equal(pictures(361), pictures(None))
+    assert not np.array_equal(pictures(3), pictures(None))
+    assert with_samples(case, "dynamics", 9) == case.run["dynamics"].model_copy(update={"n": 9})
+    recorded = load_case(shipped("hacksaw_recorded.toml"))
+    with pytest.raises(InputError, match=r"\.n: is given by the recorded curve"):
+        recorded.animate(samples=9)
 
 
 @pytest.mark.parametrize(
