@@ -30,7 +30,13 @@ from proofmass.sim.recorded.engine import RecordedSettings
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-OWN = ("model", "start", "joints", "inertia", "only")  # what a reference is given of the case itself
+OWN = (
+    "model",
+    "start",
+    "joints",
+    "inertia",
+    "only",
+)  # what a reference is given of the case itself
 
 
 def page(name: str) -> str:
