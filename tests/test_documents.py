@@ -3,8 +3,11 @@
 import json
 import re
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
+import pytest
+from typer.main import get_command
 
 from benchmarks import balancer_fronts, design_table
 from benchmarks.design_balancer import TABLE, exact
@@ -12,8 +15,11 @@ from benchmarks.rod_solutions import PRINTED, TAIL
 from benchmarks.rod_table2 import PRINTED as TABLE2
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import precision_points
+from proofmass.cli import app
+from proofmass.sidecar import load_case
 from tests.analytic.balancer.balancer_cases import EXTENDING
 from tests.analytic.balancer.balancer_table import rows
+from tests.shipped import shipped
 
 ROOT = Path(__file__).parent.parent
 DESIGNS = json.loads(TABLE.read_text())
@@ -123,3 +129,75 @@ def test_table_2_of_the_thesis_is_answered_cell_by_cell():
         found, mirrored = int(row[5]), int(row[6])
         assert found <= 3 >= mirrored  # all that there are with alpha to 20
         assert float(row[1]) < 0.5 or found + mirrored == 6  # of wide tolerances
+
+
+ITEMS = (ROOT / "docs" / "documents.md").read_text(encoding="utf-8")
+PLACES = sorted(
+    {
+        name
+        for line in ITEMS.splitlines()
+        if line.startswith(("| ", "Beyond"))
+        for name in re.findall(r"`([^`]+)`", line)
+    }
+)
+"""What the page of the documents' items names: in code, in its tables."""
+
+
+def exists(name: str) -> bool:
+    """Whether there is a command, a chart of a model, a test, a file or a name in Python."""
+    words = name.split()
+    if name.startswith("--"):
+        return name in (ROOT / "docs" / "balancer.md").read_text(encoding="utf-8")
+    if words[0] == "proofmass":
+        return words[1] in get_command(app).commands and all(
+            (ROOT / path).is_file() for path in words[2:]
+        )
+    if name.startswith("python -m "):
+        return (ROOT / f"{words[2].replace('.', '/')}.py").is_file()
+    if ": " in name:
+        case, chart = name.split(": ")
+        return chart in {one.draw for one in load_case(shipped(f"{case}.toml")).chart}
+    if "::" in name:
+        file, function = name.split("::")
+        (found,) = (ROOT / "tests").rglob(f"{file}.py")
+        return f"def {function}(" in found.read_text(encoding="utf-8")
+    if "/" in name:
+        return (ROOT / name).is_file()
+    try:
+        resolve_name(name)
+    except (AttributeError, ImportError, ValueError):
+        return False
+    return True
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_where_an_item_of_the_documents_is_said_to_be_it_is(name):
+    assert exists(name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "proofmass fly",
+        "proofmass animate models/none.toml",
+        "python -m benchmarks.none",
+        "fivebar: none",
+        "test_hacksaw::none",
+        "models/none.toml",
+        "proofmass.analytic.none",
+    ],
+)
+def test_what_is_not_there_is_noticed(name):
+    assert not exists(name)
+
+
+def test_every_item_says_where_it_is_or_that_it_is_missing():
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in ITEMS.splitlines()
+        if line.startswith("| ") and not line.startswith("| item")
+    ]
+    assert len(rows) > 70
+    for item, place, missing in rows:
+        assert place or missing, item
+        assert "TODO" not in place + missing, item
