@@ -132,7 +132,7 @@ def expected(name: str, angle: ArrayLike) -> Array:
     too large.
 
     >>> round(float(expected("van Nes N.2", np.pi / 3)), 5)
-    0.04691
+    0.04681
     """
     if name not in EXPECTED:
         raise ValueError(f"expected must be one of {', '.join(EXPECTED)}, got {name!r}")

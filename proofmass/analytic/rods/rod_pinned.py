@@ -230,7 +230,7 @@ def solve(
         at = np.searchsorted(nodes, arc)
         x, y, theta, m = (curve[at] for curve in (rod.x, rod.y, rod.theta, rod.m))
     else:
-        (place,), (theta,) = flow(theta0, found.unknowns[2], n, arc, stiffness)
+        place, theta = (part[0] for part in flow(theta0, found.unknowns[2], n, arc, stiffness))
         x, y, m = place.real, place.imag, found.unknowns[2] + (np.conj(n) * place).imag
     return {
         "x": x,
