@@ -1,10 +1,12 @@
 """Is every error floor that `proofmass trade` states one in a bare engine?
 
-    python -m benchmarks.floors [folder] [--quick]
+    python -m benchmarks.floors [folder] [--only CASE ...] [--quick]
 
 Writes docs/floors.md from the study that `python -m benchmarks.accuracy` keeps in the folder
 (reports/trade).  The setting of each floor of a dynamics run is written as a program, with the step
 that was measured, half and a quarter of it; the programs run in interpreters without proofmass.
+With --only it measures these cases where the folder lacks them, prints the page of them alone, and
+writes no document.
 """
 
 from collections import Counter
@@ -97,8 +99,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Confirm the floors of all cases, or of the pendulum."""
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
+    parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
     given = parser.parse_args(argv)
     files = sorted((ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"))
+    files = [file for file in files if not given.only or file.stem in given.only]
     with folders(given.quick, given.folder) as (folder, docs):
         cases = [case for case in map(load_case, files) if has_series(case, None)]
         store = Store(folder / "runs")
@@ -108,7 +112,10 @@ def main(argv: Sequence[str] | None = None) -> None:
             else measured(cases, folder, None, None, None)
         )
         found = list(confirm(study, store))
-        (docs / "floors.md").write_text(page(found), encoding="utf-8")
+        if given.only:
+            print(page(found))
+        else:
+            (docs / "floors.md").write_text(page(found), encoding="utf-8")
 
 
 def confirm(study: Trade, store: Store) -> Iterator[BareFloor]:
