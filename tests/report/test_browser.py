@@ -382,8 +382,8 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
     [
         ("fourbar", "light"),
         ("rod_cantilever", "dark"),
-        ("slider_crank", "dark"),
-        ("pendulum", "light"),
+        pytest.param("slider_crank", "dark", marks=pytest.mark.slow),
+        pytest.param("pendulum", "light", marks=pytest.mark.slow),
     ],
 )
 def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:

@@ -205,8 +205,15 @@ def test_print_has_all_rows_and_no_controls(opened):
     assert ink == "rgb(21, 24, 28)"
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [390, 1440])
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    [
+        (390, "dark"),
+        (1440, "light"),
+        pytest.param(390, "light", marks=pytest.mark.slow),
+        pytest.param(1440, "dark", marks=pytest.mark.slow),
+    ],
+)
 def test_rules_of_accessibility_are_kept(opened, scheme, width):
     axe = pytest.importorskip("axe_core_python.sync_playwright", reason="needs axe-core-python")
     page = opened(color_scheme=scheme, viewport={"width": width, "height": 900})

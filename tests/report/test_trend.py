@@ -318,7 +318,7 @@ def test_each_report_stands_in_a_table(folder: Path, browser: Any) -> None:
         assert re.search(r"pin\.x\s+dynamics\s+MuJoCo\s+1e-10\s+1e-7\s+1e-7\s+1e-7\s+1e-6", text)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_axe_finds_nothing(scheme: str, folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder, color_scheme=scheme) as visit:
         visit.run("findAll('details').forEach((one) => one.setAttribute('open', ''))")

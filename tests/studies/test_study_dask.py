@@ -21,6 +21,7 @@ def values(store: Store, workers: Executor | None) -> list[tuple]:
     ]
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_what_this_machine_gives(tmp_path, address):
     with pool(dask=address) as cluster:
         far = values(Store(tmp_path / "far"), cluster)
