@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, in_model, suggest
 from proofmass.recorded import RecordedColumn
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.strict import Kind, Strict
@@ -759,8 +759,7 @@ class Case(Strict):
         try:
             mjcf = with_attributes(self.model_path, changes)
         except BadModel as error:
-            words = str(error).removeprefix(f"{self.model_path.name}: ")
-            raise InputError(self.model_path, "", words) from None
+            raise in_model(self.model_path, error) from None
         digest = sha256(mjcf.encode()).hexdigest()[:16]
         file = made_models() / digest / Path(self.model).name
         file.parent.mkdir(exist_ok=True)

@@ -14,7 +14,7 @@ import numpy as np
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare, with_reference
 from proofmass.diagnosis import Diagnosis, describe_loss, find_causes
-from proofmass.errors import InputError
+from proofmass.errors import InputError, in_model
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, GOOD, LOST, OPEN, Outcome
 from proofmass.reference import grid
@@ -260,7 +260,7 @@ def step_unchecked(model: Path) -> list[Comparison]:
         outcome, message = Outcome.UNCHECKED, "no sidecar; it loads and steps"
         cost = {"seconds": curves.seconds, "steps": curves.steps, "violation": curves.violation}
     except BadModel as error:
-        raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
+        raise in_model(model, error) from None
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
     return [

@@ -113,6 +113,8 @@ class Samples:
 def quintic(x: Array, value: Array, rate: Array, acceleration: Array) -> "PPoly":
     """Polynomials of fifth degree that have values, rates and accelerations (n,) at places x (n,).
 
+    scipy's ``BPoly.from_derivatives`` makes the same, one interval after the other in Python.
+
     Examples
     --------
     >>> x = np.linspace(0.0, 2.0, 3)

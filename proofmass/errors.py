@@ -26,6 +26,15 @@ class InputError(Exception):
         return f"{self.file}: {self.key + ': ' if self.key else ''}{self.wrong}"
 
 
+def in_model(file: Path, error: Exception) -> InputError:
+    """The error of a model in words of an engine, which may begin with the file's name.
+
+    >>> str(in_model(Path("models/a.xml"), ValueError("a.xml: no joint 'b'")))
+    "models/a.xml: no joint 'b'"
+    """
+    return InputError(file, "", str(error).removeprefix(f"{file.name}: "))
+
+
 RENAMED = {
     "duration": "dynamics",
     "rest": "equilibrium",

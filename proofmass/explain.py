@@ -59,8 +59,7 @@ TRIED = (
 def run_explain(path: Path, as_json: bool, jobs: int | None) -> None:
     """What ``proofmass explain`` does; `proofmass.cli` says what it is given."""
     with answering("the groups that were tried are kept"):
-        file = one_case(path)
-        case = load(file)
+        case = load(one_case(path))
         with counting() as advance:
             found = coverage_of(case, jobs, advance)
     if as_json:

@@ -15,7 +15,7 @@ from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.case import Case, ProfileTable
 from proofmass.drive import FunctionLaw, InProportion, Samples, State, Steady, Swing
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, in_model, suggest
 from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.contents import joints
@@ -327,9 +327,7 @@ def compiled(case: Case) -> MjModel:
         rod, key, why = error.args
         raise InputError(case.file, f"rod.{rod}.{key}", why) from None
     except BadModel as error:
-        raise InputError(
-            case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
-        ) from None
+        raise in_model(case.model_path, error) from None
 
 
 def identity(case: Case) -> tuple[str | int, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from proofmass.case import Case
 from proofmass.drive import check_driven
 from proofmass.engines import NoEngine, computes, engine_names, engine_of
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, in_model, suggest
 from proofmass.profile import SampledLaw
 from proofmass.reference import compiled, grid, laws
 from proofmass.sim.contents import joints, rubs
@@ -256,9 +256,7 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
     try:
         curves = simulate(solver.partition(":")[0], case.model_path, run)
     except BadModel as error:
-        raise InputError(
-            case.model_path, "", str(error).removeprefix(f"{case.model_path.name}: ")
-        ) from None
+        raise in_model(case.model_path, error) from None
     notes = [
         f"drive {drive.joint}: {drive.law.words}"
         for drive in run.drives

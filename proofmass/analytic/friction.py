@@ -31,7 +31,7 @@ YIELDS = 1e-6  # share of the bound from which a stuck joint may begin to slip
 AHEAD = 1e-3  # share of the bounds by which friction grows until a little further on
 RESOLVED = 1e-13  # share of the way between two samples to which an event is located
 WEAK = 1e-6  # of the largest: a joint moves so little with the free motions only at a dead point
-STANDS = 1e-12  # [rad or m] rounding of the drives' places
+ROUNDING = 1e-12  # [rad or m] of the drives' places
 DEPENDENT = 1e-9  # of the largest singular value: stuck joints that hold each other
 MOST_EVENTS = 100  # between two samples
 
@@ -274,7 +274,7 @@ def advance(body: Rubbing, values: Array) -> None:
     """
     begin = body.at()
     way = values - begin
-    if not np.abs(way).max(initial=0.0) > STANDS:
+    if not np.abs(way).max(initial=0.0) > ROUNDING:
         body.go(values)
         return
     if body.begins or (body.problem(way).margins(body.senses) < -BROKEN).any():

@@ -25,11 +25,16 @@ def positive(**lengths: float) -> None:
             raise ValueError(f"{name} must be a positive finite length [m], got {length}")
 
 
-def not_negative(**masses: float) -> None:
-    """ValueError that names the first mass that is negative or not finite."""
-    for name, mass in masses.items():
-        if not 0.0 <= mass < np.inf:
-            raise ValueError(f"{name} must be zero or positive [kg], got {mass}")
+def not_negative(unit: str = "kg", /, **values: float) -> None:
+    """ValueError that names the first value that is negative or not finite, with its unit.
+
+    >>> not_negative("N m", friction=-0.1)
+    Traceback (most recent call last):
+    ValueError: friction must be zero or positive [N m], got -0.1
+    """
+    for name, value in values.items():
+        if not 0.0 <= value < np.inf:
+            raise ValueError(f"{name} must be zero or positive [{unit}], got {value}")
 
 
 def finite(**values: float) -> None:

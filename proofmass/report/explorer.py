@@ -18,7 +18,7 @@ from proofmass.engines import engine_names
 from proofmass.errors import InputError, suggest
 from proofmass.reference import channels, facts, modes, reference_quantities, unit_of
 from proofmass.report.data import axis, readable
-from proofmass.report.mechanism import pose_in_words
+from proofmass.report.mechanism import TRACK, pose_in_words
 from proofmass.report.reprs import as_html
 from proofmass.report.style import MUTED
 from proofmass.sim.protocol import Curves
@@ -261,7 +261,7 @@ class Explorer:
             text = "curves: pale the reference, line " + ", dashed ".join(map(spoken, self.found))
             parts.append(f'<text x="12" y="31">{text}</text>')
         for path in paths:
-            parts.append(stroke(paper(path), "#7b4ba0", 1, "4 3"))
+            parts.append(stroke(paper(path), TRACK, 1, "4 3"))
         for j, line in enumerate(lines.values()):
             colour = COLOURS[j % len(COLOURS)]
             corners = np.array([c[k] for c in line]) if isinstance(line, list) else line

@@ -14,7 +14,7 @@ from proofmass.analytic.balancer.path import (
     balancing_moment,
     follow,
 )
-from proofmass.analytic.numerics import Array, cross, in_frame, senses
+from proofmass.analytic.numerics import Array, cross, in_frame, not_negative, senses
 
 MODES = (1, -1)
 MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path
@@ -256,9 +256,7 @@ def flexing(
 
 def check_friction(rubs: dict[str, float], joints: int) -> None:
     """ValueError for the first friction that is negative, not finite, or of no joint."""
-    for name, value in rubs.items():
-        if not 0.0 <= value < np.inf:
-            raise ValueError(f"{name} must be zero or positive [N m], got {value}")
+    not_negative("N m", **rubs)
     if joints == 3 and rubs["friction4"]:
         raise ValueError("friction4 is of a joint that a balancer of three segments has not")
 

@@ -430,7 +430,7 @@ class Path:
 
 def balancing_moment(b: Balancer, path: Path) -> Array:
     """dV*/dalpha (B, A) [N m]: M1, less what the chain's force does as the pendulum extends."""
-    stretch = np.stack([b.stretch(np.full(len(b), a)) for a in path.alpha], axis=-1)
+    stretch = b.stretch(path.alpha[:, None]).T
     return np.asarray(path.moment[..., 0] - path.force[..., 1] * stretch)
 
 

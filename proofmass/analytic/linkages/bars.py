@@ -23,6 +23,11 @@ Ends = tuple[Complex | complex, Complex | complex]
 """A vector at each end of a bar, as complex numbers."""
 
 
+FORCES = "_force_x", "_force_y"
+LOADS = "_moment", *FORCES
+"""How the names of forces of pins end, and those of all that motion and weight ask for."""
+
+
 def asks(only: Collection[str] | None, *endings: str) -> bool:
     """Whether quantities whose names end so are asked for: all of them are if `only` is None.
 

@@ -9,7 +9,14 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.bars import Ends, asked_of_drive, asked_of_pins, asks
+from proofmass.analytic.linkages.bars import (
+    FORCES,
+    LOADS,
+    Ends,
+    asked_of_drive,
+    asked_of_pins,
+    asks,
+)
 from proofmass.analytic.numerics import (
     TURN,
     Array,
@@ -151,7 +158,7 @@ def solve(
         a_motion, b_motion = (a1 * w, a1 * dw + a2 * w**2), (b1 * w, b1 * dw + b2 * w**2)
         along, across = point_along / coupler, point_across / coupler
         loads: dict[str, Array] = {}
-        if asks(only, "_moment", "_force_x", "_force_y"):
+        if asks(only, *LOADS):
             moment = (
                 0.5
                 * gravity
@@ -170,7 +177,7 @@ def solve(
                 for each in zip(masses.values(), accelerations, moved, strict=True):
                     moment = moment + asked_of_drive(*each)
             loads = {"holding_moment": moment}
-            if asks(only, "_force_x", "_force_y"):
+            if asks(only, *FORCES):
                 loads |= _pin_forces(bars, accelerations, cross, masses, rocker_load, gravity)
         curves = {
             "coupler_angle": unwrapped(np.arctan2(ay, ax)),

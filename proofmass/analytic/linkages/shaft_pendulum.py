@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, senses
+from proofmass.analytic.numerics import Array, not_negative, senses
 
 
 def solve(
@@ -75,8 +75,7 @@ def solve(
     [0.0, 0.310789, -0.189211, -0.310789]
     """
     most = slip_angle(length=length, mass=mass, friction=friction, gravity=gravity)
-    if not 0.0 <= bearing_friction < np.inf:
-        raise ValueError(f"bearing_friction must be zero or positive [N m], got {bearing_friction}")
+    not_negative("N m", bearing_friction=bearing_friction)
     shaft, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     if shaft.ndim != 1:
         raise ValueError(f"angle must be one row of angles in their order, got {shaft.shape}")

@@ -5,7 +5,13 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins, asks
+from proofmass.analytic.linkages.bars import (
+    FORCES,
+    LOADS,
+    asked_of_drive,
+    asked_of_pins,
+    asks,
+)
 from proofmass.analytic.numerics import (
     Array,
     Complex,
@@ -141,9 +147,7 @@ def solve(
     }
     positive(crank=crank, coupler=coupler)
     not_negative(**masses)
-    for name, value in rubs.items():
-        if not 0.0 <= value < np.inf:
-            raise ValueError(f"{name} must be zero or positive [N m or N], got {value}")
+    not_negative("N m or N", **rubs)
     finite(slider_load=slider_load, gravity=gravity)
     one_of(MODES, mode=mode)
     start, offset = _guide(guide_x, guide_y, guide_angle)
@@ -159,7 +163,7 @@ def solve(
         v, a = s1 * w, s1 * dw + s2 * w**2
         ax, ay = q * cos + h * sin, q * sin - h * cos
         loads: dict[str, Array] = {}
-        if asks(only, "_moment", "_force_x", "_force_y"):
+        if asks(only, *LOADS):
             of_crank, of_pin, of_slider = (
                 value * senses(rate, float(np.abs(w).max(initial=0.0)))
                 for value, rate in zip(rubs.values(), (w, (k1 - 1.0) * w, v), strict=True)
@@ -182,7 +186,7 @@ def solve(
                 moment = moment + asked_of_drive(coupler_mass, (at_p, at_s), (p1, slid))
                 moment = moment + slider_mass * a * s1
             loads = {"holding_moment": moment}
-            if asks(only, "_force_x", "_force_y"):
+            if asks(only, *FORCES):
                 loads |= _forces(
                     bars, (rest, at_p, at_s), q, guide, (pushed, of_pin), gravity, **masses
                 )

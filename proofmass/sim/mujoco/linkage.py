@@ -45,6 +45,8 @@ class Linkage:
         Largest move [extents or rad] for a gap of an extent, in the pose last closed.
     rub : ndarray (nv,)
         What dry friction asks of the joints, in the sense of their motion [N m or N].
+    loaded : ndarray of int
+        Bodies with forces of their own, the dead loads of rods, which do not change in a run.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...]):
@@ -70,6 +72,7 @@ class Linkage:
         self.spans = np.array([*spans, *self.sizes[self.dofs]])
         self.shares = self.sizes / self.spans[:, None]
         self.rub = np.zeros(model.nv)
+        self.loaded = np.flatnonzero(data.xfrc_applied.any(axis=1))
 
     def rubs(self, velocity: Array, fastest: float) -> None:
         """Let joints rub against their motion; those that stand, as when they came there."""
@@ -241,7 +244,7 @@ class Linkage:
     def pushed(self) -> Array:
         """What the forces on bodies, loads of rods, do to the joints (nv,)."""
         model, data, found = self.model, self.data, np.zeros(self.model.nv)
-        for body in np.flatnonzero(data.xfrc_applied.any(axis=1)):
+        for body in self.loaded:
             push, turn = np.split(data.xfrc_applied[body], 2)
             mujoco.mj_applyFT(model, data, push, turn, data.xipos[body], int(body), found)
         return found

@@ -343,14 +343,9 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
     The curvature is that of ``V - pull . held``, so that it counts how the paths bend on which
     what is held stays as it is.
     """
-    rows = jacobian(partial(_held, links, stops), pose)
-    load, root = jacobian(partial(potential, links), pose), _root(links)
-    pull = np.asarray(np.linalg.lstsq((rows / root).T, load / root, rcond=1e-12)[0], float)
+    rows, pull = _pull(links, pose, stops)
     moves = free_directions(links, rows)
-    size = sizes(links, moves)
-    nudge = moves * (NUDGE / size)[:, None, None]
-    ahead, behind = slope(links, pose + np.stack([nudge, -nudge]), pull, stops)
-    rise = ahead - behind
+    rise, size = _rise(links, pose, moves, pull, stops)
     bend = np.tensordot(rise, moves, ((1, 2), (1, 2))) * size[:, None]
     squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
     twist = modes.T @ (bend.T - bend) @ modes / (4 * NUDGE)
@@ -360,13 +355,26 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
 
 def bent(links: Links, pose: Array, moves: Array) -> Array:
     """How moves (n, links + 1, 3) change the slope of ``V - pull . held`` in a pose at rest."""
-    rows = jacobian(partial(bound, links), pose)
+    _, pull = _pull(links, pose, ())
+    rise, size = _rise(links, pose, moves, pull, ())
+    return np.asarray(rise * (size / (2 * NUDGE))[:, None, None])
+
+
+def _pull(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> tuple[Array, Array]:
+    """Jacobian of what is held, and what it takes to hold it in a pose at rest."""
+    rows = jacobian(partial(_held, links, stops), pose)
     load, root = jacobian(partial(potential, links), pose), _root(links)
-    pull = np.asarray(np.linalg.lstsq((rows / root).T, load / root, rcond=1e-12)[0], float)
-    size = sizes(links, moves)[:, None, None]
-    nudge = moves * NUDGE / size
-    ahead, behind = slope(links, pose + np.stack([nudge, -nudge]), pull, ())
-    return np.asarray((ahead - behind) * size / (2 * NUDGE))
+    return rows, np.asarray(np.linalg.lstsq((rows / root).T, load / root, rcond=1e-12)[0], float)
+
+
+def _rise(
+    links: Links, pose: Array, moves: Array, pull: Array, stops: tuple[LinkJoint, ...]
+) -> tuple[Array, Array]:
+    """By what the slope rises between `NUDGE` back and ahead along moves, and their sizes (n,)."""
+    size = sizes(links, moves)
+    nudge = moves * (NUDGE / size)[:, None, None]
+    ahead, behind = slope(links, pose + np.stack([nudge, -nudge]), pull, stops)
+    return ahead - behind, size
 
 
 def sizes(links: Links, moves: Array) -> Array:

@@ -517,7 +517,6 @@ class HeldRubbing(Held):
             found = self.problem(self.way).goes(self.senses)
             assert found is not None
             self.rub[self.places] = found.friction
-        if not self.begins:
             self.check_held()
         self.settle(np.append(self.at(), self.fixed))
 
@@ -698,7 +697,6 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     if run.inertia:
         missing |= {name: NO_INERTIA for name, c in channels.items() if c.order <= -2}
     wanted = {name: c for name, c in channels.items() if name not in missing}
-    free = held.free
     read, stopped = _follow(held, laws, {c.order for c in wanted.values()})
     if isinstance(held, HeldRubbing) and not stopped:
         held.check_slipped()
@@ -724,7 +722,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         n,
         {"iterations": held.most, "error_bias": settings["error_bias"]},
         stopped,
-        derivatives=0 if free else 1,
+        derivatives=0 if held.free else 1,
     )
 
 

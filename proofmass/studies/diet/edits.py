@@ -24,7 +24,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, in_model, suggest
 from proofmass.files import write_whole
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, Rod
@@ -189,7 +189,7 @@ def read(
         compile_model(file, rods)
         draft = Draft(file, rods, probing, (), watch)
     except BadModel as error:
-        raise InputError(file, "", str(error).removeprefix(f"{file.name}: ")) from None
+        raise in_model(file, error) from None
     there = names(draft.spec)
     for name in watch:
         if name not in there:

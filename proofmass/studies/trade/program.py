@@ -154,17 +154,12 @@ def run_program(
     lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
     if lost:
         return ProgramRun(failure=f"{lost[0]} is not finite")
-    return ProgramRun(
-        relative_errors(case, "dynamics", at_law(curves, run)),
-        float(printed[2]),
-        int(printed[1]),
-        driven=relative_errors(case, "dynamics", curves),
-    )
-
-
-def at_law(curves: Curves, run: Run) -> Curves:
-    """Curves at the state that the drives were asked to have, whatever they did."""
-    return replace(curves, drive=run.motion(run.x) if run.drives else None)
+    driven = relative_errors(case, "dynamics", curves)
+    asked = driven
+    if run.drives:
+        at_law = replace(curves, drive=run.motion(run.x))
+        asked = relative_errors(case, "dynamics", at_law)
+    return ProgramRun(asked, float(printed[2]), int(printed[1]), driven=driven)
 
 
 def read_curves(file: Path, run: Run) -> Curves:

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages import slider_crank
-from proofmass.analytic.linkages.bars import asks
+from proofmass.analytic.linkages.bars import LOADS, asks
 from proofmass.analytic.numerics import Array, finite, not_negative
 
 MODES = (1, -1)
-LOADS = "_moment", "_force_x", "_force_y"
 
 
 def solve(
