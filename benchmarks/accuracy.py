@@ -25,7 +25,7 @@ from proofmass.case import Case
 from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.sidecar import load_case
+from proofmass.studies.command import named
 from proofmass.studies.record import StudyRow
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
@@ -82,12 +82,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
     given = parser.parse_args(argv)
-    files = sorted(
-        (ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"),
-        key=lambda file: file.name,
-    )
+    models = ROOT / "models"
+    every = named([models / "linkages" / "pendulum.toml" if given.quick else models])
     with folders(given.quick, given.folder) as (folder, docs):
-        cases = [case for case in map(load_case, files) if has_series(case, None)]
+        cases = [c for c in sorted(every, key=lambda c: c.name) if has_series(c, None)]
         study = (
             trade(cases, Store(folder / "runs"), budget=0.01, repeats=1)
             if given.quick

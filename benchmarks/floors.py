@@ -18,8 +18,8 @@ from pathlib import Path
 from benchmarks import ROOT, command, folders
 from proofmass.case import Case
 from proofmass.reference import compiled
-from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Unsupported
+from proofmass.studies.command import named
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade.floor import ROUNDING, halvings
@@ -101,10 +101,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
     parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
     given = parser.parse_args(argv)
-    files = sorted((ROOT / "models").rglob("pendulum.toml" if given.quick else "*.toml"))
-    files = [file for file in files if not given.only or file.stem in given.only]
+    models = ROOT / "models"
+    every = named([models / "linkages" / "pendulum.toml" if given.quick else models])
+    every = [case for case in every if not given.only or case.name in given.only]
     with folders(given.quick, given.folder) as (folder, docs):
-        cases = [case for case in map(load_case, files) if has_series(case, None)]
+        cases = [case for case in every if has_series(case, None)]
         store = Store(folder / "runs")
         study = (
             trade(cases, store, budget=0.01, repeats=1)
