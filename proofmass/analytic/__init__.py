@@ -36,7 +36,9 @@ REFERENCES = {
             "rod_pinned",
             "rod_platform",
             "rod_platform_driven",
+            "rod_released",
             "rod_snap",
+            "slider_crank_elastic",
         )
     },
 }

@@ -1,0 +1,433 @@
+r"""Motion in time of a slender rod that bends in a plane: a Kirchhoff rod with mass along it.
+
+The rod keeps its length, its sections stay normal to it and have no inertia of rotation of their
+own.  Place z = x + iy and angle theta of the tangent over the arc length s and the time t::
+
+    z(s, t) = z0(t) + int_0^s exp(i theta) ds,         theta(s, t) = theta0 + sum_k a_k(t) phi_k(s)
+    T = 1/2 int rho |z_t|^2 ds + 1/2 m |z_t(L)|^2,     V = 1/2 int EI theta_s^2 ds - weight
+
+z0 is where the rod begins, at rest or moved, and m is the mass of a slider at the tip, on a guide
+along x.  phi_k are Legendre polynomials P_k(2 s/L - 1), or P_k + P_(k-1), which vanish at the
+beginning, if the rod is clamped there.  That no moment acts on a free or a pinned end follows from
+the energy.  With z_t = z0_t + sum_k J_k a_k', J_k = int i exp(i theta) phi_k ds, Lagrange's
+equations are::
+
+    M a'' + K a = -int rho Re(conj(J) (b - g)) ds + (force of the guide) Im J(L)
+    M = int rho Re(conj(J) J^T) ds,    K = int EI phi_s phi_s^T ds
+    b = z0_tt - int exp(i theta) theta_t^2 ds
+
+All integrals are sums over Gauss's nodes, the integral up to each node that of the polynomial
+through all.  The sums have a Lagrangian of their own, so that energy stays to the accuracy of the
+integration in time for every number of polynomials: Gauss's collocation of eighth order, stable for
+every step, since the highest frequency of polynomials grows with the fourth power of their number.
+The guide is a constraint on the accelerations, and places and velocities are projected back on it
+at each sample, with the least change as M measures it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import ArrayLike
+from scipy.linalg import lu_factor, lu_solve
+
+from proofmass.analytic.numerics import Array, Complex, positive
+
+COUNTS = 10, 16, 22
+"""Numbers of polynomials, one after the other until the motion no longer changes."""
+ACCURACY = 2e-5
+"""Largest change of a place from one number to the next [L], and so the accuracy of the last."""
+RESOLVED = 6
+"""Modes of small motions that turn by no more than a radian in a time step."""
+MOST_STEPS = 1e5
+"""Most steps in time, a minute of computing for each number of polynomials."""
+HALVED = 6
+"""How often a step is halved in which the rod turns too far."""
+ITERATIONS = 30
+ROUNDING, NEARLY = 1e-14, 1e-9
+"""Change of a coefficient [rad] in an iteration: where it ends, and where it may end if the
+changes no longer fall."""
+
+
+def collocation(stages: int) -> tuple[Array, Array, Array]:
+    """Nodes, weights and matrix of Gauss's collocation with so many stages, in a step of 1."""
+    x, weights = legendre.leggauss(stages)
+    fit = np.linalg.inv(legendre.legvander(x, stages - 1))
+    lift = np.array([legendre.legint(row, lbnd=-1, scl=0.5) for row in fit.T])
+    return 0.5 * (x + 1.0), 0.5 * weights, legendre.legval(x, lift.T).T
+
+
+NODES, WEIGHTS, ONCE = collocation(4)
+TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE  # of twice integrated accelerations
+
+
+class RodBasis(NamedTuple):
+    """Polynomials at Gauss's nodes, of a rod of length 1.
+
+    Attributes
+    ----------
+    phi : ndarray (count, nodes)
+        Polynomials [1].
+    bend : ndarray (count, count)
+        Integrals of products of their slopes [1].
+    upto : ndarray (nodes, nodes)
+        What a node adds to the integral up to each node [1].
+    half, whole : ndarray (nodes,)
+        What it adds to the integral up to the middle, and up to the end [1].
+    ends : ndarray (3, count)
+        Polynomials at the middle, at the tip and at the beginning [1].
+    slope : ndarray (count,)
+        Slope of the polynomials at the beginning [1].
+    """
+
+    phi: Array
+    bend: Array
+    upto: Array
+    half: Array
+    whole: Array
+    ends: Array
+    slope: Array
+
+
+@lru_cache
+def basis(count: int, clamped: bool) -> RodBasis:
+    """So many polynomials, which vanish at the beginning of a rod that is clamped there.
+
+    >>> basis(4, clamped=True).phi.shape
+    (4, 18)
+    """
+    x, weights = legendre.leggauss(2 * count + 10)
+    rows = np.eye(count + 1)
+    rows = rows[1:] + rows[:-1] if clamped else rows[:-1]
+    slopes = np.array([2.0 * legendre.legval(x, legendre.legder(row)) for row in rows])
+    nodes = np.eye(x.size)
+    # coefficients of the polynomial through values at the nodes, exact by Gauss's rule
+    fit = (np.arange(x.size)[:, None] + 0.5) * legendre.legvander(x, x.size - 1).T * weights
+    lift = np.array([legendre.legint(row, lbnd=-1, scl=0.5) for row in nodes]).T @ fit
+    return RodBasis(
+        np.asarray(legendre.legval(x, rows.T), float),
+        (slopes * weights / 2.0) @ slopes.T,
+        np.asarray(legendre.legval(x, lift).T, float),
+        np.asarray(legendre.legval(0.0, lift), float),
+        weights / 2.0,
+        np.stack([legendre.legval(at, rows.T) for at in (0.0, 1.0, -1.0)]),
+        np.array([2.0 * legendre.legval(-1.0, legendre.legder(row)) for row in rows]),
+    )
+
+
+Moved = Callable[[ArrayLike], tuple[Complex, Complex, Complex]]
+
+
+@dataclass(frozen=True)
+class MovingRod:
+    """A rod with mass in motion in a plane.
+
+    Attributes
+    ----------
+    length, stiffness, mass : float
+        Length [m], EI [N m^2], and mass of the whole rod [kg].
+    clamped : bool
+        Whether its tangent is held at its beginning, at the angle `theta0`; else it is pinned.
+    gravity : complex
+        Acceleration of gravity, g_x + i g_y [m/s^2].
+    theta0 : float
+        Angle from which bending is measured [rad].
+    begin : callable, optional
+        z0 of the time, with its velocity and its acceleration [m, m/s, m/s^2]; left out, 0.
+    slider : float, optional
+        Mass at the tip, on the x axis [kg]; left out, the tip is free.
+
+    Examples
+    --------
+    Frequencies of a clamped beam, (beta L)^2 = 3.516, 22.03, ...:
+
+    >>> rod = MovingRod(1.0, 1.0, 1.0)
+    >>> [round(float(w), 3) for w in rod.frequencies(10)[:2]]
+    [3.516, 22.034]
+    """
+
+    length: float
+    stiffness: float
+    mass: float
+    clamped: bool = True
+    gravity: complex = 0.0
+    theta0: float = 0.0
+    begin: Moved | None = None
+    slider: float | None = None
+
+    def base(self, t: ArrayLike) -> tuple[Complex, Complex, Complex]:
+        """Place, velocity and acceleration (...) of the beginning [m, m/s, m/s^2]."""
+        none = np.zeros(np.shape(t), complex)
+        return self.begin(t) if self.begin else (none, none, none)
+
+    def terms(self, t: ArrayLike, a: Array, rate: Array) -> tuple[Array, Array, Complex, Complex]:
+        """Mass matrix, generalised force, and J and b of the tip, at any number of moments.
+
+        Parameters
+        ----------
+        t : float or ndarray (...)
+            Time [s].
+        a, rate : ndarray (..., count)
+            Coefficients and their rates [rad, rad/s].
+
+        Returns
+        -------
+        mass : ndarray (..., count, count)
+            M [kg m^2].
+        force : ndarray (..., count)
+            All but the force of the guide [N m].
+        tip : ndarray (..., count)
+            J at the tip [m].
+        ahead : ndarray (...)
+            b at the tip [m/s^2].
+        """
+        form, size = basis(a.shape[-1], self.clamped), self.length
+        along = size * np.exp(1j * (self.theta0 + a @ form.phi))
+        turned, inward = (1j * along)[..., None, :] * form.phi, along * (rate @ form.phi) ** 2
+        moves = turned @ form.upto.T
+        start = np.asarray(self.base(t)[2])
+        missing = start[..., None] - inward @ form.upto.T - self.gravity
+        weighed = (self.mass * form.whole) * moves
+        mass = (weighed @ np.swapaxes(moves, -1, -2).conj()).real
+        force = -self.stiffness / size * (a @ form.bend)
+        force = force - (weighed @ missing.conj()[..., None])[..., 0].real
+        tip, ahead = turned @ form.whole, start - inward @ form.whole
+        if self.slider is not None:
+            mass = mass + self.slider * (tip[..., None] * tip.conj()[..., None, :]).real
+            force = force - self.slider * (tip * np.conj(ahead - self.gravity)[..., None]).real
+        return mass, force, tip, ahead
+
+    def accelerations(self, t: ArrayLike, a: Array, rate: Array) -> tuple[Array, Array]:
+        """Second derivatives (..., count) [rad/s^2], and the force (...) of the guide [N]."""
+        mass, force, tip, ahead = self.terms(t, a, rate)
+        free = np.asarray(np.linalg.solve(mass, force[..., None])[..., 0], float)
+        if self.slider is None:
+            return free, np.zeros(ahead.shape)
+        across = tip.imag
+        given = np.linalg.solve(mass, across[..., None])[..., 0]
+        guide = -(ahead.imag + (across * free).sum(-1)) / (across * given).sum(-1)
+        return free + guide[..., None] * given, guide
+
+    def on_guide(self, t: float, a: Array, rate: Array) -> tuple[Array, Array]:
+        """Coefficients and rates (count,) nearest to these with the tip on the guide [rad, rad/s].
+
+        Without a guide they are returned as they are.
+        """
+        if self.slider is None:
+            return a, rate
+        form, (place, velocity, _) = basis(a.size, self.clamped), self.base(t)
+        for _ in range(4):
+            mass, _, tip, _ = self.terms(t, a, rate)
+            given = np.linalg.solve(mass, tip.imag)
+            given /= tip.imag @ given
+            along = self.length * np.exp(1j * (self.theta0 + a @ form.phi))
+            a = a - given * (place + form.whole @ along).imag
+        return a, rate - given * (velocity + tip @ rate).imag
+
+    def integrate(self, t: Array, a: Array, rate: Array, step: float) -> tuple[Array, Array]:
+        """Coefficients and their rates (times, count) from those at the first time [rad, rad/s].
+
+        Parameters
+        ----------
+        t : ndarray (times,)
+            Rising times [s].
+        a, rate : ndarray (count,)
+            At the first of them [rad, rad/s].
+        step : float
+            Longest step [s].
+
+        Raises
+        ------
+        ValueError
+            A step has no solution, since the rod turns too far in it.
+        """
+        state = self.on_guide(t[0], a, rate)
+        found = [state]
+        for begin, end in pairwise(t.tolist()):
+            count = int(np.ceil((end - begin) / step))
+            for at in np.linspace(begin, end, count + 1)[:-1].tolist():
+                state = self.advanced(at, *state, (end - begin) / count)
+            state = self.on_guide(end, *state)
+            found.append(state)
+        return np.array([one for one, _ in found]), np.array([one for _, one in found])
+
+    def advanced(
+        self, t: float, a: Array, rate: Array, h: float, halved: int = 0
+    ) -> tuple[Array, Array]:
+        """`stepped`, in halves of a step of `h` [s] that has no solution [rad, rad/s]."""
+        try:
+            return self.stepped(t, a, rate, h)
+        except ArithmeticError:
+            if halved == HALVED:
+                raise ValueError(f"the motion cannot be followed beyond {t:.6g} s") from None
+        state = self.advanced(t, a, rate, h / 2.0, halved + 1)
+        return self.advanced(t + h / 2.0, *state, h / 2.0, halved + 1)
+
+    def stepped(self, t: float, a: Array, rate: Array, h: float) -> tuple[Array, Array]:
+        """Coefficients and rates (count,) a step of `h` [s] later [rad, rad/s].
+
+        Gauss's collocation: the accelerations at its stages are found by Newton's method, with the
+        mass matrix of the beginning of the step and the stiffness of bending.
+
+        Raises
+        ------
+        ArithmeticError
+            It does not converge: the rod turns too far in the step.
+        """
+        count, stages = a.size, NODES.size
+        mass, _, tip, _ = self.terms(t, a, rate)
+        spring = self.stiffness / self.length * basis(count, self.clamped).bend
+        held = 0 if self.slider is None else 1
+        matrix = np.zeros((stages, count + held, stages, count + held))
+        twice = h**2 * TWICE
+        matrix[:, :count, :, :count] = np.einsum("ij,kl->ikjl", np.eye(stages), mass)
+        matrix[:, :count, :, :count] += np.einsum("ij,kl->ikjl", twice, spring)
+        if held:
+            for i in range(stages):
+                matrix[i, :count, i, count], matrix[i, count, i, :count] = -tip.imag, tip.imag
+        factor = lu_factor(matrix.reshape(stages * (count + held), -1), check_finite=False)
+        second, guide = np.zeros((stages, count)), np.zeros(stages)
+        times, before = t + h * NODES, np.inf
+        for _ in range(ITERATIONS):
+            places = a + h * NODES[:, None] * rate + twice @ second
+            mass, force, tip, ahead = self.terms(times, places, rate + h * ONCE @ second)
+            lacking = force - (mass @ second[..., None])[..., 0]
+            if held:
+                lacking += guide[:, None] * tip.imag
+                short = -(ahead.imag + (tip.imag * second).sum(-1))
+                lacking = np.column_stack([lacking, short])
+            change = lu_solve(factor, lacking.ravel(), check_finite=False).reshape(stages, -1)
+            second = second + change[:, :count]
+            guide = guide + change[:, count:].sum(-1)
+            size = np.abs(twice @ change[:, :count]).max()
+            if not size < 1e3:  # not a number, or further and further off
+                raise ArithmeticError("no solution of a step")
+            if not size > ROUNDING or (size < NEARLY and size > 0.5 * before):
+                break
+            before = size
+        else:
+            raise ArithmeticError("no solution of a step")
+        return a + h * rate + h**2 * LAST @ second, rate + h * WEIGHTS @ second
+
+    def frequencies(self, count: int) -> Array:
+        """Angular frequencies (count,) of small motions about the straight rod, rising [rad/s].
+
+        Gravity is left out, and the beginning and the guide stay.
+        """
+        still = replace(self, gravity=0.0, theta0=0.0, begin=None)
+        zero = np.zeros(count)
+        mass = still.terms(0.0, zero, zero)[0]
+        spring = self.stiffness / self.length * basis(count, self.clamped).bend
+        if self.slider is not None:  # motions that leave the tip on the guide
+            across = np.linalg.svd(still.terms(0.0, zero, zero)[2].imag[None])[2][1:]
+            mass, spring = across @ mass @ across.T, across @ spring @ across.T
+        squares = np.linalg.eigvals(np.linalg.solve(mass, spring)).real
+        return np.asarray(np.sqrt(np.sort(np.maximum(squares, 0.0))))
+
+    def curves(self, t: Array, a: Array, rate: Array) -> dict[str, Array]:
+        """Quantities over time, from coefficients and rates (times, count) [SI].
+
+        Places, velocities, angles and rates of middle and tip; energies; force and moment on the
+        beginning of the rod, in which are the acceleration of the rod and of the slider.
+        """
+        form, size = basis(a.shape[1], self.clamped), self.length
+        z0, v0, a0 = (np.broadcast_to(c, t.shape) for c in self.base(t))
+        second, guide = self.accelerations(t, a, rate)
+        along = size * np.exp(1j * (self.theta0 + a @ form.phi))
+        spin, spun = rate @ form.phi, second @ form.phi
+        move, turn = 1j * along * spin, along * (1j * spun - spin**2)
+
+        def of(weights: Array) -> tuple[Complex, Complex, Complex]:
+            at = weights.T
+            return z0 + along @ at, v0 + move @ at, a0 + turn @ at
+
+        z, v = z0[:, None] + along @ form.upto.T, v0[:, None] + move @ form.upto.T
+        changed = a0[:, None] + turn @ form.upto.T
+        density = self.mass * form.whole
+        kinetic = 0.5 * np.abs(v) ** 2 @ density
+        strain = 0.5 * self.stiffness / size * np.einsum("tj,jk,tk->t", a, form.bend, a)
+        potential = strain - (np.conj(self.gravity) * z).real @ density
+        force = (changed - self.gravity) @ density
+        tip, speed, onward = of(form.whole)
+        if self.slider is not None:
+            kinetic = kinetic + 0.5 * self.slider * np.abs(speed) ** 2
+            potential = potential - self.slider * (np.conj(self.gravity) * tip).real
+            force = force + self.slider * (onward - self.gravity) - 1j * guide
+        found: dict[str, Array] = {}
+        for name, (place, velocity, _), ends in (
+            ("middle", of(form.half), form.ends[0]),
+            ("tip", (tip, speed, onward), form.ends[1]),
+        ):
+            found |= {
+                f"{name}_x": place.real,
+                f"{name}_y": place.imag,
+                f"{name}_vx": velocity.real,
+                f"{name}_vy": velocity.imag,
+                f"{name}_angle": self.theta0 + a @ ends,
+                f"{name}_rate": rate @ ends,
+            }
+        return found | {
+            "kinetic": kinetic,
+            "strain": strain,
+            "potential": potential,
+            "energy": kinetic + potential,
+            "force_x": force.real,
+            "force_y": force.imag,
+            "guide_force": guide,
+            "begin_angle": self.theta0 + a @ form.ends[2],
+            "moment": -self.stiffness / size * (a @ form.slope),
+        }
+
+
+def resolved_motion(
+    rod: MovingRod, t: Array, start: Callable[[int], tuple[Array, Array]]
+) -> dict[str, Array]:
+    """Curves of a motion with as many polynomials as it needs.
+
+    Their number rises until no place changes by more than `ACCURACY` of the rod's length.
+
+    Parameters
+    ----------
+    rod : MovingRod
+    t : ndarray (times,)
+        Times [s], rising, the start first.
+    start : callable
+        Coefficients and rates at the start, of so many polynomials.
+
+    Raises
+    ------
+    ValueError
+        The motion changes with the most polynomials still, or lasts too long.
+    """
+    before: Array | None = None
+    count = (t[-1] - t[0]) * rod.frequencies(RESOLVED + 4)[RESOLVED - 1]
+    if count > MOST_STEPS:
+        raise ValueError(
+            f"the rod is too stiff to be followed so long: {count:.1g} steps in time; at most "
+            f"{MOST_STEPS:g}"
+        )
+    step = 1.0 / rod.frequencies(RESOLVED + 4)[RESOLVED - 1]
+    for count in COUNTS:
+        found = rod.curves(t, *rod.integrate(t, *start(count), step))
+        places = np.stack([found[f"{at}_{axis}"] for at in ("middle", "tip") for axis in "xy"])
+        if before is not None:
+            change = float(np.abs(places - before).max()) / rod.length
+            if change < ACCURACY:
+                return found
+        before = places
+    raise ValueError(
+        f"the motion of the rod is not resolved: its places change by {change:.1g} of its length "
+        f"from {COUNTS[-2]} to {COUNTS[-1]} polynomials; take a stiffer rod, or end sooner"
+    )
+
+
+def check_rod(length: float, stiffness: float, mass: float) -> None:
+    """ValueError for a length, a stiffness or a mass of a rod that is not positive and finite."""
+    positive(length=length)
+    for name, value, unit in (("stiffness", stiffness, "N m^2"), ("mass", mass, "kg")):
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")

@@ -1,0 +1,103 @@
+r"""Straight clamped rod let go under its own weight: a motion of any amplitude in a plane.
+
+::
+
+    clamp |================ tip       theta(s, 0) = theta0,   theta_t(s, 0) = 0
+          |                           gravity along -y
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.numerics import Array, finite
+from proofmass.analytic.rods.rod_motion import MovingRod, check_rod, resolved_motion
+
+
+def solve(
+    time: ArrayLike,
+    *,
+    length: float,
+    stiffness: float,
+    mass: float,
+    gravity: float = 9.81,
+    theta0: float = 0.0,
+) -> dict[str, Array]:
+    """Motion of a clamped rod with mass along it, let go at rest at time 0.
+
+    Parameters
+    ----------
+    time : array_like (n,)
+        Times [s], not negative, in any order.
+    length, stiffness, mass : float
+        Length [m], EI [N m^2], and mass of the whole rod [kg]; all positive.
+    gravity : float
+        Acceleration of gravity along -y [m/s^2].
+    theta0 : float
+        Angle of the clamp, which is at the origin, and of the rod at time 0 from +x [rad].
+
+    Returns
+    -------
+    dict of ndarray (n,)
+        ``middle_x``, ``middle_y``, ``tip_x``, ``tip_y`` [m], ``middle_angle``, ``tip_angle``
+        [rad], ``middle_vx``, ``middle_vy``, ``tip_vx``, ``tip_vy`` [m/s], ``middle_rate``,
+        ``tip_rate`` [rad/s]; ``kinetic``, ``strain``, ``potential``, the strain energy with that
+        of weight, zero at y = 0, and ``energy``, the sum of kinetic and potential [J]; of the clamp
+        on the rod ``force_x``, ``force_y`` [N] and ``moment`` [N m].
+
+    Raises
+    ------
+    ValueError
+        A length, stiffness or mass that is not positive, a time that is negative, or a motion that
+        the polynomials do not resolve.
+
+    Notes
+    -----
+    Places are accurate to 2e-5 of the length or better, energy to 1e-9 of its share that changes.
+    Its weight, which bends it from one moment to the next, has a share in all modes; those above
+    the sixth lose their phase. Of the range, velocities are accurate to 2e-3, angles and the
+    moment to 3e-4 and 3e-3, and rates and forces to 3e-2.  Sections have no inertia of rotation of
+    their own, to which a chain of slender links tends as well.  The equations are in
+    `proofmass.analytic.rods.rod_motion`.
+
+    Examples
+    --------
+    A rod that is stiff for its weight falls by twice its deflection at rest, w L^4 / 8 EI:
+
+    >>> at = solve([0.0, 0.0894], length=1.0, stiffness=1.0, mass=1e-2, gravity=0.1)
+    >>> print(f"{at['tip_y'][1] / (1e-2 * 0.1 / 8.0):.1f}")
+    -2.0
+    """
+    check_rod(length, stiffness, mass)
+    finite(gravity=gravity, theta0=theta0)
+    t = np.asarray(time, float)
+    if not (t >= 0.0).all():
+        raise ValueError(f"time must not be negative: the rod is let go at 0, got {t.min():g} s")
+    moments, where = np.unique(np.append(0.0, t), return_inverse=True)
+    found = released(length, stiffness, mass, gravity, theta0, tuple(moments.tolist()))
+    return {name: curve[where[1:]].reshape(t.shape) for name, curve in found.items()}
+
+
+@lru_cache(maxsize=32)
+def released(
+    length: float,
+    stiffness: float,
+    mass: float,
+    gravity: float,
+    theta0: float,
+    times: tuple[float, ...],
+) -> dict[str, Array]:
+    """What `solve` returns, at rising times (n,) from 0 on; the runs of a case ask for the same.
+
+    >>> released(1.0, 1.0, 1.0, 0.0, 0.0, (0.0, 0.1))["tip_x"].tolist()
+    [1.0, 1.0]
+    """
+    rod = MovingRod(length, stiffness, mass, gravity=-1j * gravity, theta0=theta0)
+
+    def start(count: int) -> tuple[Array, Array]:
+        return np.zeros(count), np.zeros(count)
+
+    found = resolved_motion(rod, np.array(times), start)
+    del found["guide_force"], found["begin_angle"]
+    return found

@@ -1,0 +1,182 @@
+"""Rods in motion against beams' frequencies, a chain of links, statics, energy and momentum."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from proofmass.analytic.linkages import slider_crank
+from proofmass.analytic.rods import rod_motion, rod_released, slider_crank_elastic
+from proofmass.analytic.rods import solve as rod_at_rest
+from proofmass.analytic.rods.rod_motion import MovingRod
+from tests.independent.rods.chain_motion import released_chain
+
+ROD = {"length": 1.0, "stiffness": 0.25, "mass": 0.1, "gravity": 9.81}
+LINKS = {"crank": 0.25, "coupler": 1.0, "stiffness": 0.2, "coupler_mass": 0.1, "slider_mass": 0.05}
+
+
+def roots(function, about) -> np.ndarray:
+    return np.array([brentq(function, a - 0.4, a + 0.4) for a in about])
+
+
+def test_small_oscillations_are_those_of_beams():
+    """(beta L)^2 of Euler and Bernoulli: 1.8751, 4.6941, ...; 3.9266, ...; pi, 2 pi, ..."""
+    about = np.pi * (np.arange(3) + 0.5)
+    clamped = roots(lambda b: np.cos(b) + 1.0 / np.cosh(b), about)
+    np.testing.assert_allclose(clamped[:2], [1.8751, 4.6941], atol=1e-4)
+    rod = MovingRod(1.0, 1.0, 1.0)
+    np.testing.assert_allclose(rod.frequencies(12)[:3], clamped**2, rtol=1e-9)
+    pinned = roots(lambda b: np.tan(b) - np.tanh(b), about[:2] + 0.75 * np.pi)
+    found = MovingRod(1.0, 1.0, 1.0, clamped=False).frequencies(12)
+    assert found[0] < 1e-6  # turning about the pin
+    np.testing.assert_allclose(found[1:3], pinned**2, rtol=1e-9)
+    both = MovingRod(2.0, 3.0, 5.0, clamped=False, slider=1.0).frequencies(16)[:4]
+    waves = np.pi * np.arange(1, 5)
+    np.testing.assert_allclose(both, waves**2 * np.sqrt(3.0 / 5.0 / 8.0), rtol=1e-7)
+
+
+def test_a_small_fall_is_that_of_a_beam():
+    """Twice about its deflection at rest, by 40 modes of a clamped beam."""
+    beta = np.array([1.87510406871, 4.69409113297, 7.85475743824, 10.9955407349, 14.1371683910])
+    share = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
+    t = np.linspace(0.0, 3.0, 31)
+    fall = 1e-4
+    # integral of a mode is 2 share/beta, its tip 2 (-1)^k
+    tip = 2.0 * (-1.0) ** np.arange(5)
+    wanted = -fall * (2.0 * share / beta**5 * tip) @ (1.0 - np.cos(np.outer(beta**2, t)))
+    found = rod_released.solve(t, length=1.0, stiffness=1.0, mass=1.0, gravity=fall)
+    # other modes: 4/beta^5, 1e-6 of the fall
+    np.testing.assert_allclose(found["tip_y"] / fall, wanted / fall, atol=1e-5)
+
+
+@pytest.mark.parametrize("theta0", [0.0, pytest.param(2.2, marks=pytest.mark.slow)])
+def test_a_large_motion_is_the_limit_of_chains(theta0):
+    """Chains of 8, 16 and 32 links, by equations of their own, extrapolated in 1/n^2."""
+    t = np.linspace(0.0, 0.45, 10)
+    found = rod_released.solve(t, theta0=theta0, **ROD)
+    tip = found["tip_x"] + 1j * found["tip_y"]
+    rod = {key: value for key, value in ROD.items() if key != "length"}
+    chains = [released_chain(t, n, theta0=theta0, **rod).tip for n in (8, 16, 32)]
+    errors = [np.abs(one - tip).max() for one in chains]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.2)
+    limit = chains[2] + (chains[2] - chains[1]) / 3.0
+    assert np.ptp(tip.imag) > 0.5  # a large motion
+    assert np.abs(limit - tip).max() < 0.05 * errors[2]
+
+
+def test_energy_and_balance():
+    """Energy stays, and so does that of a chain; the clamp has no moment at first."""
+    t = np.linspace(0.0, 0.6, 13)
+    found = rod_released.solve(t, **ROD)
+    np.testing.assert_allclose(found["energy"], 0.0, atol=1e-9 * np.ptp(found["kinetic"]))
+    assert found["moment"][0] == 0.0  # straight: nothing bends it yet
+
+
+def test_an_equilibrium_is_an_equilibrium_of_the_motion():
+    """The elastica under its own weight, as polynomials through its angles, stays at rest."""
+    weight = 0.1 * 9.81
+    s = np.linspace(0.0, 1.0, 41)
+    shape = rod_at_rest(s, length=1.0, stiffness=0.25, weight_y=-weight)
+    count = 12
+    rod = MovingRod(1.0, 0.25, 0.1, gravity=-9.81j)
+    x = 2.0 * s - 1.0
+    rows = np.eye(count + 1)[1:] + np.eye(count + 1)[:-1]
+    table = np.polynomial.legendre.legval(x, rows.T).T
+    a = np.linalg.lstsq(table, shape["theta"], rcond=None)[0]
+    np.testing.assert_allclose(table @ a, shape["theta"], atol=1e-9)
+    t, still = np.linspace(0.0, 0.5, 6), np.zeros(count)
+    curves = rod.curves(t, *rod.integrate(t, a, still, 2e-3))
+    np.testing.assert_allclose(curves["tip_y"], shape["y"][-1], atol=1e-7)
+    assert curves["force_y"] == pytest.approx(weight, abs=1e-6)
+    moment = weight * np.trapezoid(shape["x"], s)
+    assert curves["moment"] == pytest.approx(moment, rel=1e-3)
+
+
+def test_more_polynomials_and_shorter_steps_change_what_is_said():
+    """A half of the step changes a place by 1e-6; polynomials by what the docstring says."""
+    t = np.linspace(0.0, 0.8, 9)
+    rod = MovingRod(1.0, 0.25, 0.1, gravity=-9.81j)
+    step = 1.0 / rod.frequencies(10)[rod_motion.RESOLVED - 1]
+    places = [
+        rod.curves(t, *rod.integrate(t, np.zeros(n), np.zeros(n), h))["tip_y"]
+        for n, h in ((16, step), (16, step / 2), (24, step))
+    ]
+    assert np.abs(places[1] - places[0]).max() < 2e-6
+    assert np.abs(places[2] - places[0]).max() < 2e-5
+
+
+def test_a_stiff_coupler_is_a_rigid_one():
+    """Ten times as stiff: the slider is off by a hundredth, the square of the deflection."""
+    angle, speed = np.linspace(0.0, 1.5, 7), 3.0
+    rigid = slider_crank.solve(
+        angle,
+        speed + 0.0 * angle,
+        0.0 * angle,
+        crank=0.25,
+        coupler=1.0,
+        mode=1,
+        coupler_mass=0.1,
+        slider_mass=0.05,
+        gravity=0.0,
+        inertia=True,
+    )
+    off = []
+    for stiffness in (0.5, 5.0):
+        links = LINKS | {"stiffness": stiffness}
+        bent = slider_crank_elastic.solve(angle, speed + 0.0 * angle, 0.0 * angle, **links)
+        off.append(
+            [
+                np.abs(bent["slider"] - rigid["slide"]).max(),
+                np.abs(bent["drive_moment"] - rigid["holding_moment"]).max(),
+            ]
+        )
+    assert off[1][0] < 0.02 * off[0][0]
+    assert off[1][1] < 0.5 * off[0][1]  # it rings: no moment at the start, but its rate
+    assert off[1][1] < 0.01 * np.ptp(rigid["holding_moment"])
+
+
+def test_the_drive_does_the_work_of_the_energy():
+    """Its moment integrated over the turn is what kinetic and potential energy gain."""
+    angle = np.linspace(0.0, 3.0, 601)
+    for gravity in (0.0, 2.0):
+        at = slider_crank_elastic.solve(
+            angle, 6.0 + 0.0 * angle, 0.0 * angle, gravity=gravity, **LINKS
+        )
+        gained = at["energy"][-1] - at["energy"][0]
+        work = np.trapezoid(at["drive_moment"], angle)
+        assert work == pytest.approx(gained, abs=1e-4 * np.ptp(at["energy"]))
+        assert np.abs(at["tip_y"]).max() < 1e-12
+        speed = np.gradient(at["slider"], angle * (1.0 / 6.0))
+        np.testing.assert_allclose(speed[1:-1], at["slider_velocity"][1:-1], atol=1e-3)
+    assert np.abs(at["deflection"]).max() > 0.03
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"length": 0.0}, "length must be a positive"),
+        ({"stiffness": -1.0}, r"stiffness must be positive and finite \[N m\^2\], got -1"),
+        ({"mass": np.inf}, "mass must be positive"),
+        ({"gravity": np.nan}, "gravity must be finite"),
+        ({"time": [-1.0, 0.0]}, "time must not be negative"),
+        ({"stiffness": 1e12}, "too stiff to be followed so long"),
+    ],
+)
+def test_bad_input_of_a_released_rod(change, words):
+    with pytest.raises(ValueError, match=words):
+        rod_released.solve(**({"time": [0.0, 1.0]} | ROD | change))
+
+
+@pytest.mark.parametrize(
+    ("change", "rate", "words"),
+    [
+        ({"crank": 1.0}, 1.0, "coupler must be longer than the crank, 1 m, got 1 m"),
+        ({}, 0.0, "rate must be constant and not zero"),
+        ({}, [1.0, 1.1, 1.0], "rate must be constant and not zero"),
+        ({"slider_mass": -1.0}, 1.0, "slider_mass"),
+    ],
+)
+def test_bad_input_of_an_elastic_coupler(change, rate, words):
+    angle = np.linspace(0.0, 1.0, 3)
+    with pytest.raises(ValueError, match=words):
+        slider_crank_elastic.solve(angle, rate + 0.0 * angle, 0.0 * angle, **(LINKS | change))
