@@ -169,7 +169,7 @@ def stretched(chain: Chain, target: Array | None) -> Chain:
     return replace(chain, lengths=chain.lengths * apart / chain.rod.length)
 
 
-def start_pose(chain: Chain, target: Array | None) -> Array:
+def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Array:
     """Joint values (links,) of a rod between its ends; zero where a link has no joint.
 
     Parameters
@@ -177,6 +177,8 @@ def start_pose(chain: Chain, target: Array | None) -> Array:
     chain : Chain
     target : ndarray (3,), optional
         Where its tip is held, x, y [m] and angle [rad] seen from its beginning; None: free.
+    moving : bool
+        Whether a support can move: only then a rod may be straight between pins.
 
     Raises
     ------
@@ -187,6 +189,10 @@ def start_pose(chain: Chain, target: Array | None) -> Array:
     if target is None:
         return bends
     apart, reach = float(np.hypot(*target[:2])), float(chain.vertices[-1])
+    straight = abs(reach - apart) <= apart * TAUT and not (rod.turn or chain.springs[0])
+    if moving and straight and rod.ends[1] == "pinned":
+        bends[0] = np.arctan2(target[1], target[0])
+        return bends
     if reach < apart * (1.0 + TAUT) and rod.axial is None:
         raise BadRod(
             rod.name,
@@ -473,8 +479,15 @@ def fill_keys(
         mujoco.mj_kinematics(bare, data)
         model.key_qpos[k, places] = data.qpos
         model.key_qvel[k, rates] = rate if rate.size else 0.0
-        for name, value in start_poses(bare, data, chains).items():
+        values = start_poses(bare, data, chains)
+        for name, value in values.items():
             model.key_qpos[k, model.joint(name).qposadr[0]] = value
+        if rate.any():
+            data.qvel[:] = rate
+            mujoco.mj_fwdPosition(bare, data)
+            mujoco.mj_fwdVelocity(bare, data)
+            for name, value in start_rates(bare, data, chains, values).items():
+                model.key_qvel[k, model.joint(name).dofadr[0]] = value
 
 
 def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) -> dict[str, float]:
@@ -483,7 +496,7 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
         bare.site(i).name: (data.site_xpos[i], data.site_xmat[i].reshape(3, 3))
         for i in range(bare.nsite)
     }
-    found: dict[str, float] = {}
+    known, found = set(frames), dict[str, float]()
     for one in chains:
         place, turn = frames[one.rod.start]
         target = None
@@ -499,12 +512,52 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
             cos, sin, _ = other[:, 0] @ turn
             target = np.array([x, y, np.arctan2(sin, cos)])
         longer = stretched(one, target)
-        bends = start_pose(longer, target)
+        moving = any(
+            site is not None and bare.body_weldid[bare.site(site).bodyid[0]]
+            for site in (one.rod.start, one.rod.end)
+            if site in known
+        )
+        bends = start_pose(longer, target, moving)
         frames[f"{one.rod.name}.tip"] = placed(longer, bends, place, turn)
         found |= {n: float(b) for n, b, j in zip(one.names, bends, one.jointed, strict=True) if j}
         if one.rod.axial is not None:
             ways = longer.lengths - one.lengths
             found |= {f"{n}.x": float(way) for n, way in zip(one.names, ways, strict=True)}
+    return found
+
+
+def start_rates(
+    bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain], values: Mapping[str, float]
+) -> dict[str, float]:
+    """Rates of the joints of rods whose ends move with sites of the model [rad/s].
+
+    Springs change as slowly as the ends allow: a straight rod between pins turns as a whole.  Rods
+    that end at others, or stretch, start without rates.
+    """
+    found: dict[str, float] = {}
+    for one in chains:
+        if one.rod.end is None or one.rod.end.endswith(".tip") or one.rod.axial is not None:
+            continue
+        near, far = bare.site(one.rod.start).id, bare.site(one.rod.end).id
+        turn = data.site_xmat[near].reshape(3, 3)
+        moves = np.zeros((2, 6))  # angular, linear
+        for site, move in zip((near, far), moves, strict=True):
+            mujoco.mj_objectVelocity(bare, data, SITE, site, move, 0)
+        carried = np.cross(moves[0, :3], data.site_xpos[far] - data.site_xpos[near])
+        x, y, _ = (moves[1, 3:] - moves[0, 3:] - carried) @ turn
+        wanted = np.array([x, y, (moves[1, :3] - moves[0, :3]) @ turn[:, 2]])
+        bends = np.array([values.get(name, 0.0) for name in one.names])
+        held = slice(3 if one.rod.ends[1] == "clamped" else 2)
+        slopes, wanted = (tip(one, bends)[1] * one.jointed)[held], wanted[held]
+        free = one.springs == 0.0
+        across = slopes[:, free] @ np.linalg.pinv(slopes[:, free])  # what the pin alone can do
+        rates = np.zeros(one.lengths.size)
+        rest = np.eye(len(wanted)) - across
+        matrix = rest @ slopes[:, ~free]
+        matrix[np.abs(matrix) < TAUT * one.rod.length] = 0.0  # a straight rod: rounding
+        rates[~free] = np.linalg.lstsq(matrix, rest @ wanted, 1e-6)[0]
+        rates[free] = np.linalg.pinv(slopes[:, free]) @ (wanted - slopes @ rates)
+        found |= {n: float(r) for n, r, j in zip(one.names, rates, one.jointed, strict=True) if j}
     return found
 
 

@@ -1,11 +1,20 @@
 """Rods with mass in motion: what the verdicts on them notice."""
 
+import mujoco
+import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.sidecar import load_case
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import BadRod, Drive, Rod, Run
 from proofmass.solve import solve
+from tests.shipped import shipped
+from tests.sim.rod_models import ENGINES
+
+CRANK = "slider_crank_elastic"
 
 
 @pytest.mark.parametrize(
@@ -13,17 +22,37 @@ from proofmass.solve import solve
     [
         ("rod_released.toml", r"(?s)(\[rod.rod\].*stiffness = )0.25", r"\g<1>0.2525"),
         ("rod_released.toml", r"(?s)(\[rod.rod\].*mass = )0.1", r"\g<1>0.101"),
-        ("rod_released.toml", r"(?s)(\[rod.rod\].*length = )1.0", r"\g<1>1.005"),
+        pytest.param(
+            "rod_released.toml",
+            r"(?s)(\[rod.rod\].*length = )1.0",
+            r"\g<1>1.005",
+            marks=pytest.mark.slow,
+        ),
         ("rod_released.toml", "stiffness = 0.25     # N m2", "stiffness = 0.2525"),
         ("rod_released.toml", "segments = 20", 'segments = 20\nscheme = "naive"'),
         ("rod_released.xml", "0 -9.81 0", "0 9.81 0"),
-        ("rod_released.xml", "0 -9.81 0", "0 -9.7 0"),
+        pytest.param("rod_released.xml", "0 -9.81 0", "0 -9.7 0", marks=pytest.mark.slow),
+        pytest.param(
+            f"{CRANK}.toml", r"(?s)(\[rod.*stiffness = )0.2", r"\g<1>0.202", marks=pytest.mark.slow
+        ),
+        pytest.param(
+            f"{CRANK}.toml", r"(?s)(\[rod.*mass = )0.1", r"\g<1>0.101", marks=pytest.mark.slow
+        ),
+        pytest.param(f"{CRANK}.xml", 'mass="0.05"', 'mass="0.0505"', marks=pytest.mark.slow),
+        pytest.param(f"{CRANK}.xml", 'pos="0.25 0 0"', 'pos="0.2501 0 0"', marks=pytest.mark.slow),
+        (f"{CRANK}.toml", "rate = 6.0", "rate = -6.0"),
+        pytest.param(f"{CRANK}.xml", 'qvel="6 0"', 'qvel="0 0"', marks=pytest.mark.slow),
     ],
 )
 def test_another_rod_is_noticed(name, old, new, edit):
-    """1 % of stiffness, mass or weight, 0.5 % of length, springs elsewhere, a sign."""
+    """1 % of stiffness, mass or weight, 0.5 % of a rod's length and 0.1 mm of a crank's; springs
+    elsewhere; a sign of gravity or of the drive; a coupler that is not turning as it starts."""
     sidecar = edit(name, old, new).with_suffix(".toml")
-    case = load_case(sidecar)
+    if "rate = -6.0" in new:
+        edit(sidecar.name, "to = 6.28", "to = -6.28")
+    if "0.2501" in new:
+        edit(name, 'pos="1.25 0 0"', 'pos="1.2501 0 0"')
+    case = load_case(sidecar.with_suffix(".toml"))
     curves = solve(case, "dynamics", "mujoco")
     found = compare(case, "dynamics", "mujoco", curves, detectable=False)
     assert "differs" in {c.outcome for c in found}
@@ -34,3 +63,90 @@ def test_a_motion_that_is_not_resolved_is_an_error_of_its_parameters(edit):
     (error,) = check([file]).errors
     assert "rod_released.toml: parameters" in str(error)
     assert "too stiff to be followed so long" in str(error)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.0])
+def test_a_coupler_starts_turning_as_a_whole(angle, tmp_path):
+    """Its pin has the rate of a rigid coupler from the key's rates, and its springs have none."""
+    x = 0.25 * np.cos(angle) + np.sqrt(1.0 - (0.25 * np.sin(angle)) ** 2)
+    turn = -np.arcsin(0.25 * np.sin(angle))
+    rate = -6.0 * 0.25 * np.cos(angle) / np.cos(turn)
+    slide = -6.0 * 0.25 * np.sin(angle) - rate * np.sin(turn)
+    file = tmp_path / "model.xml"
+    text = shipped(f"{CRANK}.xml").read_text()
+    key = f'qpos="{angle!r} {float(x) - 1.25!r}" qvel="6 {float(slide)!r}"'
+    file.write_text(text.replace('qvel="6 0"', key))
+    rod = Rod("coupler", "crank_end", "slider_pin", 1.0, 0.2, 8, ("pinned", "pinned"), mass=0.1)
+    model = compile_model(file, [rod])
+    pose, rates = (
+        {model.joint(j).name: float(row[j]) for j in range(model.njnt)}
+        for row in (model.key_qpos[0], model.key_qvel[0])
+    )
+    assert pose["coupler.0"] == pytest.approx(turn - angle, abs=1e-12)
+    assert rates["coupler.0"] == pytest.approx(rate - 6.0, abs=1e-9)
+    springs = [f"coupler.{k}" for k in range(1, 9)]
+    assert [rates[name] for name in springs] == pytest.approx([0.0] * 8, abs=1e-9)
+    assert [pose[name] for name in springs] == pytest.approx([0.0] * 8, abs=1e-9)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    apart = data.site("coupler.tip").xpos - data.site("slider_pin").xpos
+    np.testing.assert_allclose(apart, 0.0, atol=1e-9)
+
+
+def test_a_bent_coupler_starts_with_its_ends_at_the_slider(tmp_path):
+    """An arc that is 0.02 m longer than its supports are apart bends as slowly as it can."""
+    file = tmp_path / "model.xml"
+    text = shipped(f"{CRANK}.xml").read_text()
+    file.write_text(text.replace('qvel="6 0"', 'qpos="0.7 -0.0922" qvel="6 -1"'))
+    rod = Rod(
+        "coupler", "crank_end", "slider_pin", 1.0, 0.2, 8, ("pinned", "pinned"), mass=0.1, turn=0.7
+    )
+    model = compile_model(file, [rod])
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    rows = data.efc_J.reshape(data.nefc, model.nv)
+    np.testing.assert_allclose(rows @ data.qvel, 0.0, atol=1e-9)
+    assert np.abs(data.qvel[2:]).max() > 0.1
+
+
+def test_a_straight_coupler_between_supports_that_stay_is_refused(tmp_path):
+    file = tmp_path / "model.xml"
+    text = shipped(f"{CRANK}.xml").read_text()
+    joints = '<joint name="crank"/>', '<joint name="slider" type="slide" axis="1 0 0"/>'
+    for joint in (*joints, '<motor name="motor" joint="crank"/>', 'qvel="6 0"'):
+        text = text.replace(joint, "")
+    file.write_text(text.replace('<actuatorfrc name="drive_moment" actuator="motor"/>', ""))
+    rod = Rod("coupler", "crank_end", "slider_pin", 1.0, 0.2, 8, ("pinned", "pinned"), mass=0.1)
+    with pytest.raises(BadRod, match="must be longer, or stretch"):
+        compile_model(file, [rod])
+
+
+HANGING = """<mujoco><compiler angle="radian"/>
+  <option timestep="1e-3" integrator="RK4" gravity="0 -9.81 0"><flag contact="disable"/></option>
+  <worldbody><body name="arm"><joint name="arm"/>
+    <inertial pos="0.5 0 0" mass="1" diaginertia="1e-3 1e-1 1e-1"/>
+    <body name="bob" pos="1 0 0"><joint name="bob"/>
+      <inertial pos="0.7 0 0" mass="1" diaginertia="1e-6 1e-6 1e-6"/></body></body></worldbody>
+  <sensor><jointpos name="bob" joint="bob"/><jointvel name="bob_rate" joint="bob"/></sensor>
+  <keyframe><key name="start" qpos="0 -1.2" qvel="0.8 0.5"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_drive_that_leaves_a_pendulum(engine, tmp_path):
+    """A pendulum on an arm that turns evenly, from the key's pose and rate, by its own equation."""
+    file = tmp_path / "model.xml"
+    file.write_text(HANGING)
+    t, length, inertia = np.linspace(0.0, 1.0, 11), 0.7, 0.49 + 1e-6
+
+    def slopes(time, state):
+        arm, (bob, rate) = 0.8 * time, state
+        pull = -9.81 * np.cos(arm + bob) - 0.8**2 * np.sin(bob)
+        return rate, length * pull / inertia
+
+    wanted = solve_ivp(slopes, (0.0, 1.0), (-1.2, 0.5), "DOP853", t, rtol=1e-11, atol=1e-12).y
+    drive = Drive("arm", lambda x: (0.8 * x, 0.8 + 0.0 * x, 0.0 * x))
+    found = ENGINES[engine](file, Run("dynamics", t, ("bob", "bob_rate"), (drive,))).channels
+    np.testing.assert_allclose(found["bob"], wanted[0], atol=2e-5)
+    np.testing.assert_allclose(found["bob_rate"], wanted[1], atol=2e-5)

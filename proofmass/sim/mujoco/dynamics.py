@@ -38,7 +38,8 @@ FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
 def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     """Close the loops at the drives' first values, give every joint its rate, fit the flywheels.
 
-    Without drives the loops are closed as near to the start pose as can be.
+    Without drives, or where they leave a freedom, loops are closed as near to the start pose as can
+    be, and rates are nearest to those of the key.
 
     Returns
     -------
@@ -50,11 +51,14 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     """
     model, data = linkage.model, linkage.data
     if not run.drives:
-        linkage.release()
+        linkage.release(np.zeros(0), np.zeros(0))
         return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
     value, rate, acceleration = (part.T for part in run.motion(times))
-    tangent = linkage.move(value[0])
-    data.qvel[:] = tangent @ rate[0]
+    if linkage.leaves_freedoms():  # such as the bends of rods: they start as the key has them
+        tangent = linkage.release(value[0], rate[0])
+    else:
+        tangent = linkage.move(value[0])
+        data.qvel[:] = tangent @ rate[0]
     inertia = np.zeros((model.nv, model.nv))  # before the flywheels
     mujoco.mj_fullM(model, data, inertia)
     flywheel = FLYWHEEL * np.diag(tangent.T @ inertia @ tangent)

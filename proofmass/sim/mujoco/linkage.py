@@ -25,6 +25,7 @@ TOUCHES = 1e-12  # [rad or m] rounding of a pose; beyond it a joint is past its 
 NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
 CLOSED = 1e-11  # [extents or rad] what may stay open of a loop
 UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is singular, to rounding
+NUDGE = 1e-3  # [rad, or extents] a pose that is singular is not so when it is moved by that
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
 
 
@@ -131,6 +132,18 @@ class Linkage:
             self.data.qpos[self.adr] = values
             if not np.abs(move / self.sizes).max(initial=0.0) > NEAR:
                 break
+        jacobian, residual = self.closed(values)
+        self.inverse = self.invert(jacobian)
+        return self.inverse[:, residual.size :]
+
+    def closed(self, values: Array) -> tuple[Array, Array]:
+        """Jacobian and residual of the loops with the drives at `values` [rad or m].
+
+        Raises
+        ------
+        BadModel
+            The loops are open.
+        """
         residual, jacobian = self.rows()
         gaps = residual / self.spans[: residual.size]
         if not np.abs(gaps).max(initial=0.0) < CLOSED:
@@ -139,20 +152,50 @@ class Linkage:
                 f"cannot be assembled at {self.spoken(values)}: "
                 f"the loop stays open by {open_by:.3g} m"
             )
-        self.inverse = self.invert(jacobian)
-        return self.inverse[:, residual.size :]
+        return jacobian, residual
 
-    def release(self) -> None:
-        """Close the loops with the least change of the joints, and make the rates fit them."""
+    def leaves_freedoms(self) -> bool:
+        """Whether the drives leave degrees of freedom, and not in a singular pose alone."""
+        pose, free = self.data.qpos.copy(), self.freedoms()
+        if free:
+            moves = NUDGE * np.random.default_rng(0).uniform(-1.0, 1.0, self.model.nv) * self.sizes
+            mujoco.mj_integratePos(self.model, self.data.qpos, moves, 1.0)
+            free = self.freedoms()
+            self.data.qpos[:] = pose
+        return bool(free)
+
+    def release(self, values: Array, wanted: Array) -> Array:
+        """Close the loops with the least change of the joints, and make the rates fit them.
+
+        Parameters
+        ----------
+        values, wanted : ndarray (drives,)
+            Places [rad or m] and rates [rad/s or m/s] of the driven joints.
+
+        Returns
+        -------
+        ndarray (nv, drives)
+            Least rates of all joints for a unit rate of each drive [SI].
+
+        Raises
+        ------
+        BadModel
+            The loops stay open with the drives at their places.
+        """
+        self.data.qpos[self.adr] = values
         for _ in range(50):
             residual, jacobian = self.rows()
-            move = -np.linalg.lstsq(jacobian, residual, rcond=1e-10)[0]
+            rows = np.vstack([jacobian, self.units])
+            open_by = np.append(residual, np.zeros(self.dofs.size))
+            move = -np.linalg.lstsq(rows, open_by, rcond=1e-10)[0]
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             if np.abs(move).max(initial=0.0) < SETTLED:
                 break
-        jacobian = self.rows()[1]
-        rates = self.data.qvel
-        rates -= np.linalg.lstsq(jacobian, jacobian @ rates, rcond=1e-10)[0]
+        jacobian = self.closed(values)[0] if values.size else self.rows()[1]
+        rows, rates = np.vstack([jacobian, self.units]), self.data.qvel
+        needed = np.append(np.zeros(len(jacobian)), wanted)
+        rates += np.linalg.lstsq(rows, needed - rows @ rates, rcond=1e-10)[0]
+        return np.linalg.pinv(rows, rcond=1e-10)[:, len(jacobian) :]
 
     def check_limits(self) -> None:
         """Raise `BadModel` if a joint or a tendon is beyond its range; needs the pose of `rows`.

@@ -56,3 +56,49 @@ def released_chain(
         + gravity * pull @ np.sin(angle)
     )
     return ChainMotion(lengths @ np.exp(1j * angle), energy)
+
+
+def driven_chain(
+    t: np.ndarray,
+    n: int,
+    *,
+    crank: float,
+    rate: float,
+    stiffness: float,
+    coupler_mass: float,
+    slider_mass: float,
+) -> np.ndarray:
+    """Middle and tip (2, times) x + iy of a coupler of length 1, as n + 1 links; n is even.
+
+    In axes that go along with the end of the crank, its acceleration is a weight that turns; the
+    tip keeps the height of the guide by a Lagrange multiplier.  Coupler and crank begin along +x.
+    """
+    h = 1.0 / n
+    lengths = np.array([h / 2, *[h] * (n - 1), h / 2])
+    masses = coupler_mass * lengths
+    add = np.tril(np.tile(lengths, (n + 1, 1)), -1) + np.diag(lengths / 2)
+    both = add.T @ (masses[:, None] * add) + slider_mass * np.outer(lengths, lengths)
+    own = np.diag(masses * lengths**2 / 12)
+    pull = masses @ add + slider_mass * lengths
+    spring = stiffness / h * (2.0 * np.eye(n + 1) - np.eye(n + 1, k=1) - np.eye(n + 1, k=-1))
+    spring[[0, -1], [0, -1]] /= 2.0
+
+    def slopes(time, state):
+        angle, turning = np.split(state, 2)
+        onward = -(rate**2) * crank * np.exp(1j * rate * time)
+        apart = angle[:, None] - angle
+        along = np.exp(1j * angle)
+        force = -spring @ angle - pull * (np.conj(1j * along) * onward).real
+        force -= (both * np.sin(apart)) @ turning**2
+        rise = lengths * along.real
+        needed = lengths @ (along.imag * turning**2) - onward.imag
+        inertia = both * np.cos(apart) + own
+        matrix = np.block([[inertia, -rise[:, None]], [rise[None], np.zeros((1, 1))]])
+        return np.append(turning, np.linalg.solve(matrix, np.append(force, needed))[:-1])
+
+    begin = np.append(np.zeros(n + 1), np.full(n + 1, -rate * crank))
+    found = solve_ivp(slopes, (0.0, t[-1]), begin, "DOP853", t, rtol=1e-9, atol=1e-10)
+    links = lengths[:, None] * np.exp(1j * found.y[: n + 1])
+    end = crank * np.exp(1j * rate * t)
+    middle = links[: n // 2].sum(axis=0) + 0.5 * links[n // 2]
+    return end + np.stack([middle, links.sum(axis=0)])
