@@ -16,7 +16,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import anchor_bodies, anchors, connects, pose_of
+from proofmass.sim.mujoco.dynamics import start
 from proofmass.sim.mujoco.equilibrium import Resting, Unstable, linkage_of
+from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
@@ -332,7 +334,9 @@ def follow(
     rows, jumps = list[dict[str, Array]](), list[int]()
     kept = ("qpos", "xpos", "xmat", "xanchor", "xaxis", "site_xpos")
     still = run.drives or run.kind == "equilibrium"
-    moves = swept(model, data, run) if still else stepped(model, data, run)
+    moves = stepped(model, data, run)
+    if still:
+        moves = (driven if run.kind == "dynamics" else swept)(model, data, run)
     first, stopped = {name: getattr(data, name).copy() for name in kept}, ""
     try:
         for jumped in moves:
@@ -362,6 +366,25 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
             except (BadModel, Unsupported):
                 raise end from None
         yield fell
+
+
+def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
+    """Put the model into each pose that the drives want, or step what they leave in time."""
+    linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
+    if not linkage.leaves_freedoms():
+        yield from swept(model, data, run)
+        return
+    late, (count, model.opt.timestep) = time.monotonic() + SECONDS, run.steps(model.opt.timestep)
+    times = run.x[0] + model.opt.timestep * np.arange((run.x.size - 1) * count + 1)
+    for k, torque in enumerate((*start(linkage, run, times)[0], None)):
+        if k % count == 0:
+            mujoco.mj_kinematics(model, data)
+            yield False
+        if torque is not None:
+            data.qfrc_applied[linkage.dofs] = torque
+            mujoco.mj_step(model, data)
+        if time.monotonic() >= late or not np.isfinite(data.qpos).all():
+            raise Unsupported("the motion was not followed to its end")
 
 
 def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:

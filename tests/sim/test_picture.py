@@ -16,6 +16,7 @@ from proofmass.report.svg import compact
 from proofmass.sidecar import load_case
 from proofmass.sim.picture import picture
 from proofmass.sim.protocol import Drive, Run
+from proofmass.solve import plan
 from tests.shipped import MODELS, shipped
 
 BARE = """<mujoco>
@@ -90,6 +91,17 @@ def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
     assert (shape.stopped, len(shape.x)) == ("", 5)
     # about +y, so clockwise in the drawing; Newton ends within 1e-8 rad of the rest
     assert np.degrees(np.arctan2(*bend)) == pytest.approx(np.full(5, -20.0), abs=1e-6)
+
+
+def test_rods_bend_as_they_move() -> None:
+    """The slider is where the reference has it: a straight coupler pushes it 6e-3 m further."""
+    case = load_case(shipped("slider_crank_elastic.toml"))
+    drawn = picture(case.model_path, plan(case, "dynamics", "mujoco"), 13)
+    assert not drawn.stopped
+    rate = 6.0 * np.ones((1, 13))
+    truth = evaluate(case, "dynamics", drawn.x, (drawn.inputs, rate, 0.0 * rate))
+    pin = next(m for m in drawn.marks if m.kind == "pin")
+    assert pin.at[:, 0] == pytest.approx(truth.channels["slider.x"], abs=1e-4)
 
 
 def test_what_leaves_the_plane_is_not_drawn_and_named(tmp_path: Path) -> None:
