@@ -197,7 +197,7 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
         raise BadRod(
             rod.name,
             "length",
-            f"{rod.length:g} m, but its supports are {apart:.9g} m apart; it must be longer, or "
+            f"{rod.length:g} m, but its supports are {apart:.6g} m apart; it must be longer, or "
             f"stretch: axial = EA [N]",
         )
     if not chain.springs[0]:
