@@ -51,7 +51,7 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     """
     model, data = linkage.model, linkage.data
     if not run.drives:
-        linkage.release(np.zeros(0), np.zeros(0))
+        linkage.release()
         return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
     value, rate, acceleration = (part.T for part in run.motion(times))
     if linkage.leaves_freedoms():  # such as the bends of rods: they start as the key has them

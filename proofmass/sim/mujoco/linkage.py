@@ -25,6 +25,7 @@ TOUCHES = 1e-12  # [rad or m] rounding of a pose; beyond it a joint is past its 
 NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
 CLOSED = 1e-11  # [extents or rad] what may stay open of a loop
 UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is singular, to rounding
+UNDRIVEN = np.zeros(0)  # values of no drives
 NUDGE = 1e-3  # [rad, or extents] a pose that is singular is not so when it is moved by that
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
 
@@ -164,13 +165,13 @@ class Linkage:
             self.data.qpos[:] = pose
         return bool(free)
 
-    def release(self, values: Array, wanted: Array) -> Array:
+    def release(self, values: Array = UNDRIVEN, wanted: Array = UNDRIVEN) -> Array:
         """Close the loops with the least change of the joints, and make the rates fit them.
 
         Parameters
         ----------
         values, wanted : ndarray (drives,)
-            Places [rad or m] and rates [rad/s or m/s] of the driven joints.
+            Places [rad or m] and rates [rad/s or m/s] of the driven joints; none, if left out.
 
         Returns
         -------
