@@ -71,7 +71,7 @@ LEAST_GAIN = 0.999  # of the misfit that a step may leave; less of a gain is rou
 PAIRS = 4  # that are fitted: those that leave least by slopes
 KEPT = 5  # causes
 EXACT = 1e-6  # share of the differences that a cause may leave and be called exact
-SECONDS = 2.0  # after which no other fit begins
+SECONDS = 2.0  # of processor time, after which no other fit begins
 MODEL = "number of the model"  # a kind of cause
 SAMPLES = 48  # of a sweep that are enough to fit a number; its ends need not be among them
 MODEL_SECONDS = 6.0  # the same of numbers of the model, with which the engine runs again
@@ -248,10 +248,10 @@ class Residuals:
         self.stride = max(curves.x.size // SAMPLES, 1) if run == "sweep" else 1
         largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
         self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
-        begin = time.perf_counter()
+        begin = time.process_time()
         with memory_in_use(self.memory, more=True):
             truth = evaluate(case, run, curves.x, curves.drive).channels
-        self.seconds = time.perf_counter() - begin
+        self.seconds = time.process_time() - begin
         self.allowed = {
             name: allowed
             for name in case.channels_of(run)
@@ -308,7 +308,7 @@ class Residuals:
 
     def time_for_another(self, deadline: float) -> bool:
         """Whether the reference can be evaluated at other parameters before a deadline."""
-        return time.perf_counter() + self.seconds < deadline
+        return time.process_time() + self.seconds < deadline
 
     def judged(
         self,
@@ -433,7 +433,7 @@ def find_causes(
     found, remarks = list[Explanation](), list[str]()
     if there.differing:
         found += [*factors(there), *offsets(there), *other_quantities(there), *shifts(there)]
-        found += [*other_modes(there), *parameters(there, begin + SECONDS)]
+        found += [*other_modes(there), *parameters(there, time.process_time() + SECONDS)]
         if thorough and computes(solver):
             best = max((c.score for c in found if c.free <= 1), default=0)
             found += numbers_of_model(there, best)
@@ -464,7 +464,7 @@ def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
     if there.parameters:
         words.append("each parameter, and pairs of them")
     if thorough and computes(there.solver) and there.curves.seconds <= AGAIN * there.stride:
-        words.append(f"numbers of the model in {MODEL_SECONDS:g} s")
+        words.append(f"numbers of the model in {MODEL_SECONDS:g} s of processor time")
     return tuple(words)
 
 
@@ -724,7 +724,7 @@ def numbers_of_model(there: Residuals, score: int) -> Iterator[Explanation]:
     model = ModelResiduals(there.case, there.run, there.solver, there.curves)
     if not model.differing or not model.repeats():
         return
-    deadline = time.perf_counter() + MODEL_SECONDS
+    deadline = time.process_time() + MODEL_SECONDS
     for cause in parameters(model, deadline, pairs=False):
         words = f"in {there.case.model}: {cause.words}"
         yield replace(cause, kind=MODEL, words=words)

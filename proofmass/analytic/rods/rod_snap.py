@@ -64,9 +64,8 @@ class SnapFamily:
         """alpha and q (n,) of the stable shapes at angles (n,) of the clamp, not below -a*."""
         table = slice(self.folds[0], None, -1)
         above = np.sqrt(self.angle[table] + self.fold)  # the line is smooth in it, up to the fold
-        u = np.stack(
-            [np.interp(np.sqrt(angle + self.fold), above, column[table]) for column in self.place.T]
-        )
+        root = np.sqrt(np.maximum(angle + self.fold, 0.0))  # rounding at the fold itself
+        u = np.stack([np.interp(root, above, column[table]) for column in self.place.T])
         for _ in range(STEPS):
             value, slope = log_tip(u)
             step = _solved(slope, np.log(self.distance * np.exp(-1j * angle - value)))
