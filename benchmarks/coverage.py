@@ -31,12 +31,12 @@ MATERIAL = (
 BEGIN = "<!-- python -m benchmarks.coverage writes from here to the next mark -->"
 END = "<!-- to here -->"
 HEAD = """
-`python -m benchmarks.coverage` asked all {cases} cases. Of {numbers} numbers of their models {noticed} are noticed,
-or the run is refused with them. Of {material} masses, inertias, stiffnesses and coefficients of dry friction {open}
-are noticed by no run; {told} of these have a reason that `proofmass explain` tells. The last column has all that are
-not noticed, with the reason.
+`python -m benchmarks.coverage` asked all {cases} cases. Of {numbers} numbers of their models
+{noticed} are noticed, or the run is refused with them. Of {material} masses, inertias, stiffnesses
+and coefficients of dry friction {open} are noticed by no run; {told} of these have a reason that
+`proofmass explain` tells. The last column has all that are not noticed, with the reason.
 
-| case | numbers | noticed | masses, inertias, stiffnesses, friction | noticed | not noticed by any run |
+| case | numbers | noticed | masses and the like | noticed | not noticed by any run |
 |---|---|---|---|---|---|"""
 
 
