@@ -39,7 +39,8 @@ SURE = 1.3
 YIELDING = 40.0
 """Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
 PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
-HOPELESS = 3  # steps in turn with which a family does not run at all
+HOPELESS = 3  # steps in turn with which a family does not run at all, or is far off
+SAME = 0.2  # by which orders differ that are told to be the same
 BEST = 3  # settings that are refined at once for the sake of their drives
 RUNS = 12  # of a family at most
 REFERENCE_TIMES = 5.0
@@ -357,6 +358,8 @@ def following(
         of,
         needed,
     )
+    if not family.plain and outdone(family, every, of):
+        return
     slack *= SURE / SLACK if best > LONG else 1.0
     limit = min(longest, (PLAIN if family.plain else slack) * best)
     if (step := family.next(of, needed, limit)) is not None:
@@ -364,6 +367,33 @@ def following(
             family,
             StudyRun(case, "dynamics", family.at(step), "choose", family.name, "timestep", step),
         )
+
+
+def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> bool:
+    """Whether finer steps of a family promise nothing, by what another one of its engine has.
+
+    The other one is closer in no more time, by more than single runs leave open, and its errors
+    fall as fast; or the family is off by more than `COARSE` in `HOPELESS` steps in turn.
+    """
+    last = sorted(family.rows, key=lambda row: -row.value)[-HOPELESS:]
+    if len(last) < HOPELESS:
+        return False
+    *_, before, end = last
+    falls = order(before, end, of)
+    if lost := all(error(row, of) >= COARSE for row in last):
+        most = COARSE / SLACK
+    elif error(before, of) < COARSE:
+        most = error(end, of) / SLACK ** max(1.0, falls)
+    else:
+        return False
+    for other in every:
+        rows = sorted(other.rows, key=lambda row: -row.value)
+        if other is family or other.engine != family.engine or len(rows) < 2:
+            continue
+        ahead = any(error(row, of) <= most and row.seconds <= end.seconds for row in rows)
+        if ahead and (lost or order(rows[-2], rows[-1], of) > falls - SAME):
+            return True
+    return False
 
 
 def cheaper(
