@@ -151,7 +151,7 @@ def test_what_another_family_outdoes_is_left(fourbar: Case, monkeypatch, tmp_pat
         ahead=(2.0, 1.0, 2e-5, 1e-6),
         behind=(2.0, 50.0, 0.0, 1e-6),
         far=(1e-9, 3.0, 0.0, 1e-6),
-        late=(4.0, 1e5, 0.0, 1e-6),
+        late=(4.0, 1e9, 0.0, 1e-6),
     )
     rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=Limits(longest=1.0))
     counts = {
