@@ -65,6 +65,10 @@ is a column of `stress.csv`.
 `tests/studies/stress/bare/` that import an engine and NumPy and nothing of proofmass: time steps of
 the pendulum and of four-bars, gravity, springs, drive speed, energy, and small models.
 
+`python -m benchmarks.limits` confirms the limits of cases in dynamics runs by programs in bare
+engines: [Limits in bare engines](limits.md). Limits of sweeps are those of proofmass and an engine
+together: proofmass searches for the poses, with what the engine computes of them.
+
 What is said of pymunk holds of Chipmunk as proofmass sets it: pins that close in one step; as many
 iterations as the poses need, up to 3000; a link on the ground that is nearly a point mass as a body
 of twice its mass at half its distance, which swings in the same way. So the pendulum takes steps of

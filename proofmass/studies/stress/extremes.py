@@ -40,6 +40,7 @@ from proofmass.studies.stress.limit_search import (
     TIMEOUT,
     LimitSearch,
     NotApplicable,
+    Runner,
     StressedCase,
     find_failure,
     limit_kind,
@@ -307,8 +308,10 @@ MANY, MANY_TIMEOUT = 200, 600.0  # segments, and how long so many may take [s]
 FEW = 4  # steps of the shortest runs: a way there and back in two of them would look like none
 
 
-def extremes(case: Case, store: Store) -> tuple[list[LimitSearch], list[str]]:
-    """All extremes that apply to a case, and why others do not."""
+def extremes(
+    case: Case, store: Store, runner: Runner | None = None
+) -> tuple[list[LimitSearch], list[str]]:
+    """All extremes that apply to a case, and why others do not; see `StressedCase` for `runner`."""
     found: list[LimitSearch] = []
     skipped: list[str] = []
     kind: Kind = next(k for k in ("dynamics", "sweep", "equilibrium") if k in case.run)  # type: ignore
@@ -317,7 +320,7 @@ def extremes(case: Case, store: Store) -> tuple[list[LimitSearch], list[str]]:
         first.setdefault(solver.partition(":")[0], solver)
     for engine, solver in first.items():
         parameters = {k: v for k, v in case.settings.get(solver, {}).items() if k != "defaults"}
-        stressed = StressedCase(case, kind, Setting(engine, parameters), store)
+        stressed = StressedCase(case, kind, Setting(engine, parameters), store, runner=runner)
         for search in SEARCHES:
             try:
                 found += search(stressed)

@@ -68,6 +68,8 @@ LIMITS: dict[str, BoundaryKind] = {
 
 Trial = Callable[[float], TrialResult]
 """Tries a value."""
+Runner = Callable[[StudyRun], Measurement]
+"""Makes a run."""
 
 
 @dataclass(frozen=True)
@@ -160,13 +162,17 @@ def bisect(
 
 @dataclass(frozen=True)
 class StressedCase:
-    """A case in one engine, and the run in which its limits are searched, at most so long [s]."""
+    """A case in one engine, and the run in which its limits are searched, at most so long [s].
+
+    Runs are made by `measure_once` and kept in the store, or by `runner` if it is given.
+    """
 
     case: Case
     kind: Kind
     setting: Setting
     store: Store
     timeout: float = TIMEOUT
+    runner: Runner | None = None
 
     @property
     def engine(self) -> Engine:
@@ -198,6 +204,8 @@ class StressedCase:
         """Run a changed case."""
         task = StudyRun(case, self.kind, self.setting.but(**parameters), "stress")
         try:
+            if self.runner:
+                return self.runner(task)
             return measure_once(task, self.store, self.timeout)
         except InputError as error:
             refused = self.engine.native and not is_compiled(case)

@@ -185,10 +185,13 @@ def with_start(
     move: Callable[[Array], Array],
     change: Callable[[Element], None] = lambda _: None,
 ) -> Case | None:
-    """The case with other positions at its start, if its file states that key."""
+    """The case with other positions at its start, if its file states that key.
+
+    None with rods, whose joints are not in the file.
+    """
     model = compiled(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
-    if key < 0 or model.nq != model.njnt:
+    if key < 0 or model.nq != model.njnt or case.rod:
         return None
     there = False
 

@@ -124,6 +124,12 @@ def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
     assert "chaotic" not in motion.words
 
 
+def test_a_rod_is_let_go_as_its_sidecar_has_it(tmp_path):
+    """Joints of its links are not in the file, so that the file has no start to disturb."""
+    case = load_case(shipped("rod_released.toml"))
+    assert motion_of(case, "dynamics", Store(tmp_path), 60.0) is None
+
+
 def test_a_driven_motion_has_no_free_start(tmp_path):
     case = load_case(shipped("fourbar.toml"))
     assert motion_of(case, "dynamics", Store(tmp_path), 60.0) is None

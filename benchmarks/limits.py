@@ -1,0 +1,213 @@
+"""Is every limit that docs/stress.md states of a case in time one in a bare engine?
+
+    python -m benchmarks.limits [folder] [--only CASE ...] [--quick]
+
+Writes docs/limits.md.  For each limit of a dynamics run the case is changed as `proofmass stress`
+changes it, to 2 % before the printed limit and to 2 % beyond it, and both are written as programs
+and run in interpreters without proofmass.  With --only it prints the page of these cases alone.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks import ROOT, command, folders
+from proofmass.outcome import Outcome
+from proofmass.sidecar import load_case
+from proofmass.sim.protocol import Unsupported
+from proofmass.studies.measure import Measurement, StudyRun
+from proofmass.studies.store import Store
+from proofmass.studies.stress.boundary import BoundaryKind, Failure
+from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.limit_search import LimitSearch
+from proofmass.studies.trade.program import LATE, imposed, tried
+from proofmass.studies.trade.verify import as_used
+
+AGREE = 0.02
+"""Share of a limit by which its two sides are away from it."""
+LONGEST = 120.0
+"""Wall time after which a program is ended [s]."""
+JOBS = 2
+CONFIRMED = "confirmed"
+SIDES = ("2 % before it", "2 % beyond it")
+HEAD = """# Limits in bare engines
+
+`python -m benchmarks.limits` made this. [Where it breaks](stress.md) states {count} limits of cases
+in dynamics runs. Each case was changed as `proofmass stress` changes it, to 2 % before the printed
+limit and to 2 % beyond it, written as two programs, and these were run with `python -I`, in which
+there is no proofmass.
+
+A limit is *confirmed* where the program before it is right to a tenth of the range in all
+positions, and the one beyond it fails, or is further off. Limits of sweeps are not among them: a
+sweep has no time steps, its poses are found by proofmass with what the engine computes.
+
+| result | limits |
+|---|---|
+{results}
+
+| case | solver | parameter | limit | 2 % before it | 2 % beyond it | result |
+|---|---|---|---|---|---|---|
+{rows}
+"""
+
+
+@dataclass(frozen=True)
+class PrintedLimit:
+    """A row of docs/stress.md that states a limit of a case."""
+
+    case: str
+    parameter: str
+    engine: str
+    setting: str
+    value: float
+    words: str
+
+
+@dataclass(frozen=True)
+class BareLimit:
+    """A printed limit, and what became of the programs before and beyond it, in words."""
+
+    limit: PrintedLimit
+    before: str
+    beyond: str
+    result: str
+
+
+class NoProgram(Exception):
+    """A run that cannot be written as a program; says why."""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Confirm the limits of all cases of docs/stress.md, or one of the pendulum."""
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "stress")
+    parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
+    given = parser.parse_args(argv)
+    text = (ROOT / "docs" / "stress.md").read_text(encoding="utf-8")
+    limits = [one for one in printed_limits(text) if one.case in (given.only or [one.case])]
+    if given.quick:
+        limits = [one for one in limits if one.case == "pendulum"][:1]
+    with folders(given.quick, given.folder) as (folder, docs):
+        found = confirm(limits, Store(folder / "runs"))
+        if given.only:
+            print(page(found))
+        else:
+            (docs / "limits.md").write_text(page(found), encoding="utf-8")
+
+
+def printed_limits(text: str) -> Iterator[PrintedLimit]:
+    """The limits of cases that the document states.
+
+    >>> row = "| time step | 1e-3 | mujoco, Euler | 0.14 s |  | inaccurate, in silence: off |"
+    >>> list(printed_limits("## pendulum\\n" + row))[0].value
+    0.14
+    """
+    case = ""
+    for line in text.splitlines():
+        if line.startswith("## "):
+            case = line.removeprefix("## ")
+            continue
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) != 6 or not cells[5].startswith((UNSTABLE, INACCURATE)):
+            continue
+        engine, _, setting = cells[2].partition(", ")
+        first = cells[3].split()[0]
+        if first != "nowhere" and setting != "sweep":
+            yield PrintedLimit(case, cells[0], engine, setting, float(first), cells[3])
+
+
+UNSTABLE, INACCURATE = str(BoundaryKind.UNSTABLE), str(BoundaryKind.INACCURATE)
+
+
+def confirm(limits: Sequence[PrintedLimit], store: Store) -> list[BareLimit]:
+    """Run the programs of all limits of dynamics runs."""
+
+    def run(task: StudyRun) -> Measurement:
+        return run_program(task, store)
+
+    searches = dict[tuple[str, str, str, str], LimitSearch]()
+    for name in dict.fromkeys(one.case for one in limits):
+        case = load_case(next((ROOT / "models").rglob(f"{name}.toml")))
+        if "dynamics" in case.run:
+            for search in extremes(case, store, run)[0]:
+                searches[name, search.parameter, search.engine, search.setting] = search
+    asked = [
+        (one, searches[key])
+        for one in limits
+        if (key := (one.case, one.parameter, one.engine, one.setting)) in searches
+    ]
+    with ThreadPoolExecutor(JOBS) as workers:
+        return list(workers.map(lambda each: try_sides(*each), asked))
+
+
+def run_program(task: StudyRun, store: Store) -> Measurement:
+    """The errors of a dynamics run as a program, at the motion that its drives really had."""
+    if task.run != "dynamics":
+        raise NoProgram(f"a program steps through time, and this is the {task.run}")
+    drive = imposed(task.case, task.setting.engine)[0]
+    try:
+        ran = tried(task.case, as_used(task.case, task.setting), drive, store, LONGEST)
+    except Unsupported as error:
+        raise NoProgram(str(error)) from None
+    if ran.failure:
+        late = ran.failure.startswith(LATE)
+        return Measurement(
+            outcome=Outcome.TIMED_OUT if late else Outcome.DIVERGED, message=ran.failure
+        )
+    return Measurement(errors=ran.driven)
+
+
+def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
+    """Run what is tried before and beyond a limit."""
+    away = 1.0 + AGREE if search.reach > search.start else 1.0 / (1.0 + AGREE)
+    try:
+        failures = [
+            search.trial(value).failure for value in (limit.value / away, limit.value * away)
+        ]
+    except NoProgram as why:
+        return BareLimit(limit, "", "", f"no program: {why}")
+    before, beyond = failures
+    return BareLimit(limit, *map(words, failures), judge(before, beyond))
+
+
+def judge(before: Failure | None, beyond: Failure | None) -> str:
+    """What two sides say of a limit.
+
+    >>> lost = Failure("", BoundaryKind.UNSTABLE)
+    >>> judge(None, lost), judge(lost, lost), judge(None, None)
+    ('confirmed', 'fails before it', 'holds beyond it')
+    """
+    late = Failure("", BoundaryKind.OURS).limit
+    if any(one and one.limit == late for one in (before, beyond)):
+        return "a program took too long"
+    if before:
+        return "fails before it"
+    return CONFIRMED if beyond else "holds beyond it"
+
+
+def words(failure: Failure | None) -> str:
+    """What became of a program."""
+    return failure.message.replace("|", "¦") if failure else "holds"
+
+
+def page(found: Sequence[BareLimit]) -> str:
+    """The document."""
+    counts = Counter(each.result for each in found)
+    return HEAD.format(
+        count=len(found),
+        results="\n".join(f"| {result} | {count} |" for result, count in counts.most_common()),
+        rows="\n".join(map(row, found)),
+    )
+
+
+def row(each: BareLimit) -> str:
+    """A line of the table of limits."""
+    one = each.limit
+    cells = [one.case, f"{one.engine}, {one.setting}", one.parameter, one.words]
+    return f"| {' | '.join([*cells, each.before, each.beyond, each.result])} |"
+
+
+if __name__ == "__main__":
+    main()
