@@ -16,7 +16,8 @@ from pathlib import Path
 from benchmarks import ROOT, command, folders
 from proofmass.outcome import Outcome
 from proofmass.sidecar import load_case
-from proofmass.sim.protocol import Unsupported
+from proofmass.sim.protocol import Diverged, Unsupported
+from proofmass.sim.pymunk.dynamics import MOST
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
@@ -148,7 +149,11 @@ def run_program(task: StudyRun, store: Store) -> Measurement:
         raise NoProgram(f"a program steps through time, and this is the {task.run}")
     drive = imposed(task.case, task.setting.engine)[0]
     try:
-        ran = tried(task.case, as_used(task.case, task.setting), drive, store, LONGEST)
+        used = as_used(task.case, task.setting)
+    except Diverged:  # the engine tells no number of iterations: as many as proofmass ever takes
+        used = task.setting.but(iterations=MOST)
+    try:
+        ran = tried(task.case, used, drive, store, LONGEST)
     except Unsupported as error:
         raise NoProgram(str(error)) from None
     if ran.failure:
