@@ -303,7 +303,7 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
     """A run whose samples, and so its start, lie a part of a sample later on the same motion.
 
     A drive goes by its law; a free motion starts from the pose and rates that the general planar
-    solver finds there.
+    solver finds there.  In time neither knows the bends of rods: a key gives them an arc.
 
     Raises
     ------
@@ -313,6 +313,11 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
     case, run = setting.applied(case, kind)
     if kind == "equilibrium":
         raise Unsupported("a rest has one start")
+    if case.rod and kind == "dynamics":
+        raise Unsupported(
+            "rods start in the arcs that the model's key gives them, not with the bends and rates "
+            "that this motion has at a later time"
+        )
     if case.recorded:
         raise Unsupported("the reference is a recorded curve, known at its samples only")
     later = replace(run, x=run.x[:-1] + PART * np.diff(run.x))
