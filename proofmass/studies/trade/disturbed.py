@@ -16,12 +16,15 @@ from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
+from proofmass.errors import InputError
 from proofmass.reference import compiled
 from proofmass.sim.contents import size
 from proofmass.sim.protocol import Curves
+from proofmass.sim.rods import chain, joints_of
 from proofmass.strict import Kind
 from proofmass.studies.measure import CONSTANT, Measurement, StudyRun, measure, simulate_task, span
 from proofmass.studies.record import KINDS, NAN
@@ -31,7 +34,8 @@ from proofmass.studies.variants import times, with_model
 from proofmass.wording import number
 
 NUDGE = 1e-9
-"""Of all joints at the start: rad, or times the mechanism's size."""
+"""Of all joints at the start, and of arcs of rods with a free end: rad, or times the mechanism's
+size."""
 SHARE = 1e-4
 """Share of the range that a nudge may move a trajectory by, the coarsest error that studies ask."""
 LINEAR = 1e-2
@@ -160,23 +164,55 @@ def rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
 
 
 def moved(case: Case, folder: Path) -> Case | None:
-    """The case with all joints of its start nudged; None where the file has no such key."""
-    model = compiled(case)
-    sliding = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    """The case with all joints of its start nudged, and the arcs of rods whose ends are free.
+
+    None where the file has no such key, or nothing that can be nudged: no rod closes a straight
+    line between pins that are nudged.
+    """
+    model, own = compiled(case), own_joints(case)
+    sliding = model.jnt_type[own] == mujoco.mjtJoint.mjJNT_SLIDE
     units = np.where(sliding, size(model, case.start), 1.0)
-    signs = np.where(np.arange(model.njnt) % 3 == 1, -1.0, 1.0)  # not all along one motion
-    return with_start(case, folder, lambda q: q + NUDGE * signs * units)
+    signs = np.where(np.arange(sliding.size) % 3 == 1, -1.0, 1.0)  # not all along one motion
+    bent = {
+        name: rod.model_copy(update={"turn": rod.turn + NUDGE})
+        for name, rod in case.rod.items()
+        if rod.to is None
+    }
+    if not (own.any() or bent):
+        return None
+    if not (found := with_start(case, folder, lambda q: q + NUDGE * signs * units)):
+        return None
+    found = found.model_copy(update={"rod": {**case.rod, **bent}})
+    try:
+        compiled(found)
+    except InputError:
+        return None
+    return found
 
 
 def rounded(case: Case, folder: Path) -> Case | None:
     """The case with other last digits of its masses and of its start."""
 
+    more = 1.0 + ULPS * np.finfo(float).eps
+
     def change(root: Element) -> None:
         for element in root.iter():
             for key in ("mass", "diaginertia", "fullinertia", "density"):
-                times(element, key, 1.0 + ULPS * np.finfo(float).eps)
+                times(element, key, more)
 
-    return with_start(case, folder, lambda q: np.nextafter(q, np.inf), change)
+    rods = {
+        name: rod.model_copy(update={"mass": rod.mass and rod.mass * more})
+        for name, rod in case.rod.items()
+    }
+    found = with_start(case, folder, lambda q: np.nextafter(q, np.inf), change)
+    return found.model_copy(update={"rod": rods}) if found else None
+
+
+def own_joints(case: Case) -> NDArray[np.bool_]:
+    """Which joints (njnt,) of a case's compiled model are of its file, and not of its rods."""
+    model = compiled(case)
+    added = {name for rod in case.rods for name in joints_of(chain(rod))}
+    return np.array([model.joint(j).name not in added for j in range(model.njnt)], bool)
 
 
 def with_start(
@@ -185,13 +221,10 @@ def with_start(
     move: Callable[[Array], Array],
     change: Callable[[Element], None] = lambda _: None,
 ) -> Case | None:
-    """The case with other positions at its start, if its file states that key.
-
-    None with rods, whose joints are not in the file.
-    """
-    model = compiled(case)
+    """The case with other positions of its own joints at its start, if its file states that key."""
+    model, own = compiled(case), own_joints(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
-    if key < 0 or model.nq != model.njnt or case.rod:
+    if key < 0 or model.nq != model.njnt:
         return None
     there = False
 
@@ -200,7 +233,9 @@ def with_start(
         for element in root.iterfind("./keyframe/key"):
             if element.get("name") == case.start:
                 there = True
-                element.set("qpos", " ".join(map(repr, move(model.key_qpos[key]).tolist())))
+                if own.any():
+                    start = move(model.key_qpos[key][own])
+                    element.set("qpos", " ".join(map(repr, start.tolist())))
         change(root)
 
     found = with_model(case, folder, both)

@@ -20,6 +20,8 @@ from proofmass.studies.variants import READS, movable, self_referenced, thinned
 
 SIGNIFICANT = 1.1
 """Factor on the error from which a cause is one: a fifth of the error, if of first order."""
+FEWEST = 2
+"""Segments of a rod."""
 UNKNOWN = "unknown"
 ROUNDING = "rounding"
 
@@ -66,6 +68,7 @@ def list_perturbations(
     if run == "dynamics":
         found = engine_of(setting.engine).perturbations(setting.parameters, studied(case), scaled)
         own = [(case, one) for one in found]
+        own += halve_segments(case, setting)
     else:
         own = [(case, finer)] if (finer := double_segments(case, setting)) else []
     return [
@@ -81,6 +84,30 @@ def double_segments(case: Case, setting: Setting) -> Perturbation | None:
         return None
     finer = setting.but(segments=2 * int(str(setting.parameters["segments"])))
     return Perturbation("segments", "twice as many segments", finer.parameters)
+
+
+def halve_segments(case: Case, setting: Setting) -> Iterator[PerturbedCase]:
+    """Half as many segments of each rod, for a run in time; nothing without rods.
+
+    Not twice as many: the highest frequency of a chain goes with the square of their number, and
+    few settings are stable with twice as many at the same step.
+    """
+    numbers = {
+        name: int(str(setting.parameters.get("segments", rod.segments)))
+        for name, rod in case.rod.items()
+    }
+    half = {name: max(FEWEST, n // 2) for name, n in numbers.items()}
+    if half == numbers:
+        return
+    rods = {name: rod.model_copy(update={"segments": half[name]}) for name, rod in case.rod.items()}
+    rest = {name: value for name, value in setting.parameters.items() if name != "segments"}
+    words = (
+        "half as many segments" if all(n % 2 == 0 for n in numbers.values()) else "fewer segments"
+    )
+    yield (
+        case.model_copy(update={"rod": rods}),
+        Perturbation("segments", words, rest, better=False),
+    )
 
 
 def perturb_reference(case: Case, setting: Setting, folder: Path) -> Iterator[PerturbedCase]:

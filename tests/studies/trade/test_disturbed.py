@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from proofmass.case import Case
 from proofmass.reference import compiled, grid
 from proofmass.sidecar import load_case
-from proofmass.studies.measure import StudyRun
+from proofmass.studies.measure import StudyRun, simulate_task
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
@@ -23,6 +23,7 @@ from proofmass.studies.trade.disturbed import (
     answer,
     motion_of,
     moved,
+    own_joints,
     parted,
     rounded,
     rounding,
@@ -122,12 +123,6 @@ def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
     assert np.isnan(motion.horizon)
     assert within(case, "dynamics", motion) is case
     assert "chaotic" not in motion.words
-
-
-def test_a_rod_is_let_go_as_its_sidecar_has_it(tmp_path):
-    """Joints of its links are not in the file, so that the file has no start to disturb."""
-    case = load_case(shipped("rod_released.toml"))
-    assert motion_of(case, "dynamics", Store(tmp_path), 60.0) is None
 
 
 def test_a_driven_motion_has_no_free_start(tmp_path):
@@ -239,3 +234,42 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_pat
     assert all(v.motion.startswith("chaotic") and v.horizon < 15.0 for v in study.verdicts)
     assert case.run["dynamics"].until == pytest.approx(study.verdicts[0].horizon, abs=0.051)
     assert min(row.errors["position"] for row in study.rows) < 1e-3
+
+
+def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
+    """It has no joint in the file; its tip is off by half a nudge, a rod of 1 m being an arc."""
+    case = load_case(shipped("rod_released.toml"))
+    other = moved(case, tmp_path)
+    assert other.rods[0].turn == NUDGE
+    task = StudyRun(case, "dynamics", Setting("mujoco", {"timestep": 2e-4}))
+    one, two = (simulate_task(replace(task, case=each)) for each in (case, other))
+    away = two.channels["tip.y"][0] - one.channels["tip.y"][0]
+    assert away == pytest.approx(NUDGE / 2, rel=1e-3)
+    motion = motion_of(case, "dynamics", Store(tmp_path), 30.0)
+    assert 0.1 < motion.growth < 10.0  # of the range, in a regular motion
+    assert not motion.rate > 0
+
+
+def test_joints_beside_rods_are_disturbed_in_the_file(tmp_path: Path) -> None:
+    case = load_case(shipped("rfr3.toml"))
+    other = moved(case, tmp_path)
+    own = own_joints(case)
+    there, here = (compiled(each).key_qpos[0] for each in (other, case))
+    assert own.sum() == 6 < own.size
+    assert np.abs(there - here)[own] == pytest.approx(np.full(6, NUDGE), rel=1.0)
+    assert np.abs(there - here)[~own].max() > 0  # the rods close the loops again
+    assert other.rods == case.rods
+
+
+@pytest.mark.parametrize("name", ["rod_taut", "slider_crank_elastic"])
+def test_what_cannot_be_disturbed_has_no_disturbed_motion(name: str, tmp_path: Path) -> None:
+    """No joint but those of a rod between sites that stay; a straight rod between pins, which are
+    nudged to a distance that none of its arcs has."""
+    case = load_case(shipped(f"{name}.toml"))
+    assert moved(case, tmp_path) is None
+
+
+def test_roundings_reach_the_masses_of_rods(tmp_path: Path) -> None:
+    case = load_case(shipped("rod_released.toml"))
+    other = rounded(case, tmp_path)
+    assert 0 < other.rods[0].mass / case.rods[0].mass - 1 < 1e-14

@@ -11,7 +11,14 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
-from proofmass.studies.trade.floor import SIGNIFICANT, gain, halvings, judge, list_perturbations
+from proofmass.studies.trade.floor import (
+    SIGNIFICANT,
+    gain,
+    halve_segments,
+    halvings,
+    judge,
+    list_perturbations,
+)
 from proofmass.studies.trade.varied import ConvergenceSeries
 from tests.shipped import shipped
 
@@ -153,6 +160,63 @@ def test_segments_of_a_rod_are_found(tmp_path):
     errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 40}), "equilibrium")
     assert judge(errors["position"], found, "position")[0] == "segments"
     assert gains(errors, found, "position")["segments"] == pytest.approx(4.0, rel=0.1)  # n^-2
+
+
+@pytest.mark.parametrize(
+    ("engine", "step"), [("mujoco", 5e-4), pytest.param("pymunk", 2.5e-4, marks=pytest.mark.slow)]
+)
+def test_segments_of_a_rod_in_motion_are_found(engine, step, tmp_path):
+    """Half as many have four times the error; without that change its cause is unknown."""
+    case = load_case(shipped("rod_released.toml"))
+    errors, found = moved(tmp_path, case, Setting(engine, {"timestep": step}))
+    cause, evidence = judge(errors["position"], found, "position", at_floor=True)
+    assert cause == "segments"
+    assert "half as many segments multiplies the error by 4.1" in evidence  # n^-2, of 20 and 10
+    rest = [(p, row) for p, row in found if p.cause != "segments"]
+    assert judge(errors["position"], rest, "position", at_floor=True)[0] == "unknown"
+
+
+def segments_of(case, parameters, tmp_path):
+    """The numbers of segments of the change of segments, with its words."""
+    found = list_perturbations(case, "dynamics", Setting("mujoco", parameters), tmp_path)
+    return [
+        (p.change, [rod.segments for rod in rods_of(case, p)], p.better)
+        for case, p in found
+        if p.cause == "segments"
+    ]
+
+
+def rods_of(case, perturbation):
+    """The rods that a changed run has."""
+    return Setting("mujoco", perturbation.parameters).applied(case, "dynamics")[1].rods
+
+
+@pytest.mark.parametrize(
+    ("parameters", "numbers"),
+    [({}, [10]), ({"segments": 12}, [6]), ({"segments": 7}, [3]), ({"segments": 3}, [2])],
+)
+def test_half_of_the_segments_in_time(parameters, numbers, tmp_path):
+    """The sidecar's own number where the setting has none."""
+    case = load_case(shipped("rod_released.toml"))
+    words = "fewer" if parameters.get("segments", 20) % 2 else "half as many"
+    found = segments_of(case, {"timestep": 1e-3, **parameters}, tmp_path)
+    assert found == [(f"{words} segments", numbers, False)]
+
+
+def test_each_rod_has_half_of_its_own_segments(tmp_path):
+    case = load_case(shipped("rod_released.toml"))
+    other = case.rod["rod"].model_copy(update={"segments": 8})
+    case = case.model_copy(update={"rod": {**case.rod, "other": other}})
+    # neither rod is compiled: only what is asked for is looked at
+    ((changed, one),) = halve_segments(case, Setting("mujoco"))
+    assert [rod.segments for rod in changed.rods] == [10, 4]
+    assert one.parameters == {}
+
+
+def test_two_segments_and_none_are_not_halved(tmp_path):
+    case = load_case(shipped("rod_released.toml"))
+    assert segments_of(case, {"timestep": 1e-3, "segments": 2}, tmp_path) == []
+    assert segments_of(FOURBAR, {"timestep": 1e-3}, tmp_path) == []
 
 
 def test_samples_between_the_ends_of_links_are_found(tmp_path):
