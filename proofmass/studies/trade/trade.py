@@ -42,7 +42,7 @@ from proofmass.studies.trade.floor import (
     list_perturbations,
 )
 from proofmass.studies.trade.orders import expected, nearest, off
-from proofmass.studies.trade.search import SLACK
+from proofmass.studies.trade.search import SLACK, SURE
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
 from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
 from proofmass.studies.trade.verdict import Verdict, able
@@ -51,6 +51,8 @@ from proofmass.wording import number
 
 USUAL = 2.0  # s, of one run, for engines that take much longer than usual
 REPEATS = 5
+MOMENT = 0.1
+"""Wall time [s] from which a run is long beside what disturbs it for a moment."""
 ADDED = 1.5  # times a floor, of an error to which the drives add their own
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
@@ -242,12 +244,12 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
     """The settings, by number, that may be on the Pareto front of their case and engine.
 
     A setting is one of them if the first run of no setting that is as accurate in some kind of
-    error was `SLACK` times as fast.
+    error was `SLACK` times as fast; of runs longer than `MOMENT`, `SURE` times.
 
-    >>> times = [(1e-3, 0.1), (1e-3, 0.25), (1e-3, 0.4), (1e-4, 0.4)]
+    >>> times = [(1e-3, 0.01), (1e-3, 0.025), (1e-3, 0.04), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
     >>> near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
     ...                      outcome=Outcome.RAN) for e, s in times])
-    [0, 1, 3]
+    [0, 1, 3, 4]
     """
     numbers = {id(row): k for k, row in enumerate(rows)}
     groups: dict[tuple[str, str], list[StudyRow]] = {}
@@ -258,7 +260,7 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
         least = inf
         for row in sorted(able(group, kind), key=lambda row: (row.errors[kind], row.seconds)):
             least = min(least, row.seconds)
-            if row.seconds <= SLACK * least:
+            if row.seconds <= (SLACK if row.seconds < MOMENT else SURE) * least:
                 found.add(numbers[id(row)])
     return sorted(found)
 
