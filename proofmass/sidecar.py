@@ -182,8 +182,8 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
     """The quantity that has a channel's name, or None.
 
     The dot may be an underscore, ``_velocity.x`` and ``_acceleration.x`` may be short as ``_vx``
-    and ``_ax``, the ``.z`` of an angular rate or acceleration and the ``_angle`` of an angle may be
-    left out.
+    and ``_ax``, the ``.z`` of an angular rate or acceleration or of a moment and the ``_angle`` of
+    an angle may be left out.
 
     >>> match_quantity("pin_velocity.x", "m/s", ["pin_x", "pin_vx"])
     'pin_vx'
@@ -197,7 +197,7 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
     for long, short in ("_velocity", "_v"), ("_acceleration", "_a"):
         if part and name.endswith(long):
             names.append(f"{name.removesuffix(long)}{short}{part}")
-    if part == "z" and unit in ("rad/s", "rad/s^2"):
+    if part == "z" and unit in ("rad/s", "rad/s^2", "N m"):
         names.append(name)
     if not part and unit == "rad":
         names.append(f"{name}_angle")

@@ -243,6 +243,7 @@ def test_a_fault_in_what_is_filled_in_is_said_at_its_key(more, tables, words, tm
         ("pin_velocity.x", "m/s", "pin_vx"),
         ("pin_acceleration.y", "m/s^2", "pin_ay"),
         ("coupler_rate.z", "rad/s", "coupler_rate"),
+        ("guide_moment.z", "N m", "guide_moment"),
         ("slider_velocity.z", "m/s", None),
         ("rocker", "rad", "rocker_angle"),
         ("slide", "m", "slide"),
@@ -261,6 +262,7 @@ def test_a_channel_has_the_quantity_of_its_name(channel, unit, quantity):
         "rocker_angle",
         "slide",
         "slider_velocity",
+        "guide_moment",
         "crank_angle",
     ]
     assert match_quantity(channel, unit, known) == quantity

@@ -103,6 +103,11 @@ LENGTHS = {
         "rod": [at(SITE, "rod_end")],
         "ground_x": [at(BODY, "bar")],
     },
+    "inverted_slider_crank_forces": {
+        "crank": [at(BODY, "rod")],
+        "bar": [at(SITE, "bar_tip")],
+        "ground_x": [at(BODY, "bar")],
+    },
     "inverted_slider_crank_classic": {
         "crank": [at(BODY, "rod")],
         "rod": [at(SITE, "rod_end")],
@@ -325,6 +330,7 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
         ("inverted_slider_crank", "2.25 2.25", "2.475 2.475"),
         ("inverted_slider_crank_classic", "10.4166666666667 10.4166666666667", "11.45 11.45"),
         ("threeprr", "0.166666666666667", "0.183333333333333"),
+        ("inverted_slider_crank_forces", "0.01 0.01 0.01", "0.011 0.011 0.011"),
         (
             "fourbar_forces",
             "0.0833333333333333 0.0833333333333333",
@@ -361,6 +367,40 @@ def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver,
     case = load_case(models / "parallelogram_chain.toml")
     found = compare(case, "dynamics", solver, solve(case, "dynamics", solver), detectable=False)
     assert "differs" in {c.outcome for c in found}
+
+
+FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what knows it at rest
+    "inverted_slider_crank_forces": [
+        (
+            'pos="1.5 0 0" mass="3"',
+            'pos="1.5 0 0" mass="3.003"',
+            "holding_moment holding_moment_bar crank_force rod_force guide_force pin_force "
+            "bar_force",
+        ),
+        ('pos="0.5 0 0" mass="1"', 'pos="0.5 0 0" mass="1.001"', "holding_moment_bar bar_force"),
+        ('pos="0.5 0 0" mass="1"', 'pos="0.501 0 0" mass="1"', "holding_moment_bar"),
+        (
+            'pos="0 0 0" mass="0.5"',
+            'pos="0 0 0" mass="0.501"',
+            "holding_moment_bar pin_force bar_force",
+        ),
+    ],
+}
+
+
+@pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
+@pytest.mark.parametrize(
+    ("name", "old", "new", "known"), [(name, *row) for name, rows in FORCES.items() for row in rows]
+)
+def test_a_wrong_mass_turns_what_knows_it_and_nothing_else(
+    name, old, new, known, solver, models, edit
+):
+    """By a thousandth, or 1 mm of its place."""
+    edit(f"{name}.xml", re.escape(old), new)
+    case = few(load_case(models / f"{name}.toml"), "sweep")
+    found = compare(case, "sweep", solver, solve(case, "sweep", solver), detectable=False)
+    differs = {c.channel.partition(".")[0] for c in found if c.outcome == "differs"}
+    assert differs == set(known.split())
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])

@@ -8,12 +8,15 @@ import pytest
 
 from proofmass.analytic.linkages import pendulum
 from proofmass.analytic.planar import solve
+from proofmass.compare import compare
 from proofmass.drive import Steady, Swing
 from proofmass.engines import engine_of
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Drive, Run
 from proofmass.sim.pymunk import dynamics, model, quasi_static
 from proofmass.sim.pymunk.kinematics import values
 from proofmass.sim.pymunk.reactions import SampledMotion, solve_forces
+from proofmass.solve import solve as run_case
 from tests.shipped import shipped
 
 BOTH = pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
@@ -23,6 +26,7 @@ FORCES = tuple(
 CHANNELS = ("holding_moment", *FORCES)
 FILE = shipped("fourbar_forces.xml")
 G = 9.81
+PINS = sorted(file.stem for file in FILE.parent.glob("*_forces.toml"))
 
 
 def simulate(engine: str, file: Path, run: Run) -> Curves:
@@ -85,6 +89,19 @@ def test_a_sweep_with_inertia_has_the_forces_of_the_motion():
     curves = simulate("mujoco", FILE, run)
     assert off(curves, by_multipliers(curves, inertia=True)) < 1e-13  # rounding of the pose
     assert off(curves, by_multipliers(curves)) > 0.1
+
+
+@pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
+@pytest.mark.parametrize("name", PINS)
+def test_mujoco_has_the_forces_of_closed_forms_to_rounding(name, inertia):
+    """Whatever the sidecar's sweep is; a hundred poses."""
+    case = load_case(shipped(f"{name}.toml"))
+    sweep = case.run["sweep"].model_copy(update={"inertia": inertia, "n": 100})
+    case = case.model_copy(update={"run": {"sweep": sweep}})
+    found = compare(case, "sweep", "mujoco", run_case(case, "sweep", "mujoco"), detectable=False)
+    assert {c.channel for c in found} >= {n for n in case.channels if "force" in n}
+    # 1e-11 of the range: rounding of the pose, over the triangle that the pins of a loop span
+    assert max(c.relative_to_range for c in found) < 1e-11
 
 
 def test_chipmunk_has_no_forces_of_a_motion_in_a_sweep():

@@ -3,15 +3,24 @@
 The classic form, in which the slider turns on a fixed pivot, is in `swinging_block`.
 """
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.linkages.bars import asked_of_drive
+from proofmass.analytic.linkages.bars import (
+    FORCES,
+    LOADS,
+    asked_of_drive,
+    asked_of_pins,
+    asks,
+)
 from proofmass.analytic.linkages.slider_crank import _slack
 from proofmass.analytic.numerics import (
     Array,
     dot,
     finite,
+    in_frame,
     not_negative,
     one_of,
     positive,
@@ -40,6 +49,7 @@ def solve(
     slider_inertia: float = 0.0,
     gravity: float = 9.81,
     inertia: bool = False,
+    only: Collection[str] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of an inverted slider-crank whose crank and bar motions are given.
 
@@ -60,7 +70,13 @@ def solve(
 
     The moments that hold crank and bar still are gravity * sum(mass * dy/dangle) over the
     mid-lengths of crank, bar and rod and over the slider; with inertia, plus what the
-    accelerations do along the motion of a unit rate of that drive alone.
+    accelerations do along the motion of a unit rate of that drive alone. The rod, whose weight
+    and inertia need the moment m about P, gets across its direction what it gives the slider, the
+    force N and the moment slider_inertia dw that turns the slider with it::
+
+        N = -(m + slider_inertia dw)/s i u
+
+    and the balance of forces the pins.
 
     Parameters
     ----------
@@ -74,7 +90,9 @@ def solve(
     crank_mass, bar_mass, rod_mass, slider_mass : uniform bars and slider [kg]
     slider_inertia : moment of inertia of the slider, which turns with the rod, about S [kg m^2]
     gravity : along -y [m/s^2]
-    inertia : whether moments are those of the motion, and not those at rest
+    inertia : whether moments and forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: moments and forces, which take longer than
+        the motion, are left out if they are not among them; None asks for all
 
     Returns
     -------
@@ -82,8 +100,12 @@ def solve(
     _rate and _acceleration (rod_rate, rod_acceleration); end_x, end_y [m], end_vx, end_vy, end_ax,
     end_ay of E; slider_x, slider_y and the same of S; slide_margin [m], the slider's distance from
     the nearer end of the rod, negative where it has left the rod (see `off_rod`); holding_moment
-    of the crank and holding_moment_bar [N m]. rod_angle starts in [-pi, pi] and is unwrapped,
-    which needs steps below pi between samples.
+    of the crank and holding_moment_bar [N m]; forces of pins [N] in the frame of a bar, _x along it
+    and _y to the left: crank_force_x, crank_force_y of the ground on the crank, bar_force_.. of the
+    ground on the bar, rod_force_.. of the crank on the rod, and, in the rod's frame, guide_force_..
+    of the rod on the slider at S, whose _x is zero, with guide_moment [N m] about S, and
+    pin_force_.. of the slider on the bar. rod_angle starts in [-pi, pi] and is unwrapped, which
+    needs steps below pi between samples.
 
     Raises
     ------
@@ -131,9 +153,27 @@ def solve(
     v, w = slip.real, slip.imag / s
     rod_angle, dw = unwrapped(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
     end = [a + b for a, b in zip(pin, _arm(rod, rod_angle, w, dw), strict=True)]
-    turned = (-1j * pin[0] / u).imag / s, (1j * tip[0] / u).imag / s
-    moments = _inertia(pin[::2], tip[::2], rod * u, end[2], turned, **masses)
-    swing = 0.5 * rod_mass * rod * u.real / s  # dy/d(rod angle) of the rod's weight, over s
+    loads: dict[str, Array] = {}
+    if asks(only, *LOADS, "_moment_bar"):
+        turned = (-1j * pin[0] / u).imag / s, (1j * tip[0] / u).imag / s
+        moments = _inertia(pin[::2], tip[::2], rod * u, end[2], turned, **masses)
+        swing = 0.5 * rod_mass * rod * u.real / s  # dy/d(rod angle) of the rod's weight, over s
+        loads = {
+            "holding_moment": inertia * (moments[0] + slider_inertia * dw * turned[0])
+            + gravity * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
+            "holding_moment_bar": inertia * (moments[1] + slider_inertia * dw * turned[1])
+            + gravity * ((0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
+        }
+        if asks(only, *FORCES, "guide_moment"):
+            loads |= _forces(
+                (np.exp(1j * a1), np.exp(1j * a2), u),
+                (crank, bar, rod),
+                s,
+                [inertia * point[2] + 1j * gravity for point in (pin, slider, end)],
+                inertia * slider_inertia * dw,
+                1j * gravity,
+                **masses,
+            )
     curves = {
         "slide": s,
         "slide_rate": v,
@@ -142,10 +182,7 @@ def solve(
         "rod_rate": w,
         "rod_acceleration": dw,
         "slide_margin": np.minimum(s, rod - s),
-        "holding_moment": inertia * (moments[0] + slider_inertia * dw * turned[0])
-        + gravity * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
-        "holding_moment_bar": inertia * (moments[1] + slider_inertia * dw * turned[1])
-        + gravity * ((0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
+        **loads,
     }
     for name, point in (("end", end), ("slider", slider)):
         for part, value in zip(("", "v", "a"), point, strict=True):
@@ -178,6 +215,43 @@ def _inertia(
     of_bar = asked_of_drive(bar_mass, (rest, at_s), (rest, 1j * s))
     of_bar = of_bar + asked_of_drive(rod_mass, (at_p, at_end), (rest, by_bar))
     return of_crank, of_bar + slider_mass * dot(at_s, 1j * s)
+
+
+def _forces(
+    directions: tuple[ComplexPoints, ComplexPoints, ComplexPoints],
+    lengths: tuple[float, float, float],
+    slide: Array,
+    accelerations: list[ComplexPoints],
+    turning: Array,
+    lift: complex,
+    *,
+    crank_mass: float,
+    bar_mass: float,
+    rod_mass: float,
+    slider_mass: float,
+) -> dict[str, Array]:
+    """Forces of pins and guide, of crank, bar and rod in these directions.
+
+    `accelerations` are those of P, S and E less that of gravity, which is -`lift`; `turning` is the
+    moment that the slider asks of the rod.
+    """
+    crank, bar, rod = (a * b for a, b in zip(directions, lengths, strict=True))
+    at_p, at_s, at_e = accelerations
+    f0, _ = asked_of_pins(crank_mass, crank, (lift, at_p))
+    f1, m1 = asked_of_pins(rod_mass, rod, (at_p, at_e))
+    f2, _ = asked_of_pins(bar_mass, bar, (lift, at_s))
+    across = -(m1 + turning) / slide
+    on_slider = 1j * across * directions[2]
+    on_rod, on_bar = f1 + on_slider, np.asarray(on_slider - slider_mass * at_s)
+    return {
+        **in_frame("crank_force", f0 + on_rod, directions[0]),
+        **in_frame("bar_force", f2 - on_bar, directions[1]),
+        **in_frame("rod_force", on_rod, directions[2]),
+        "guide_force_x": np.zeros_like(across),
+        "guide_force_y": across,
+        "guide_moment": turning,
+        **in_frame("pin_force", on_bar, directions[2]),
+    }
 
 
 def off_rod(x: ArrayLike, slide_margin: ArrayLike) -> Array:

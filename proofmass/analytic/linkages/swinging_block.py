@@ -1,5 +1,7 @@
 """Swinging-block linkage: the classic inverted slider-crank, its slider on a fixed pivot."""
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,9 +23,11 @@ def solve(
     mode: int = 1,
     crank_mass: float = 0.0,
     rod_mass: float = 0.0,
+    block_mass: float = 0.0,
     block_inertia: float = 0.0,
     gravity: float = 9.81,
     inertia: bool = False,
+    only: Collection[str] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of a swinging-block linkage whose crank motion is given.
 
@@ -47,15 +51,20 @@ def solve(
     pivot_x, pivot_y : the block's pivot S [m]
     mode : +1 the rod points from the crank pin to the block, -1 away from it
     crank_mass, rod_mass : uniform bars [kg]
+    block_mass : of the block, whose weight the pivot alone carries [kg]
     block_inertia : moment of inertia of the block about its pivot [kg m^2]
     gravity : along -y [m/s^2]
-    inertia : whether the moment is that of the motion, and not that at rest
+    inertia : whether moment and forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: moment and forces are left out if they are
+        not among them; None asks for all
 
     Returns
     -------
     dict of (n,) or () arrays: slide [m], slide_rate, slide_acceleration, slide_margin [m];
     rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax, end_ay;
-    holding_moment [N m]; as in `inverted_slider_crank.solve`.
+    holding_moment [N m]; forces [N], crank_force_x, crank_force_y of the ground on the crank,
+    rod_force_.. of the crank on the rod, guide_force_.. of the rod on the block, with guide_moment
+    [N m], and pin_force_.. of the block on its pivot; as in `inverted_slider_crank.solve`.
 
     Raises
     ------
@@ -84,14 +93,16 @@ def solve(
         mode=mode,
         crank_mass=crank_mass,
         rod_mass=rod_mass,
+        slider_mass=block_mass,
         slider_inertia=block_inertia,
         gravity=gravity,
         inertia=inertia,
+        only=only,
     )
     return {
         name: curve
         for name, curve in pose.items()
-        if not name.startswith("slider") and name != "holding_moment_bar"
+        if not name.startswith(("slider", "bar_force")) and name != "holding_moment_bar"
     }
 
 

@@ -57,10 +57,11 @@ def compiled(
     key: list[float],
     ctrl: str = "",
     forces: tuple[str, ...] = (),
+    moments: tuple[str, ...] = (),
 ) -> mujoco.MjModel:
     """The model, with sensors of position, rate and acceleration on sites and joints.
 
-    And of what bodies get from the ones before them, at their roots.
+    And of what bodies get from the ones before them, forces and moments, at their roots.
     """
     sensors = "".join(
         f'<{kind} name="{name}{suffix}" objtype="site" objname="{site}"/>'
@@ -74,6 +75,7 @@ def compiled(
     )
     sensors += "".join(f'<actuatorfrc name="{d}_hold" actuator="{d}"/>' for d in drives)
     sensors += "".join(f'<force name="{one}_force" site="{one}_root"/>' for one in forces)
+    sensors += "".join(f'<torque name="{one}_moment" site="{one}_root"/>' for one in moments)
     motors = "".join(f'<motor name="{d}" joint="{d}"/>' for d in drives)
     connects = "".join(f'<connect name="{a}" site1="{a}" site2="{b}"/>' for a, b in loops)
     qpos = " ".join(f"{q:.7g}" for q in key)
@@ -106,6 +108,11 @@ def turning(joint: str, quantity: str, rate: str) -> dict[str, str]:
 def force(*names: str) -> dict[str, str]:
     """Parts of the forces of pins and guides."""
     return {f"{name}_force.{x}": f"{name}_force_{x}" for name in names for x in "xy"}
+
+
+def pin(at: str = "0 0 0", name: str = "pin") -> str:
+    """A body without mass, fixed to a link: what the link gives it, another gets by a loop."""
+    return f'<body pos="{at}"><site name="{name}_root"/></body>'
 
 
 def feasible(solve: Callable, way: np.ndarray, **parameters: float) -> dict[str, np.ndarray]:
@@ -258,14 +265,22 @@ def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
         mass=3.0,
         inside=(
             '<body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>'
-            '<inertial pos="0 0 0" mass="0.5" diaginertia="1 1 1"/><site name="slider"/></body>'
+            '<inertial pos="0 0 0" mass="0.5" diaginertia="1 1 1"/><site name="guide_root"/>'
+            f"{pin()}</body>"
         ),
     )
     bodies = bar("crank", p["crank"], mass=1.0, inside=rod)
     bodies += bar("bar", p["bar"], f"{p['ground_x']!r} {p['ground_y']!r} 0", mass=2.0)
     key = [first, float(start["rod_angle"]) - first, float(start["slide"]), second]
     model = compiled(
-        bodies, [("slider", "bar_end")], ("crank", "bar"), {"end": "rod_end"}, ("slide",), key
+        bodies,
+        [("pin_root", "bar_end")],
+        ("crank", "bar"),
+        {"end": "rod_end"},
+        ("slide",),
+        key,
+        forces=("crank", "bar", "rod", "guide", "pin"),
+        moments=("guide",),
     )
     return Linkage(
         model,
@@ -275,6 +290,8 @@ def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
         {
             **tip("end", "end"),
             **turning("slide", "slide", "slide"),
+            **force("crank", "bar", "rod", "guide", "pin"),
+            "guide_moment.z": "guide_moment",
             "crank_hold": "holding_moment",
             "bar_hold": "holding_moment_bar",
         },

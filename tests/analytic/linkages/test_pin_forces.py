@@ -1,0 +1,222 @@
+"""Forces of pins and guides: each body of a linkage by itself is in balance, at rest and in motion.
+
+Newton's and Euler's equations of every body, about its centre of mass, with all forces that act on
+it. Drives hold it with the moments and forces that the closed forms know by virtual work.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.linkages import inverted_slider_crank, swinging_block
+
+GRAVITY = 3.7
+STATES = pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
+GRID = np.linspace(0.0, 2.0 * np.pi, 65)
+LAW = np.array(  # both inputs turn back and forth, with all derivatives alive
+    [
+        [0.4 + 0.8 * np.sin(GRID), 1.1 - 0.5 * np.cos(GRID)],
+        [2.0 + 0.8 * np.cos(GRID), -3.0 + 0.5 * np.sin(GRID)],
+        [-4.0 * np.sin(GRID), 5.0 * np.cos(GRID)],
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body, its motion, and all that acts on it but its weight."""
+
+    mass: float  # kg
+    inertia: float  # about the centre of mass, kg m^2
+    centre: np.ndarray  # m, as all vectors a complex number
+    acceleration: np.ndarray  # of the centre, m/s^2
+    turning: np.ndarray | float  # angular acceleration, rad/s^2
+    pulls: tuple[tuple[np.ndarray, np.ndarray], ...]  # a force [N] and where it acts [m]
+    moment: np.ndarray | float = 0.0  # N m
+
+
+def unbalanced(body: Body) -> float:
+    """What is left of the forces and moments on a body, as a share of the largest of them."""
+    forces = [force for force, _ in body.pulls]
+    levers = [(np.conj(place - body.centre) * force).imag for force, place in body.pulls]
+    needed = body.mass * (body.acceleration + 1j * GRAVITY)
+    left = np.abs(sum(forces) - needed).max() / np.abs([*forces, needed]).max()
+    twists = [*levers, body.moment + 0.0 * levers[0], body.inertia * body.turning + 0.0 * levers[0]]
+    return max(left, np.abs(sum(twists[:-1]) - twists[-1]).max() / max(np.abs(twists).max(), 1e-9))
+
+
+def bar(mass, ends, accelerations, turning, forces, moment=0.0):
+    """A uniform bar with a force on each end."""
+    first, second = ends
+    inertia = mass * np.abs(second - first).max() ** 2 / 12.0
+    return Body(
+        mass,
+        inertia,
+        0.5 * (first + second),
+        0.5 * sum(accelerations),
+        turning,
+        tuple(zip(forces, (first + 0j, second + 0j), strict=True)),
+        moment,
+    )
+
+
+def force(pose, name, angle):
+    """A force in the axes of the world, from its parts in a frame at that angle."""
+    return (pose[f"{name}_x"] + 1j * pose[f"{name}_y"]) * np.exp(1j * angle)
+
+
+def arm(length, k, inertia):
+    """Vector of the k-th driven arm and the acceleration of its end."""
+    angle, rate, change = LAW[:, k]
+    vector = length * np.exp(1j * angle)
+    return vector, inertia * (1j * change - rate**2) * vector
+
+
+def point(pose, name, inertia):
+    """Place and acceleration of a point."""
+    place = pose[f"{name}_x"] + 1j * pose[f"{name}_y"]
+    return place, inertia * (pose[f"{name}_ax"] + 1j * pose[f"{name}_ay"])
+
+
+def inverted_slider_crank_bodies(mode, inertia):
+    link = {"crank": 0.6, "bar": 0.5, "rod": 2.4, "ground_x": 1.9, "ground_y": 0.7, "mode": mode}
+    masses = {"crank_mass": 1.3, "bar_mass": 0.8, "rod_mass": 2.1, "slider_mass": 0.7}
+    pose = inverted_slider_crank.solve(
+        *LAW, **link, **masses, slider_inertia=0.4, gravity=GRAVITY, inertia=inertia
+    )
+    ground = complex(link["ground_x"], link["ground_y"])
+    (p, at_p), (s, at_s) = (arm(link[k], i, inertia) for i, k in enumerate(("crank", "bar")))
+    s = s + ground
+    end, at_e = point(pose, "end", inertia)
+    turning, rest = inertia * pose["rod_acceleration"], np.zeros_like(p)
+    on_crank, on_bar = (
+        force(pose, f"{k}_force", LAW[0, i]) for i, k in enumerate(("crank", "bar"))
+    )
+    on_rod, of_guide, of_pin = (
+        force(pose, f"{k}_force", pose["rod_angle"]) for k in ("rod", "guide", "pin")
+    )
+    crank = bar(
+        1.3,
+        (rest, p),
+        (rest, at_p),
+        inertia * LAW[2, 0],
+        (on_crank, -on_rod),
+        pose["holding_moment"],
+    )
+    driven = bar(
+        0.8,
+        (rest + ground, s),
+        (rest, at_s),
+        inertia * LAW[2, 1],
+        (on_bar, of_pin),
+        pose["holding_moment_bar"],
+    )
+    rod = bar(2.1, (p, end), (at_p, at_e), turning, (on_rod, rest), -pose["guide_moment"])
+    rod = replace(rod, pulls=((on_rod, p), (-of_guide, s)))
+    slider = Body(0.7, 0.4, s, at_s, turning, ((of_guide, s), (-of_pin, s)), pose["guide_moment"])
+    return {"crank": crank, "bar": driven, "rod": rod, "slider": slider}
+
+
+LINKAGES = {"inverted slider-crank": (inverted_slider_crank_bodies, inverted_slider_crank.MODES)}
+ALL = pytest.mark.parametrize(
+    ("linkage", "mode"), [(name, mode) for name, (_, modes) in LINKAGES.items() for mode in modes]
+)
+
+
+@STATES
+@ALL
+def test_every_body_is_in_balance(linkage, mode, inertia):
+    """To rounding: at worst 10 eps of the largest force or moment on it."""
+    for name, body in LINKAGES[linkage][0](mode, inertia).items():
+        assert unbalanced(body) < 1e-14, name
+
+
+@STATES
+@ALL
+def test_the_ground_carries_weight_and_inertia_of_all_bodies(linkage, mode, inertia):
+    """What bodies give each other cancels: the sum of all forces is that of the ground."""
+    bodies = LINKAGES[linkage][0](mode, inertia).values()
+    forces = np.array([force for body in bodies for force, _ in body.pulls])
+    needed = sum(body.mass * (body.acceleration + 1j * GRAVITY) for body in bodies)
+    bound = 1e-14 * np.abs(forces).max()
+    np.testing.assert_allclose(forces.sum(axis=0), needed, rtol=0, atol=bound)
+
+
+MUTATIONS = {  # what must not be zero, and what is wrong
+    "mass": ("mass", lambda body: replace(body, mass=1.001 * body.mass)),
+    "inertia": ("turning", lambda body: replace(body, inertia=1.01 * body.inertia)),
+    "centre of mass": ("mass", lambda body: replace(body, centre=body.centre + 1e-3)),
+    "gravity": ("mass", lambda body: replace(body, acceleration=body.acceleration + 1e-2j)),
+    "moment": ("moment", lambda body: replace(body, moment=1.001 * body.moment)),
+    "sign": (
+        "mass",
+        lambda body: replace(body, pulls=((-body.pulls[0][0], body.pulls[0][1]), *body.pulls[1:])),
+    ),
+}
+
+
+@pytest.mark.parametrize("how", MUTATIONS)
+@pytest.mark.parametrize("linkage", LINKAGES)
+def test_every_wrong_number_leaves_its_body_out_of_balance(linkage, how):
+    bodies, modes = LINKAGES[linkage]
+    needed, wrong = MUTATIONS[how]
+    left = {
+        name: unbalanced(wrong(body))
+        for name, body in bodies(modes[0], True).items()
+        if np.any(getattr(body, needed))
+    }
+    assert left
+    assert min(left.values()) > 1e-5, left  # a body in balance leaves 1e-14
+
+
+def test_a_swinging_block_has_the_forces_of_an_inverted_slider_crank_with_its_bar_held():
+    """The pivot carries what the bar's tip carries, with the weight of the block."""
+    ground, held = 1.9 + 0.7j, 0.5 * np.exp(0.8j)
+    angle, rate, change = LAW[:, 0]
+    still = np.zeros_like(angle)
+    shared = {"crank": 0.6, "rod": 2.4, "crank_mass": 1.3, "rod_mass": 2.1, "gravity": GRAVITY}
+    pivot = ground + held
+    for inertia in (False, True):
+        classic = swinging_block.solve(
+            angle,
+            rate,
+            change,
+            **shared,
+            pivot_x=pivot.real,
+            pivot_y=pivot.imag,
+            block_mass=0.7,
+            block_inertia=0.4,
+            inertia=inertia,
+        )
+        whole = inverted_slider_crank.solve(
+            [angle, still + 0.8],
+            [rate, still],
+            [change, still],
+            **shared,
+            bar=0.5,
+            ground_x=ground.real,
+            ground_y=ground.imag,
+            slider_mass=0.7,
+            slider_inertia=0.4,
+            bar_mass=5.0,
+            inertia=inertia,
+        )
+        names = [name for name in classic if "_force_" in name or name == "guide_moment"]
+        assert len(names) == 9
+        for name in names:
+            size = np.abs(whole[name]).max()
+            np.testing.assert_allclose(classic[name], whole[name], rtol=0, atol=1e-13 * size)
+
+
+def test_forces_that_are_not_asked_for_are_left_out_and_change_nothing():
+    link = {"crank": 0.6, "bar": 0.5, "rod": 2.4, "ground_x": 1.9, "rod_mass": 2.0}
+    whole = inverted_slider_crank.solve(*LAW, **link)
+    assert "holding_moment" not in inverted_slider_crank.solve(*LAW, **link, only={"slide"})
+    for name in ("holding_moment", "holding_moment_bar"):
+        some = inverted_slider_crank.solve(*LAW, **link, only={name})
+        assert "pin_force_x" not in some
+        np.testing.assert_array_equal(some[name], whole[name])
+    for name in ("guide_moment", "bar_force_y"):
+        some = inverted_slider_crank.solve(*LAW, **link, only={name})
+        np.testing.assert_array_equal(some[name], whole[name])
