@@ -117,6 +117,7 @@ LENGTHS = {
     "fivebar": FIVE_BAR,
     "fivebar_regular": FIVE_BAR,
     "fivebar_circle": FIVE_BAR | {"left_coupler": [at(SITE, "left_tip"), at(BODY, "payload")]},
+    "fivebar_forces": FIVE_BAR | {"left_coupler": [at(BODY, "pin"), at(BODY, "payload")]},
     "threeprr": PARALLEL_ROBOT,
     "threeprr_circle": PARALLEL_ROBOT,
     "pendulum": {"length": [(".//inertial", "pos", 1, -1), (".//body", "pos", 1, 1)]},
@@ -330,6 +331,7 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
         ("inverted_slider_crank", "2.25 2.25", "2.475 2.475"),
         ("inverted_slider_crank_classic", "10.4166666666667 10.4166666666667", "11.45 11.45"),
         ("threeprr", "0.166666666666667", "0.183333333333333"),
+        ("fivebar_forces", "10.4166666666667 10.4166666666667", "11.45 11.45"),
         ("inverted_slider_crank_forces", "0.01 0.01 0.01", "0.011 0.011 0.011"),
         (
             "fourbar_forces",
@@ -369,6 +371,8 @@ def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver,
     assert "differs" in {c.outcome for c in found}
 
 
+LEFT, RIGHT = "left_crank_force left_coupler_force", "right_crank_force right_coupler_force"
+TIP = f"left_moment right_moment {LEFT} {RIGHT} pin_force"
 FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what knows it at rest
     "inverted_slider_crank_forces": [
         (
@@ -384,6 +388,17 @@ FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what 
             'pos="0 0 0" mass="0.501"',
             "holding_moment_bar pin_force bar_force",
         ),
+    ],
+    "fivebar_forces": [
+        (  # of both cranks, and of both couplers
+            'pos="2 0 0" mass="4"',
+            'pos="2 0 0" mass="4.004"',
+            "left_moment left_crank_force right_moment right_crank_force",
+        ),
+        ('pos="2 0 0" mass="4"', 'pos="2.001 0 0" mass="4"', "left_moment right_moment"),
+        ('pos="2.5 0 0" mass="5"', 'pos="2.5 0 0" mass="5.005"', TIP),
+        ('pos="2.5 0 0" mass="5"', 'pos="2.501 0 0" mass="5"', TIP),
+        ('pos="0 0 0" mass="2"', 'pos="0 0 0" mass="2.002"', TIP),
     ],
 }
 

@@ -308,10 +308,17 @@ def five_bars(draw: st.DrawFn) -> Linkage:
         "mode": draw(st.sampled_from(fivebar.MODES)),
     }
     p |= {f"{k}_mass": m for k, m in zip(names, (1.0, 2.0, 3.0, 4.0), strict=True)}
+    p["tip_mass"] = 1.5
     first, second = draw(angles), draw(angles)
     way = straight((first, first + draw(st.floats(-1.5, 1.5))), (second, second + 1.0))
     assume(np.abs(feasible(fivebar.solve, way, **p)["assembly"]).min() > CLEAR)
     start = fivebar.solve(way[0], **p)
+    pins = (*names, "pin")
+    tip_end = f"{p['left_coupler']!r} 0 0"
+    payload = (
+        f'<body pos="{tip_end}"><inertial pos="0 0 0" mass="1.5" diaginertia="1e-14 1e-14 1e-14"/>'
+        f"</body>{pin(tip_end)}"
+    )
     bodies = "".join(
         bar(
             f"{side}_crank",
@@ -319,10 +326,14 @@ def five_bars(draw: st.DrawFn) -> Linkage:
             f"{p[f'{side}_x']!r} 0 0",
             mass=m,
             inside=bar(
-                f"{side}_coupler", p[f"{side}_coupler"], f"{p[f'{side}_crank']!r} 0 0", mass=n
+                f"{side}_coupler",
+                p[f"{side}_coupler"],
+                f"{p[f'{side}_crank']!r} 0 0",
+                mass=n,
+                inside=more,
             ),
         )
-        for side, m, n in (("left", 1.0, 2.0), ("right", 4.0, 3.0))
+        for side, m, n, more in (("left", 1.0, 2.0, payload), ("right", 4.0, 3.0, ""))
     )
     key = [
         first,
@@ -332,18 +343,24 @@ def five_bars(draw: st.DrawFn) -> Linkage:
     ]
     model = compiled(
         bodies,
-        [("left_coupler_end", "right_coupler_end")],
+        [("pin_root", "right_coupler_end")],
         ("left_crank", "right_crank"),
         {"tip": "left_coupler_end"},
         (),
         key,
+        forces=pins,
     )
     return Linkage(
         model,
         ("left_crank", "right_crank"),
         way,
         lambda *s, **more: fivebar.solve(*s, **p, **more),
-        {**tip("tip", "tip"), "left_crank_hold": "left_moment", "right_crank_hold": "right_moment"},
+        {
+            **tip("tip", "tip"),
+            **force(*pins),
+            "left_crank_hold": "left_moment",
+            "right_crank_hold": "right_moment",
+        },
     )
 
 

@@ -16,18 +16,27 @@ singularity (C. Gosselin and J. Angeles, IEEE Trans. Robotics and Automation 6, 
 Díaz Lozano, TFG, Universidad de Almería 2019, nor the five-bar notebook treats them.
 """
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.linkages.bars import asked_of_drive
+from proofmass.analytic.linkages.bars import (
+    FORCES,
+    LOADS,
+    Ends,
+    asked_of_drive,
+    asked_of_pins,
+    asks,
+)
 from proofmass.analytic.numerics import (
     Array,
     Complex,
     cross,
     dot,
     finite,
+    in_frame,
     not_negative,
     one_of,
     positive,
@@ -441,6 +450,7 @@ def solve(
     force_x: float = 0.0,
     force_y: float = 0.0,
     inertia: bool = False,
+    only: Collection[str] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of a five-bar linkage whose two crank motions are given (direct kinematics).
 
@@ -468,7 +478,14 @@ def solve(
     one of the right. Half a uniform bar's weight hangs at each of its ends, so with the load F at
     the tip, the force less the weight of the tip and half of both couplers', virtual work gives the
     moment that holds a crank: gravity/2 (crank_mass + coupler_mass) p_x - F . t; with inertia, plus
-    what the bars' accelerations do along the motion of a unit rate of that crank alone.
+    what the bars' accelerations do along the motion of a unit rate of that crank alone. The tip's
+    mass and force are on the left coupler, so that its weight and inertia, with them, need the
+    moment m1 about L, those of the right coupler m2 about R. The pin at T gives the right coupler
+    the force N, the left one -N, with -a x N = m1, b x N = m2::
+
+        N = -(m1 b + m2 a)/C
+
+    and the balance of forces the other four pins.
 
     Parameters
     ----------
@@ -482,13 +499,19 @@ def solve(
     tip_mass : of a point at the tip [kg]
     gravity : along -y [m/s^2]
     force_x, force_y : constant force on the tip [N]
-    inertia : whether moments are those of the motion, and not those at rest
+    inertia : whether moments and forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: moments and forces, which take longer than
+        the motion, are left out if they are not among them; None asks for all
 
     Returns
     -------
     dict of (n,) arrays, or of scalars: tip_x, tip_y [m], tip_vx, tip_vy, tip_ax, tip_ay;
     left_coupler_angle, right_coupler_angle [rad], each with _rate and _acceleration; left_moment,
-    right_moment [N m] of the cranks' drives; pin_distance D [m]. Sines of the angles
+    right_moment [N m] of the cranks' drives; forces of pins [N] in the frame of a bar, _x along it
+    towards its second letter above and _y to the left of that: left_crank_force_x,
+    left_crank_force_y of the ground on the left crank, left_coupler_force_.. of that crank on its
+    coupler, right_crank_force_.., right_coupler_force_.. alike, and pin_force_.. of the left
+    coupler on the right one, in the left one's frame; pin_distance D [m]. Sines of the angles
     between bars, whose signs are those of the modes and whose zeros are the singular poses:
     assembly, a x b/(c r), type 2; left_working and right_working, coupler x crank, type 1. Angles
     start in [-pi, pi] and are unwrapped, which needs steps below pi between samples.
@@ -510,7 +533,7 @@ def solve(
     geométrico", text lines 7-123: l1, l2 right crank and coupler, l4, l3 left, right_x = -left_x =
     l5/2, inputs theta1, theta4 = right, left. It eliminates X3 = f + g Y3, which divides by zero
     where L and R are above each other and misprints the sign of b in eq. (0.9); its "arms up" is
-    mode +1 only while R is to the right of L. Both stop at kinematics; the moments are ours.
+    mode +1 only while R is to the right of L. Both stop at kinematics; moments and forces are ours.
 
     Examples
     --------
@@ -527,6 +550,10 @@ def solve(
         left_x=left_x,
         right_x=right_x,
         mode=mode,
+        left_crank_mass=left_crank_mass,
+        left_coupler_mass=left_coupler_mass,
+        right_coupler_mass=right_coupler_mass,
+        right_crank_mass=right_crank_mass,
         tip_mass=tip_mass,
     )
     theta, w, dw = inputs(angle, rate, acceleration)
@@ -553,37 +580,30 @@ def solve(
         rest = 0.5 * (left_coupler**2 + right_coupler**2 - square)
         ddalpha = (dot(dvq - dvp, b) + alpha**2 * rest - beta**2 * right_coupler**2) / area
         ddbeta = (dot(dvq - dvp, a) + alpha**2 * left_coupler**2 - beta**2 * rest) / area
-        by_left, by_right = -1j * b * left_lever / area, 1j * a * right_lever / area
-        left_moment, right_moment = _moments(
-            p,
-            q,
-            by_left,
-            by_right,
-            force_x + 1j * (force_y - gravity * tip_mass),
-            gravity,
-            left_crank_mass=left_crank_mass,
-            left_coupler_mass=left_coupler_mass,
-            right_coupler_mass=right_coupler_mass,
-            right_crank_mass=right_crank_mass,
-        )
         tip, v = left_x + p + a, vp + 1j * alpha * a
         dv = dvp + (1j * ddalpha - alpha**2) * a
-        if inertia:
-            rest, left, right = np.zeros_like(p), (dvp, dv), (dvq, dv)
-            left_moment = (
-                left_moment
-                + asked_of_drive(left_crank_mass, (rest, dvp), (rest, 1j * p))
-                + asked_of_drive(left_coupler_mass, left, (1j * p, by_left))
-                + asked_of_drive(right_coupler_mass, right, (rest, by_left))
-                + tip_mass * dot(dv, by_left)
-            )
-            right_moment = (
-                right_moment
-                + asked_of_drive(right_crank_mass, (rest, dvq), (rest, 1j * q))
-                + asked_of_drive(right_coupler_mass, right, (1j * q, by_right))
-                + asked_of_drive(left_coupler_mass, left, (rest, by_right))
-                + tip_mass * dot(dv, by_right)
-            )
+        loads: dict[str, Array] = {}
+        if asks(only, *LOADS):
+            lift = 1j * gravity
+            at_l, at_t, at_r = (inertia * each + lift for each in (dvp, dv, dvq))
+            carried = tip_mass * at_t - complex(force_x, force_y)
+            left = left_crank_mass, left_coupler_mass
+            right = right_crank_mass, right_coupler_mass
+            by_left, by_right = -1j * b * left_lever / area, 1j * a * right_lever / area
+            loads = {
+                "left_moment": dot(carried, by_left)
+                + asked_of_drive(left[0], (lift, at_l), (0j, 1j * p))
+                + asked_of_drive(left[1], (at_l, at_t), (1j * p, by_left))
+                + asked_of_drive(right[1], (at_r, at_t), (0j, by_left)),
+                "right_moment": dot(carried, by_right)
+                + asked_of_drive(right[0], (lift, at_r), (0j, 1j * q))
+                + asked_of_drive(right[1], (at_r, at_t), (1j * q, by_right))
+                + asked_of_drive(left[1], (at_l, at_t), (0j, by_right)),
+            }
+            if asks(only, *FORCES):
+                loads |= _forces(
+                    (p, a, q, b), (at_l, at_t, at_r), area, carried, lift, (*left, *right)
+                )
     curves = {
         "tip_x": tip.real,
         "tip_y": tip.imag,
@@ -597,8 +617,7 @@ def solve(
         "right_coupler_angle": unwrapped(np.atleast_1d(np.angle(b))),
         "right_coupler_rate": beta,
         "right_coupler_acceleration": ddbeta,
-        "left_moment": left_moment,
-        "right_moment": right_moment,
+        **loads,
         "pin_distance": np.abs(d),
         "assembly": area / (left_coupler * right_coupler),
         "left_working": -left_lever / (left_crank * left_coupler),
@@ -607,22 +626,35 @@ def solve(
     return {name: np.reshape(curve, theta.shape[1:]) for name, curve in curves.items()}
 
 
-def _moments(
-    p: Complex,
-    q: Complex,
-    by_left: Complex,
-    by_right: Complex,
-    force: complex,
-    gravity: float,
-    **masses: float,
-) -> tuple[Array, Array]:
-    """Moments that hold the cranks; `by_left`, `by_right` move the tip at unit crank rates."""
-    check(**masses)
-    left, right = masses["left_coupler_mass"], masses["right_coupler_mass"]
-    load = np.asarray(force - 0.5j * gravity * (left + right))
-    left_weight = 0.5 * gravity * (masses["left_crank_mass"] + left)
-    right_weight = 0.5 * gravity * (masses["right_crank_mass"] + right)
-    return left_weight * p.real - dot(load, by_left), right_weight * q.real - dot(load, by_right)
+def _forces(
+    bars: tuple[Complex, Complex, Complex, Complex],
+    accelerations: tuple[Complex, Complex, Complex],
+    area: Array,
+    carried: Complex,
+    lift: complex,
+    masses: tuple[float, float, float, float],
+) -> dict[str, Array]:
+    """Forces of the pins, of bars A-L, L-T, B-R, R-T with these masses; `area` is C.
+
+    `accelerations` are those of L, T and R less that of gravity, which is -`lift`; `carried` is
+    what mass and force of the tip ask of the left coupler.
+    """
+    at_l, at_t, at_r = accelerations
+    ends: tuple[Ends, ...] = (lift, at_l), (at_l, at_t), (lift, at_r), (at_r, at_t)
+    (f0, _), (f1, m1), (f2, _), (f3, m2) = (
+        asked_of_pins(mass, bar, two) for mass, bar, two in zip(masses, bars, ends, strict=True)
+    )
+    left_crank, left, right_crank, right = bars
+    m1 = m1 + cross(left, carried)
+    on_right = np.asarray(-(m1 * right + m2 * left) / area)
+    on_left, from_right = f1 + carried + on_right, f3 - on_right
+    return {
+        **in_frame("left_crank_force", f0 + on_left, left_crank),
+        **in_frame("left_coupler_force", on_left, left),
+        **in_frame("right_crank_force", f2 + from_right, right_crank),
+        **in_frame("right_coupler_force", from_right, right),
+        **in_frame("pin_force", on_right, left),
+    }
 
 
 def circle(
