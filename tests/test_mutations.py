@@ -120,6 +120,7 @@ LENGTHS = {
     "fivebar_forces": FIVE_BAR | {"left_coupler": [at(BODY, "pin"), at(BODY, "payload")]},
     "threeprr": PARALLEL_ROBOT,
     "threeprr_circle": PARALLEL_ROBOT,
+    "threeprr_forces": PARALLEL_ROBOT | {"leg": [at(BODY, f"pin_{k}") for k in (1, 2, 3)]},
     "pendulum": {"length": [(".//inertial", "pos", 1, -1), (".//body", "pos", 1, 1)]},
     # the other balancers are of the same template, which `test_balancer_template` holds
     "balancer_sine_free_preload": chain("balancer_sine_free_preload"),
@@ -331,6 +332,7 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
         ("inverted_slider_crank", "2.25 2.25", "2.475 2.475"),
         ("inverted_slider_crank_classic", "10.4166666666667 10.4166666666667", "11.45 11.45"),
         ("threeprr", "0.166666666666667", "0.183333333333333"),
+        ("threeprr_forces", "0.166666666666667", "0.183333333333333"),
         ("fivebar_forces", "10.4166666666667 10.4166666666667", "11.45 11.45"),
         ("inverted_slider_crank_forces", "0.01 0.01 0.01", "0.011 0.011 0.011"),
         (
@@ -373,6 +375,7 @@ def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver,
 
 LEFT, RIGHT = "left_crank_force left_coupler_force", "right_crank_force right_coupler_force"
 TIP = f"left_moment right_moment {LEFT} {RIGHT} pin_force"
+PLATFORM = " ".join(f"{one}_force_{k}" for one in ("holding", "guide", "leg", "pin") for k in "123")
 FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what knows it at rest
     "inverted_slider_crank_forces": [
         (
@@ -399,6 +402,16 @@ FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what 
         ('pos="2.5 0 0" mass="5"', 'pos="2.5 0 0" mass="5.005"', TIP),
         ('pos="2.5 0 0" mass="5"', 'pos="2.501 0 0" mass="5"', TIP),
         ('pos="0 0 0" mass="2"', 'pos="0 0 0" mass="2.002"', TIP),
+    ],
+    "threeprr_forces": [
+        ('mass="2"', 'mass="2.002"', PLATFORM),
+        ('pos="0.5 0.28867513', 'pos="0.501 0.28867513', PLATFORM),
+        ('pos="0.5 0 0" mass="0.6"', 'pos="0.501 0 0" mass="0.6"', PLATFORM),
+        (  # of all sliders, of which one goes up and down
+            'mass="0.5"',
+            'mass="0.5005"',
+            "holding_force_3 guide_force_1 guide_force_2 guide_force_3",
+        ),
     ],
 }
 

@@ -110,9 +110,9 @@ def force(*names: str) -> dict[str, str]:
     return {f"{name}_force.{x}": f"{name}_force_{x}" for name in names for x in "xy"}
 
 
-def pin(at: str = "0 0 0", name: str = "pin") -> str:
+def pin(at: str = "0 0 0", name: str = "pin", inside: str = "") -> str:
     """A body without mass, fixed to a link: what the link gives it, another gets by a loop."""
-    return f'<body pos="{at}"><site name="{name}_root"/></body>'
+    return f'<body pos="{at}"><site name="{name}_root"/>{inside}</body>'
 
 
 def feasible(solve: Callable, way: np.ndarray, **parameters: float) -> dict[str, np.ndarray]:
@@ -388,31 +388,39 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
     angle = [float(start[f"leg_angle_{k}"]) for k in (1, 2, 3)]
     psi, third = float(start["psi"]), side * np.exp(1j * np.pi / 3)
     platform = (
-        f'<body name="platform" pos="{leg!r} 0 0"><joint name="platform"/>'
+        '<body name="platform"><joint name="platform"/>'
         f'<inertial pos="{side / 2!r} {side / 12**0.5!r} 0" mass="2" '
         f'diaginertia="1 1 {side**2 / 6!r}"/><site name="P"/><site name="P2" pos="{side!r} 0 0"/>'
         f'<site name="P3" pos="{float(third.real)!r} {float(third.imag)!r} 0"/></body>'
     )
     guides = (
-        (0.0, 0.0, "1 0 0"),
-        (p["guide2_x"], 0.0, "-1 0 0"),
-        (p["guide3_x"], p["guide3_y"], "0 -1 0"),
+        (0.0, 0.0, "1 0 0", "0 1 0"),
+        (p["guide2_x"], 0.0, "-1 0 0", "0 -1 0"),
+        (p["guide3_x"], p["guide3_y"], "0 -1 0", "1 0 0"),
     )
     bodies = "".join(
         f'<body name="s{k}" pos="{x!r} {y!r} 0"><joint name="s{k}" type="slide" axis="{axis}"/>'
         f'<inertial pos="0 0 0" mass="0.5" diaginertia="1 1 1"/>'
-        + bar(f"leg{k}", leg, mass=1.0, inside=platform if k == 1 else "")
+        f'<site name="guide{k}_root" xyaxes="{axis} {left}"/>'
+        + bar(
+            f"leg{k}",
+            leg,
+            mass=1.0,
+            inside=pin(f"{leg!r} 0 0", f"pin{k}", platform if k == 1 else ""),
+        )
         + "</body>"
-        for k, (x, y, axis) in enumerate(guides, 1)
+        for k, (x, y, axis, left) in enumerate(guides, 1)
     )
+    pins = ("guide", "leg", "pin")
     key = [firsts[0], angle[0], psi - angle[0], firsts[1], angle[1], firsts[2], angle[2]]
     model = compiled(
         bodies,
-        [("leg2_end", "P2"), ("leg3_end", "P3")],
+        [("pin2_root", "P2"), ("pin3_root", "P3")],
         ("s1", "s2", "s3"),
         {"P": "P"},
         ("platform",),
         key,
+        forces=tuple(f"{one}{k}" for one in pins for k in (1, 2, 3)),
     )
     return Linkage(
         model,
@@ -427,6 +435,12 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
             "P_v.y": "y_rate",
             "P_a.y": "y_acceleration",
             **{f"s{k}_hold": f"holding_force_{k}" for k in (1, 2, 3)},
+            **{
+                f"{one}{k}_force.{x}": f"{one}_force_{k}_{x}"
+                for one in pins
+                for k in (1, 2, 3)
+                for x in "xy"
+            },
         },
     )
 

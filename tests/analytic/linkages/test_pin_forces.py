@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from proofmass.analytic.linkages import fivebar, inverted_slider_crank, swinging_block
+from proofmass.analytic.linkages import fivebar, inverted_slider_crank, swinging_block, threeprr
 
 GRAVITY = 3.7
 STATES = pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
@@ -169,9 +169,72 @@ def fivebar_bodies(mode, inertia):
     return found
 
 
+def threeprr_bodies(mode, inertia):
+    where = {"side": 1.0, "leg": 1.1, "guide2_x": 3.0, "guide3_x": 2.5, "guide3_y": 2.8}
+    law = np.array(
+        [
+            [2.0 + 0.1 * np.sin(GRID), 0.5 - 0.1 * np.cos(GRID), 0.2 + 0.1 * np.sin(2 * GRID)],
+            [3.0 + np.cos(GRID), -2.0 + np.sin(GRID), 1.0 - np.cos(GRID)],
+            [-4.0 * np.sin(GRID), 5.0 * np.cos(GRID), 3.0 * np.sin(GRID)],
+        ]
+    )
+    pose = threeprr.solve(
+        *law,
+        **where,
+        mode=mode,
+        platform_mass=2.0,
+        leg_mass=0.7,
+        slider_mass=0.5,
+        load_x=3.0,
+        load_y=-2.0,
+        load_moment=1.5,
+        gravity=GRAVITY,
+        inertia=inertia,
+    )
+    p, turning = pose["x"] + 1j * pose["y"], inertia * pose["psi_acceleration"]
+    at_p = inertia * (pose["x_acceleration"] + 1j * pose["y_acceleration"])
+    spin = 1j * turning - inertia * pose["psi_rate"] ** 2
+    unit = where["side"] * np.exp(1j * pose["psi"])
+    arms = [0.0 * unit, unit, unit * np.exp(1j * np.pi / 3)]
+    found, on_platform = {}, []
+    for k, (arm_k, origin, guide) in enumerate(
+        zip(arms, (0.0, 3.0, 2.5 + 2.8j), (1.0, -1.0, -1.0j), strict=True)
+    ):
+        slider, at_slider = origin + law[0, k] * guide, inertia * law[2, k] * guide
+        angle = pose[f"leg_angle_{k + 1}"]
+        of_guide = force(pose, f"guide_force_{k + 1}", np.angle(guide))
+        on_leg, of_leg = (force(pose, f"{n}_force_{k + 1}", angle) for n in ("leg", "pin"))
+        found[f"slider {k + 1}"] = Body(
+            0.5, 0.0, slider, at_slider, 0.0, ((of_guide, slider), (-on_leg, slider))
+        )
+        found[f"leg {k + 1}"] = bar(
+            0.7,
+            (slider, p + arm_k),
+            (at_slider, at_p + spin * arm_k),
+            inertia * pose[f"leg_angle_{k + 1}_acceleration"],
+            (on_leg, -of_leg),
+        )
+        on_platform.append((of_leg, p + arm_k))
+        # the drive's part of what the guide gives is the force of virtual work
+        along = pose[f"guide_force_{k + 1}_x"]
+        np.testing.assert_allclose(along, pose[f"holding_force_{k + 1}"], rtol=0, atol=1e-12)
+    middle = sum(arms) / 3.0
+    found["platform"] = Body(
+        2.0,
+        2.0 * where["side"] ** 2 / 12.0,
+        p + middle,
+        at_p + spin * middle,
+        turning,
+        (*on_platform, (3.0 - 2.0j + 0.0 * p, p)),
+        1.5,
+    )
+    return found
+
+
 LINKAGES = {
     "inverted slider-crank": (inverted_slider_crank_bodies, inverted_slider_crank.MODES),
     "five-bar": (fivebar_bodies, fivebar.MODES),
+    "3PRR": (threeprr_bodies, (1, -1)),
 }
 ALL = pytest.mark.parametrize(
     ("linkage", "mode"), [(name, mode) for name, (_, modes) in LINKAGES.items() for mode in modes]
@@ -263,14 +326,48 @@ def test_a_swinging_block_has_the_forces_of_an_inverted_slider_crank_with_its_ba
             np.testing.assert_allclose(classic[name], whole[name], rtol=0, atol=1e-13 * size)
 
 
-def test_forces_that_are_not_asked_for_are_left_out_and_change_nothing():
-    link = {"crank": 0.6, "bar": 0.5, "rod": 2.4, "ground_x": 1.9, "rod_mass": 2.0}
-    whole = inverted_slider_crank.solve(*LAW, **link)
-    assert "holding_moment" not in inverted_slider_crank.solve(*LAW, **link, only={"slide"})
-    for name in ("holding_moment", "holding_moment_bar"):
-        some = inverted_slider_crank.solve(*LAW, **link, only={name})
-        assert "pin_force_x" not in some
+WHOLE = {
+    "inverted slider-crank": (
+        inverted_slider_crank.solve,
+        LAW[0],
+        {"crank": 0.6, "bar": 0.5, "rod": 2.4, "ground_x": 1.9, "rod_mass": 2.0},
+    ),
+    "five-bar": (
+        fivebar.solve,
+        LAW[0],
+        {
+            "left_crank": 1.2,
+            "left_coupler": 2.6,
+            "right_coupler": 2.4,
+            "right_crank": 1.0,
+            "left_x": -1.25,
+            "right_x": 1.25,
+            "tip_mass": 2.0,
+        },
+    ),
+    "3PRR": (
+        threeprr.solve,
+        [2.0, 0.5, 0.2],
+        {
+            "side": 1.0,
+            "leg": 1.0,
+            "guide2_x": 3.0,
+            "guide3_x": 2.5,
+            "guide3_y": 2.8,
+            "leg_mass": 1.0,
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("linkage", WHOLE)
+def test_loads_that_are_not_asked_for_are_left_out_and_change_nothing(linkage):
+    solve, inputs, parameters = WHOLE[linkage]
+    whole = solve(inputs, **parameters)
+    loads = {name for name in whole if "_force_" in name or "moment" in name}
+    assert solve(inputs, **parameters, only={"pin_distance"}).keys() == whole.keys() - loads
+    for name in loads:
+        some = solve(inputs, **parameters, only={name})
         np.testing.assert_array_equal(some[name], whole[name])
-    for name in ("guide_moment", "bar_force_y"):
-        some = inverted_slider_crank.solve(*LAW, **link, only={name})
-        np.testing.assert_array_equal(some[name], whole[name])
+        pins = {each for each in some if "pin_force" in each}
+        assert bool(pins) == (not name.startswith(("holding", "left_moment", "right_moment")))

@@ -3,18 +3,20 @@
 Beside both stand the workspace, and all poses of the platform that given sliders allow.
 """
 
+from collections.abc import Collection
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.linkages.bars import asked_of_drive
+from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins, asks
 from proofmass.analytic.numerics import (
     Array,
     Complex,
     cross,
     dot,
     finite,
+    in_frame,
     not_negative,
     one_of,
     positive,
@@ -396,6 +398,8 @@ def _refuse(free: NDArray[np.bool_], sliders: Array) -> None:
 
 
 MODES = (1, -1, 2, -2, 3, -3)
+PIN_FORCES = tuple(f"_force_{k}_{part}" for k in (1, 2, 3) for part in "xy")
+LOADS = ("holding_force_1", "holding_force_2", "holding_force_3", *PIN_FORCES)
 
 
 def solve(
@@ -417,6 +421,7 @@ def solve(
     load_moment: float = 0.0,
     gravity: float = 9.81,
     inertia: bool = False,
+    only: Collection[str] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of the platform whose three slider motions are given.
 
@@ -439,7 +444,13 @@ def solve(
         e . v' + w' (b x e) = s'' e . g + w^2 e . b - |e'|^2
 
     The forces that hold the sliders still follow from the transposed matrix (virtual work), with
-    inertia those that move them.
+    inertia those that move them. Leg k, whose weight and inertia need the moment m about its
+    slider, gives the platform at its corner the force N with e x N = -m, of which the three
+    balances of the platform, with the same transposed matrix, tell the share t along the leg::
+
+        N = t e - m J e/leg^2,  J the turn by +90 degrees
+
+    and the balances of legs and sliders the other pins and the guides.
 
     Parameters
     ----------
@@ -456,13 +467,19 @@ def solve(
     load_x, load_y, load_moment : constant load on the platform at P [N], [N m]
     gravity : along -y [m/s^2]
     inertia : whether forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: forces, which take longer than the motion,
+        are left out if they are not among them; None asks for all
 
     Returns
     -------
     dict of (...) arrays: x, y [m] of P, psi [rad] and, for k = 1, 2, 3, leg_angle_k [rad], each
-    with _rate and _acceleration; holding_force_k [N], along the guide; singularity, the matrix's
-    determinant over leg^3 side: zero where the lines of the legs meet in one point or are parallel.
-    Angles start in [-pi, pi] and are unwrapped along the path.
+    with _rate and _acceleration; holding_force_k [N], along the guide; forces [N] in the frame of a
+    leg or guide, _x along it and _y to the left: pin_force_k_x, pin_force_k_y of leg k on the
+    platform and leg_force_k_.. of the slider on the leg, in the leg's frame, and guide_force_k_..
+    of guide and drive on the slider, whose mass is at its pin, so that the guide gives no moment
+    about it; singularity, the matrix's determinant over leg^3 side: zero where the lines of the
+    legs meet in one point or are parallel. Angles start in [-pi, pi] and are unwrapped along the
+    path.
 
     Raises
     ------
@@ -496,8 +513,6 @@ def solve(
     point, psi, singularity = _chosen(s, mode, where)
     e, arm = legs(origins(guide2_x, guide3_x, guide3_y) + s * GUIDES, point, psi, side)
     slide = dot(e, GUIDES)
-    weight = gravity * (platform_mass + 1.5 * leg_mass)  # half of each leg hangs on its corner
-    force, moment = load_x + 1j * (load_y - weight), load_moment - weight * arm.real.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):  # singular: inf or nan, as documented
         move, turn = inverse_jacobian(e, arm)
         v, w = ((x * ds * slide).sum(axis=0) for x in (move, turn))
@@ -505,21 +520,25 @@ def solve(
         right = dds * slide + w**2 * dot(e, arm) - np.abs(de) ** 2
         a, dw = ((x * right).sum(axis=0) for x in (move, turn))
         dde = a + (1j * dw - w**2) * arm - dds * GUIDES
-        hold = -slide * (dot(move, force) + turn * moment)
-        hold += gravity * (slider_mass + 0.5 * leg_mass) * GUIDES.imag
-        if inertia:
-            spin = 1j * dw - w**2
-            centre = arm.mean(axis=0)
-            corners, ends = a + spin * arm, dds * GUIDES
-            hold += slider_mass * dds
+        loads: dict[str, Array] = {}
+        if asks(only, *LOADS):
+            spin, lift, middle = 1j * dw - w**2, 1j * gravity, arm.mean(axis=0)
+            ends = inertia * dds * GUIDES + lift, inertia * (a + spin * arm) + lift  # of the legs
+            force = platform_mass * (inertia * (a + spin * middle) + lift)
+            moment = cross(middle, force) + inertia * platform_mass * side**2 / 12.0 * dw
+            force, moment = force - complex(load_x, load_y), moment - load_moment
+            hold = slider_mass * dot(ends[0], GUIDES)
             for k in range(3):  # the motion of a unit rate of slider k
-                way, turned = move[k] * slide[k], 1j * turn[k] * slide[k]
-                hold[k] += platform_mass * dot(a + spin * centre, way + turned * centre)
-                hold[k] += platform_mass * side**2 / 12.0 * dw * turned.imag
+                way, turned = move[k] * slide[k], turn[k] * slide[k]
                 feet = np.where(np.arange(3)[:, None] == k, GUIDES, 0.0)
-                hold[k] += asked_of_drive(
-                    leg_mass, (ends, corners), (feet, way + turned * arm)
-                ).sum(axis=0)
+                moved = feet, way + 1j * turned * arm
+                hold[k] += dot(force, way) + moment * turned
+                hold[k] += asked_of_drive(leg_mass, ends, moved).sum(axis=0)
+            loads = {f"holding_force_{k + 1}": row for k, row in enumerate(hold)}
+            if asks(only, *PIN_FORCES):
+                loads |= _pin_forces(
+                    (e, arm), (move, turn), (force, moment), ends, leg_mass, slider_mass
+                )
     curves = {
         "x": point.real,
         "x_rate": v.real,
@@ -531,17 +550,45 @@ def solve(
         "psi_rate": w,
         "psi_acceleration": dw,
         "singularity": singularity,
+        **loads,
     }
     for name, rows in {
         "leg_angle_{}": np.angle(e),
         "leg_angle_{}_rate": cross(e, de) / leg**2,
         "leg_angle_{}_acceleration": cross(e, dde) / leg**2,
-        "holding_force_{}": hold,
     }.items():
         curves |= {name.format(k + 1): row for k, row in enumerate(rows)}
     curves = {name: curve.reshape(shape) for name, curve in curves.items()}
     angles = ("psi", "leg_angle_1", "leg_angle_2", "leg_angle_3")
     return curves | {name: unwrapped(curves[name]) for name in angles if shape}
+
+
+def _pin_forces(
+    pose: tuple[Complex, Complex],
+    ways: tuple[Complex, Array],
+    needed: tuple[Complex, Array],
+    ends: tuple[Complex, Complex],
+    leg_mass: float,
+    slider_mass: float,
+) -> dict[str, Array]:
+    """Forces of pins and guides, of legs and arms as in `pose`, and of `inverse_jacobian`.
+
+    The platform needs the force and the moment about P that are `needed`; `ends` are the
+    accelerations of slider and corner of each leg less that of gravity.
+    """
+    (e, arm), (move, turn), (force, moment) = pose, ways, needed
+    on_leg, m = asked_of_pins(leg_mass, e, ends)
+    across = -1j * m * e / np.abs(e) ** 2
+    left = force - across.sum(axis=0), moment - cross(arm, across).sum(axis=0)
+    on_platform = across + (dot(move, left[0]) + turn * left[1]) * e
+    on_leg = on_leg + on_platform
+    on_slider = on_leg + slider_mass * ends[0]
+    found: dict[str, Array] = {}
+    for k in range(3):
+        found |= in_frame(f"pin_force_{k + 1}", on_platform[k], e[k])
+        found |= in_frame(f"leg_force_{k + 1}", on_leg[k], e[k])
+        found |= in_frame(f"guide_force_{k + 1}", on_slider[k], GUIDES[k])
+    return found
 
 
 def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Array, Array]:
