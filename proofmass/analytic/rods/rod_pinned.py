@@ -11,24 +11,50 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic import newton_raphson
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
+from proofmass.analytic.newton_raphson import NewtonLog
 from proofmass.analytic.numerics import TURN, Array, finite
 from proofmass.analytic.rods.elastica import bounds, compliant, modulus, of_load, tip
 from proofmass.analytic.rods.equilibrium import flow
 from proofmass.analytic.rods.shooting import ShotRods, integrate
 
 System = Callable[[Array], tuple[Array, Array]]
+NAMES = ("n_x", "n_y", "m_0")
+"""The unknowns of shooting."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """Where Newton's method ended: (n_x, n_y, m0) [N, N m], the rod, and how it got there."""
+    """Where Newton's method ended, and how it got there.
 
-    unknowns: Array
+    Attributes
+    ----------
+    rod : ShotRods
+        The rod of the last iterate.
+    residual : float
+        Largest of its tip's misses [m] and the moment at its tip [N m].
+    converged : bool
+        Whether that is within the tolerance.
+    log : NewtonLog
+        All iterates (n_x, n_y, m0) [N, N m] from the guess on, and f and its Jacobian at each
+        before the last.
+    """
+
     rod: ShotRods
-    iterations: int
-    residual: float  # largest of the tip's misses [m] and its moment [N m]
+    residual: float
     converged: bool
+    log: NewtonLog
+
+    @property
+    def unknowns(self) -> Array:
+        """The last iterate, (n_x, n_y, m0) [N, N m]."""
+        return self.log.root
+
+    @property
+    def iterations(self) -> int:
+        """Number of steps."""
+        return self.log.iterations
 
 
 def pinned(
@@ -110,9 +136,8 @@ def pinned(
         rod = shoot(*unknowns, slopes=True)
         return (np.array([rod.x[-1], rod.y[-1], rod.m[-1]]) - target, rod.slope[-1][[2, 3, 1], :3])
 
-    start = np.array(guess, float)
-    root, count, size = newton(miss, system if exact else differences(miss), start, tolerance)
-    return Shot(root, shoot(*root), count, size, size <= tolerance)
+    log, size = newton(miss, system if exact else differences(miss), guess, tolerance)
+    return Shot(shoot(*log.root), size, size <= tolerance, log)
 
 
 def differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
@@ -126,24 +151,33 @@ def differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
 
 
 def newton(
-    miss: Callable[[Array], Array], system: System, x: Array, tolerance: float, most: int = 200
-) -> tuple[Array, int, float]:
-    """The document's iteration: root, steps taken, and the largest residual left there."""
-    f, jacobian = system(x)
-    size = np.abs(f).max()
-    for count in range(most):
-        if size <= tolerance or not np.isfinite(size):
-            return x, count, float(size)
+    miss: Callable[[Array], Array],
+    system: System,
+    guess: ArrayLike,
+    tolerance: float,
+    most: int = 200,
+) -> tuple[NewtonLog, float]:
+    """The document's iteration: its log, and the largest residual left at the last iterate."""
+    iterates = [np.array(guess, float)]
+    values, jacobians = list[Array](), list[Array]()
+    f, jacobian = system(iterates[0])
+    size = float(np.abs(f).max())
+    while len(values) < most and size > tolerance and np.isfinite(size):
+        x = iterates[-1]
         step = np.linalg.solve(jacobian, f)
-        after = np.abs(miss(x - step)).max()
+        after = float(np.abs(miss(x - step)).max())
         while not after <= size and np.abs(step).max() > 1e-3 * tolerance:
             step = 0.5 * step
-            after = np.abs(miss(x - step)).max()
-        x = x - step
-        if abs(after - size) <= tolerance:
-            return x, count + 1, float(after)
-        (f, jacobian), size = system(x), after
-    return x, most, float(size)
+            after = float(np.abs(miss(x - step)).max())
+        iterates.append(x - step)
+        values.append(f)
+        jacobians.append(jacobian)
+        stands, size = abs(after - size) <= tolerance, after
+        if stands:
+            break
+        f, jacobian = system(iterates[-1])
+    kept = np.reshape(values, (-1, f.size)), np.reshape(jacobians, (-1, *jacobian.shape))
+    return NewtonLog(np.array(iterates), *kept, NAMES), size
 
 
 def solve(
@@ -241,6 +275,128 @@ def solve(
         "force_y": np.full(arc.shape, n.imag),
         "hold": np.full(arc.shape, -found.unknowns[2]),
     }
+
+
+DOCUMENT: dict[str, Any] = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
+"""How annex II of the document shoots."""
+
+
+def shooting_course(
+    *,
+    pin_x: float,
+    pin_y: float,
+    force_x: float,
+    force_y: float,
+    moment: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    theta0: float = 0.0,
+) -> Chart:
+    """Force and clamp moment over the iterations of shooting, from the first guess on.
+
+    Parameters
+    ----------
+    pin_x, pin_y, force_x, force_y, moment : of `solve` [m, N, N m]
+    length, stiffness, theta0 : of `solve` [m, N m^2, rad]
+
+    Returns
+    -------
+    Chart
+        A panel for each unknown, a line for each way to shoot.
+
+    Raises
+    ------
+    ValueError
+        As `solve`.
+
+    Notes
+    -----
+    Source: Pérez Gámiz 2018, annex II lines 1725-1745, three plots without numbers.
+
+    Examples
+    --------
+    >>> chart = shooting_course(pin_x=0.8, pin_y=0.1, force_x=-20.0, force_y=-7.0, moment=-3.7)
+    >>> [panel.title for panel in chart.panels]
+    ['n_x [N]', 'n_y [N]', 'm_0 [N m]']
+    """
+    logs = shooting_logs(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    return Chart(
+        ("iteration", ""),
+        ("value", ""),
+        tuple(
+            Panel(
+                tuple(
+                    ChartLine(np.arange(log.iterations + 1.0), log.iterates[:, k], label)
+                    for label, log in logs.items()
+                ),
+                title=f"{name} [{unit}]",
+            )
+            for k, (name, unit) in enumerate(zip(NAMES, ("N", "N", "N m"), strict=True))
+        ),
+        "Force of the pin on the tip and moment at the clamp from the first guess on. A step is "
+        "halved for as long as it would make the tip miss its place by more than before. The "
+        "document's way has Runge-Kutta's method with 61 nodes and forward differences.",
+    )
+
+
+def shooting_convergence(
+    *,
+    pin_x: float,
+    pin_y: float,
+    force_x: float,
+    force_y: float,
+    moment: float,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    theta0: float = 0.0,
+) -> Chart:
+    """Steps and residuals over the iterations of shooting.
+
+    Parameters
+    ----------
+    pin_x, pin_y, force_x, force_y, moment : of `solve` [m, N, N m]
+    length, stiffness, theta0 : of `solve` [m, N m^2, rad]
+
+    Returns
+    -------
+    Chart
+        A panel for each way to shoot.
+
+    Raises
+    ------
+    ValueError
+        As `solve`.
+
+    Examples
+    --------
+    >>> chart = shooting_convergence(
+    ...     pin_x=0.8, pin_y=0.1, force_x=-20.0, force_y=-7.0, moment=-3.7
+    ... )
+    >>> [panel.title for panel in chart.panels]
+    ['exact Jacobian: 3 iterations', "the document's way: 2 iterations"]
+    """
+    logs = shooting_logs(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    return newton_raphson.convergence(
+        {f"{label}: {log.iterations} iterations": log for label, log in logs.items()},
+        "Size of the step of each unknown, of the whole step, and of what the tip misses before "
+        "it. At the end each step is about the square of the last: its exponent doubles.",
+    )
+
+
+def shooting_logs(
+    x: float, y: float, guess: ArrayLike, theta0: float, length: float, stiffness: float
+) -> dict[str, NewtonLog]:
+    """Logs of shooting with an exact Jacobian and as the document does, by their labels."""
+    ways = {"exact Jacobian": dict[str, Any](), "the document's way": DOCUMENT}
+    logs = dict[str, NewtonLog]()
+    for label, way in ways.items():
+        found = pinned(x, y, guess, theta0=theta0, length=length, stiffness=stiffness, **way)
+        if not found.converged:
+            raise ValueError(
+                f"{label}: force_x, force_y, moment lead to no equilibrium; give a nearer guess"
+            )
+        logs[label] = found.log
+    return logs
 
 
 SHARES = (0.25, 0.5, 0.75)

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.analytic.rods import from_tip, integrate, of_load, pinned, tip
+from proofmass.analytic.rods import from_tip, integrate, of_load, pinned, rod_pinned, tip
 from proofmass.analytic.rods.shooting import stability
+from proofmass.chart import chart_of
+from proofmass.sidecar import load_case
+from tests.shipped import shipped
 
 FILE = Path(__file__).parents[2] / "data" / "rod_elliptic.json"
 DATA = json.loads(FILE.read_text())["single_rod"]
@@ -170,6 +173,94 @@ def test_guess_selects_the_branch(guess, name, way):
     )
     if guess == [0.1, 0.1, 0.1] and way == "document":
         assert shot.iterations == 6
+
+
+@pytest.fixture(scope="module")
+def page():
+    case = load_case(shipped("rod_pinned.toml"))
+    return {
+        table.draw: chart_of(case, table)
+        for table in case.chart
+        if table.draw.startswith("shooting")
+    }
+
+
+def test_page_draws_the_document_s_shooting_from_its_guess_to_the_solution(page):
+    """Annex II: three plots from 0.1; the solution is A, known to the closed form (above)."""
+    for k, (panel, name) in enumerate(
+        zip(page["shooting_course"].panels, ("n_x [N]", "n_y [N]", "m_0 [N m]"), strict=True)
+    ):
+        assert panel.title == name
+        exact, document = panel.lines
+        assert exact.y[0] == document.y[0] == 0.1
+        assert exact.y[-1] == pytest.approx(start("A")[k], abs=1e-6)  # digits given: 5e-8
+        assert document.y[-1] == pytest.approx(start("A")[k], abs=1e-5)  # RK4: 2e-7 m of the tip
+        assert document.x.tolist() == list(range(7))  # six steps, as an independent run took
+    titles = [panel.title for panel in page["shooting_convergence"].panels]
+    assert titles[1] == "the document's way: 6 iterations"
+
+
+def test_every_iterate_is_newton_s_step_from_the_one_before(page):
+    """By central differences along the rod's own integration: J times the step takes f away."""
+    log = pinned(*PIN, (0.1, 0.1, 0.1), stiffness=EI, nodes=121).log
+
+    def miss(unknowns):
+        rod = integrate(*unknowns, stiffness=EI, nodes=121)
+        return np.array([rod.x[-1] - PIN[0], rod.y[-1] - PIN[1], rod.m[-1]])
+
+    halvings = []
+    for before, after in zip(log.iterates[:-1], log.iterates[1:], strict=True):
+        h = 1e-5
+        jacobian = np.stack(
+            [(miss(before + h * e) - miss(before - h * e)) / 2 / h for e in np.eye(3)], 1
+        )
+        whole = np.linalg.solve(jacobian, -miss(before))
+        share = float((after - before) @ whole / (whole @ whole))
+        np.testing.assert_allclose(after - before, share * whole, rtol=0, atol=1e-7)  # h^2 in J
+        halvings.append(-np.log2(share))
+    np.testing.assert_allclose(halvings, np.round(halvings), rtol=0, atol=1e-5)
+    assert max(halvings) >= 1  # some step was halved
+    assert halvings[-3:] == pytest.approx([0, 0, 0], abs=1e-5)  # none at the end
+
+
+def left_by_a_step(wrong, distance, direction):
+    """Error after one step of Newton from beside A, with a Jacobian that is wrong by a share."""
+    root = pinned(*PIN, start("A"), stiffness=EI, nodes=121).unknowns
+    rod = integrate(*(root + distance * direction), stiffness=EI, nodes=121, slopes=True)
+    f = np.array([rod.x[-1] - PIN[0], rod.y[-1] - PIN[1], rod.m[-1]])
+    jacobian = (1.0 + wrong) * rod.slope[-1][[2, 3, 1], :3]
+
+    def system(x):
+        return f, jacobian
+
+    log, _ = rod_pinned.newton(lambda x: 0.0 * x, system, root + distance * direction, 1e-12)
+    return float(np.linalg.norm(log.iterates[1] - root))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_shooting_converges_quadratically(seed):
+    """Half the distance leaves a quarter of the error; a Jacobian 1 % off, half of it."""
+    direction = np.random.default_rng(seed).normal(size=3)
+    direction /= np.linalg.norm(direction)
+    orders = [
+        np.log2(left_by_a_step(wrong, 4e-3, direction) / left_by_a_step(wrong, 2e-3, direction))
+        for wrong in (0.0, 0.01)
+    ]
+    assert orders[0] == pytest.approx(2.0, abs=0.05)  # the next term, 4e-3 of it
+    assert abs(orders[1] - 2.0) > 0.5
+
+
+def test_last_steps_of_the_page_are_quadratic(page):
+    """What is left is below three times the square of what was left before, as above; in a slower
+    iteration, of a step that is off by 1 %, it is a hundred times as much.
+    """
+    log = pinned(*PIN, (0.1, 0.1, 0.1), stiffness=EI, nodes=121).log
+    errors = np.linalg.norm(log.iterates - log.root, axis=1)[-4:-1]
+    assert np.all(errors[1:] < 3.0 * errors[:-1] ** 2)
+    assert not np.all(errors[1:] + 0.01 * errors[:-1] < 3.0 * errors[:-1] ** 2)
+    (exact, _) = page["shooting_convergence"].panels
+    size = {line.label: line.y for line in exact.lines}["error: norm of the step"]
+    np.testing.assert_allclose(size, log.steps, rtol=1e-4, atol=1e-12)  # 81 nodes there
 
 
 def test_guess_next_to_buckling():
