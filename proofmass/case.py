@@ -167,6 +167,36 @@ class DriveTable(Strict):
         return 1.0 if self.rate is None else self.rate
 
 
+class LoadTable(Strict):
+    """``[load]``, or one of several ``[[load]]``: a motor whose control changes along a sweep.
+
+    Its control goes from ``from`` to `to` in proportion to the first drive's progress; or, if that
+    follows a `profile`, in proportion to time.  Or its control is the value of a `profile`, rows of
+    a file over time.  `scales` are parameters of the reference that are multiplied by the control.
+    """
+
+    actuator: str
+    start: float = Field(0.0, alias="from")
+    to: float | None = None
+    profile: ProfileTable | None = None
+    scales: tuple[str, ...] = ()
+
+    @field_validator("scales", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> "LoadTable":
+        if (self.to is None) == (self.profile is None):
+            raise ValueError("give either from and to, or profile")
+        if self.profile is not None and self.profile.given[0] == "rate":
+            raise ValueError("the profile of a load has a value, its control, and no rate")
+        if self.profile is not None and self.start:
+            raise ValueError("from goes with to; a profile has a start")
+        return self
+
+
 MOST_SAMPLES = 10**8
 """Samples of a run: a curve of them is 0.8 GB, and a run has dozens of curves."""
 
@@ -464,6 +494,7 @@ class Case(Strict):
     reference: str
     parameters: dict[str, float | str] = Field({})
     drive: tuple[DriveTable, ...] = ()
+    load: tuple[LoadTable, ...] = ()
     rod: dict[str, RodTable] = Field({})
     run: dict[Kind, RunTable] = Field(min_length=1)
     settings: dict[str, dict[str, Any]] = Field({})
@@ -493,8 +524,9 @@ class Case(Strict):
 
     @property
     def profile_files(self) -> tuple[Path, ...]:
-        """The files that drives follow."""
-        tables = [d.profile for d in self.drive if isinstance(d.profile, ProfileTable)]
+        """The files that drives and loads follow."""
+        profiles = [one.profile for one in self.drive] + [one.profile for one in self.load]
+        tables = [profile for profile in profiles if isinstance(profile, ProfileTable)]
         return tuple(self.file.parent / table.file for table in tables)
 
     def require_model(self) -> None:
@@ -521,7 +553,11 @@ class Case(Strict):
         """Where drive number k, or a key of it, stands in the sidecar."""
         return ".".join(["drive", *[str(k)] * (len(self.drive) > 1), *keys])
 
-    @field_validator("drive", "view", "chart", mode="before")
+    def load_key(self, k: int, *keys: str) -> str:
+        """Where load number k, or a key of it, stands in the sidecar."""
+        return ".".join(["load", *[str(k)] * (len(self.load) > 1), *keys])
+
+    @field_validator("drive", "load", "view", "chart", mode="before")
     @classmethod
     def _several(cls, value: Any) -> Any:
         return (value,) if isinstance(value, dict) else value
@@ -555,6 +591,34 @@ class Case(Strict):
                     f"three columns of its own"
                 )
         return drives
+
+    @model_validator(mode="after")
+    def _carrying(self) -> "Case":
+        for k, load in enumerate(self.load):
+            if load.actuator in [one.actuator for one in self.load[:k]]:
+                raise ValueError(f"load: actuator {load.actuator!r} stands there twice")
+            for name in load.scales:
+                if name in [n for one in self.load[:k] for n in one.scales]:
+                    raise ValueError(f"load: two loads scale the parameter {name!r}")
+            if load.scales and self.recorded:
+                raise ValueError(
+                    f"{self.load_key(k, 'scales')}: leave it out; a recorded curve has no "
+                    f"parameters"
+                )
+            if load.profile and self.leader and self.leader.steady:
+                raise ValueError(
+                    f"{self.load_key(k, 'profile')}: it is over time, and a sweep with a constant "
+                    f"rate goes by the first drive's value; give from and to, or the drive a "
+                    f"period or a profile"
+                )
+        for kind in self.run if self.load else ():
+            if kind != "sweep":
+                raise ValueError(
+                    f"run.{kind}: a load that changes is for a sweep alone; leave out this run, "
+                    f"or make it a case of its own with a constant ctrl in the key of the model "
+                    f"and no [load]"
+                )
+        return self
 
     @model_validator(mode="after")
     def _consistent(self) -> "Case":

@@ -7,15 +7,16 @@ which change the first tolerance would be used up.
 
 import math
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case, DriveTable, ProfileTable
+from proofmass.case import Case, DriveTable, LoadTable, ProfileTable
 from proofmass.compare import Comparison, check_branch, compare, run_reference, scale_of, time_of
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
@@ -31,6 +32,7 @@ from proofmass.strict import Kind
 ENOUGH = 24
 """Intervals of a sweep that show the rate of an error: a peak between them is a percent higher."""
 Errors = dict[str, Array]
+Moved = TypeVar("Moved", DriveTable, LoadTable)
 Changes = Sequence[tuple[Number, float]]
 
 
@@ -124,7 +126,8 @@ def numbers(case: Case) -> list[Number]:
     length, all_mass = size(model, case.start) or 1.0, mass(model) or 1.0
     times = [time_of(case, kind, prescribed(case, kind), length) for kind in case.run]
     sizes = Sizes(length, all_mass, next(filter(None, times), 1.0))
-    return numbers_of(source(case), sizes, [d.joint for d in case.drive])
+    loads = [load.actuator for load in case.load]
+    return numbers_of(source(case), sizes, [d.joint for d in case.drive], loads)
 
 
 def prescribed(case: Case, kind: Kind) -> Curves:
@@ -182,19 +185,19 @@ def mutant(case: Case, changes: Changes, folder: Path) -> Case:
         for kind, run in case.run.items()
     }
     changed = {"file": folder / case.file.name, "model": file.name, "rod": rods, "run": runs}
-    return case.model_copy(update={**changed, "drive": tuple(map(whole_path(case), case.drive))})
+    moves = {
+        "drive": tuple(whole_path(case, drive) for drive in case.drive),
+        "load": tuple(whole_path(case, load) for load in case.load),
+    }
+    return case.model_copy(update={**changed, **moves})
 
 
-def whole_path(case: Case) -> Callable[[DriveTable], DriveTable]:
-    """What names the file that a drive follows by its whole path, for a sidecar elsewhere."""
-
-    def named(drive: DriveTable) -> DriveTable:
-        if not isinstance(drive.profile, ProfileTable):
-            return drive
-        file = str((case.file.parent / drive.profile.file).absolute())
-        return drive.model_copy(update={"profile": drive.profile.model_copy(update={"file": file})})
-
-    return named
+def whole_path(case: Case, table: Moved) -> Moved:
+    """A drive or a load that names the file which it follows by its whole path."""
+    if not isinstance(table.profile, ProfileTable):
+        return table
+    file = str((case.file.parent / table.profile.file).absolute())
+    return table.model_copy(update={"profile": table.profile.model_copy(update={"file": file})})
 
 
 def with_changes(

@@ -79,8 +79,10 @@ class SampledLaw:
         return bool(x[0] >= self.times[0] - near and x[-1] <= self.times[-1] + near)
 
 
-def law_of_profile(folder: Path, profile: ProfileTable, start: float, unit: str) -> SampledLaw:
-    """The law of a drive that follows a file.
+def law_of_profile(
+    folder: Path, profile: ProfileTable, start: float, unit: str, *others: str
+) -> SampledLaw:
+    """The law of a drive, or of the control of a load, that follows a file.
 
     Parameters
     ----------
@@ -89,8 +91,8 @@ def law_of_profile(folder: Path, profile: ProfileTable, start: float, unit: str)
     profile : ProfileTable
     start : float
         First value of a drive whose rate is given [rad or m].
-    unit : {"rad", "m"}
-        Of the joint's value.
+    unit, *others : str
+        SI units of the joint's value, rad or m, or those that a control may have.
 
     Raises
     ------
@@ -101,7 +103,7 @@ def law_of_profile(folder: Path, profile: ProfileTable, start: float, unit: str)
     """
     file = folder / profile.file
     changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return law_once(file, changed, profile, start, unit)
+    return law_once(file, changed, profile, start, unit, *others)
 
 
 def last_time(folder: Path, profile: ProfileTable) -> float:
@@ -119,14 +121,14 @@ def clock_of(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
 
 @lru_cache(KEPT)
 def law_once(
-    file: Path, changed: int, profile: ProfileTable, start: float, unit: str
+    file: Path, changed: int, profile: ProfileTable, start: float, unit: str, *others: str
 ) -> SampledLaw:
     """`law_of_profile`, for a file as it was at the time `changed`."""
     table = read_table(file)
     kind, column = profile.given
     si = unit if kind == "value" else f"{unit}/s"
     clock = clock_of(table, profile)
-    table.require(column, si)
+    table.require(column, si, *others)
     times, values = table.rising(clock), table.curve(column)
     if profile.interpolation == "spline" and times.size < FEWEST:
         raise InputError(file, "", f"{times.size} rows; a spline needs {FEWEST}")

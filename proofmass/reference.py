@@ -3,13 +3,14 @@
 import importlib
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 from mujoco import MjModel
+from numpy.typing import ArrayLike
 
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
@@ -27,6 +28,8 @@ from proofmass.units import same_quantity, si_unit
 DriveLaw = InProportion | FunctionLaw | SampledLaw | Samples | Steady | Swing
 DRIVE, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of what laws ask of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
+CONTROLS = "1", "N", "N m"
+"""What the control of a motor may be measured in."""
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
 read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
@@ -134,6 +137,28 @@ def sampled_law(case: Case, k: int) -> SampledLaw:
     return named_in_profile(
         case, k, law_of_profile, case.file.parent, drive.profile, drive.start, unit
     )
+
+
+def load_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
+    """The laws of the controls of a run's loads that change, one for each load."""
+    return tuple(load_law(case, kind, k) for k in range(len(case.load)))
+
+
+def load_law(case: Case, kind: Kind, k: int) -> DriveLaw:
+    """The law of the control of load number k."""
+    load, leader = case.load[k], case.drive[0]
+    if load.profile is not None:
+        try:
+            return law_of_profile(case.file.parent, load.profile, 0.0, *CONTROLS)
+        except ValueError as error:
+            raise InputError(case.file, case.load_key(k, "profile"), str(error)) from None
+    way = float(load.to or 0.0) - load.start
+    if leader.to is not None:
+        ratio = way / (leader.to - leader.start)
+        return InProportion(law(case, kind, 0), leader.start, ratio, load.start)
+    first, last = grid(case, kind)[[0, -1]].tolist()
+    rate = way / (last - first)
+    return Steady(load.start - rate * first, rate, x_is_time=True)
 
 
 def named_in_profile(case: Case, k: int, read: Callable[..., Any], *args: object) -> Any:
@@ -284,6 +309,11 @@ def call(
         "joints": lambda: tuple(d.joint for d in case.drive),
         "inertia": lambda: case.has_inertia(kind),
         "only": lambda: only,
+        "controls": lambda: {
+            load.actuator: law(np.asarray(x, float))[0]
+            for load, law in zip(case.load, load_laws(case, kind), strict=True)
+        },
+        "load_rates": dict,
     }
     there = [k for k in known if k not in own]
     for name in parameters:
@@ -294,6 +324,9 @@ def call(
                 f"reference {case.reference} has no "
                 f"such parameter; {suggest(name, there, 'known')}",
             )
+    if case.load:
+        parameters, rates = under_loads(case, kind, truth, x, parameters)
+        own["load_rates"] = lambda: rates
     if state is None:
         args: tuple = (x,)
     else:
@@ -307,6 +340,40 @@ def call(
     except (TypeError, ValueError) as error:
         key = key if parameters else "drive" if case.drive else "model"
         raise InputError(case.file, key, str(error)) from None
+
+
+def under_loads(
+    case: Case, kind: Kind, truth: ModuleType, x: Array, parameters: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Parameters with those that loads scale as curves (n,), and the rates of these.
+
+    Raises
+    ------
+    InputError
+        The reference has no such parameter, or one that does not change along a path.
+    """
+    takes = inspect.signature(truth.solve).parameters
+    may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
+    found, rates = dict(parameters), dict[str, Array]()
+    for k, (load, law) in enumerate(zip(case.load, load_laws(case, kind), strict=True)):
+        if not load.scales and "controls" not in takes:
+            raise InputError(
+                case.file,
+                case.load_key(k, "scales"),
+                f"missing: which parameters of {case.reference} the load multiplies; "
+                f"{suggest('', may, 'those of this case that may change')}",
+            )
+        control, rate, _ = np.broadcast_arrays(*law(np.asarray(x, float)))
+        for name in load.scales:
+            if name not in may:
+                raise InputError(
+                    case.file,
+                    case.load_key(k, "scales"),
+                    f"{name!r} is no parameter of this case that {case.reference} lets change "
+                    f"along a path; {suggest(name, may, 'those that may')}",
+                )
+            found[name], rates[name] = parameters[name] * control, parameters[name] * rate
+    return found, rates
 
 
 def facts(case: Case, beside: str | None = None) -> dict[str, str]:

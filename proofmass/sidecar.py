@@ -276,6 +276,8 @@ LINES = ("parameters", "channels", "refine")
 """Tables whose entries stand in one line each; of other tables each entry has a heading."""
 LISTS = ("tolerance", "view", "chart")
 """Tables of which a sidecar may have several."""
+ONE_OR_MORE = ("drive", "load")
+"""Those of which one alone is written as one table."""
 
 
 def as_toml(case: Case, every: bool = True) -> str:
@@ -297,10 +299,10 @@ def as_toml(case: Case, every: bool = True) -> str:
         table["channels"]["*"] = {}  # which finds that nothing else matches
     for one in table.get("tolerance", ()):
         one |= {k: v[0] for k, v in one.items() if isinstance(v, tuple) and len(v) == 1}
-    drives = table.get("drive", ())
-    if len(drives) == 1:
-        (table["drive"],) = drives
-    several = {key for key in (*LISTS, "drive") if isinstance(table.get(key), tuple)}
+    for key in ONE_OR_MORE:
+        if len(table.get(key, ())) == 1:
+            (table[key],) = table[key]
+    several = {key for key in (*LISTS, *ONE_OR_MORE) if isinstance(table.get(key), tuple)}
     text = tomlkit.document()
     for key, value in table.items():  # keys of no table first
         if not isinstance(value, Mapping) and key not in several:
@@ -311,7 +313,7 @@ def as_toml(case: Case, every: bool = True) -> str:
             tables.extend([in_lines(one) for one in value])
             text[key] = tables
         elif isinstance(value, Mapping) and value:
-            single = key in LINES or key == "drive"
+            single = key in LINES or key in ONE_OR_MORE
             text[key] = in_lines(value) if single else {k: in_lines(v) for k, v in value.items()}
     return tomlkit.dumps(text)
 

@@ -11,14 +11,15 @@ from proofmass.drive import check_driven
 from proofmass.engines import NoEngine, computes, engine_names, engine_of
 from proofmass.errors import InputError, in_model, suggest
 from proofmass.profile import SampledLaw
-from proofmass.reference import compiled, grid, laws
-from proofmass.sim.contents import joints, rubs
+from proofmass.reference import compiled, grid, laws, load_laws
+from proofmass.sim.contents import joint_of, joints, rubs, runs_as_motor
 from proofmass.sim.protocol import (
     BY_CHANNEL,
     BY_JOINT,
     FILE,
     BadModel,
     BadSetting,
+    ChangingLoad,
     Curves,
     Diverged,
     Drive,
@@ -31,6 +32,7 @@ from proofmass.worker import Crashed, isolated
 ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
 FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite
 TURNS = 1e-9  # share of its way by which a drive may go beyond its samples
+MOST = 1e150  # [its unit] of a control: squares of larger forces are not finite
 BETWEEN = 20  # places between two samples of dynamics where a law is looked at as well
 
 
@@ -129,9 +131,14 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
     x, inertia = grid(case, kind), case.run[kind].inertia
-    run = Run(kind, x, channels, drives, case.start, rods=case.rods, inertia=inertia)
+    loads = tuple(
+        ChangingLoad(one.actuator, law)
+        for one, law in zip(case.load, load_laws(case, kind), strict=True)
+    )
+    run = Run(kind, x, channels, drives, case.start, {}, case.rods, inertia, loads)
     try:
         check_drives(case, run)
+        check_loads(case, run)
     except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever a function that the sidecar names may raise
@@ -188,6 +195,47 @@ def check_drives(case: Case, run: Run) -> None:
                 f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
                 f"{case.model}, {low:.6g} to {high:.6g} {unit}; drive it less far or "
                 f"give the joint a wider range",
+            )
+
+
+def check_loads(case: Case, run: Run) -> None:
+    """Raise `InputError` if a load that changes is no motor's, or leaves the motor's range."""
+    if not run.loads:
+        return
+    model, controls = compiled(case), run.controls(run.x)[0]
+    names = [model.actuator(a).name for a in range(model.nactuator)]
+    for k, (load, control) in enumerate(zip(run.loads, controls, strict=True)):
+        if load.actuator not in names:
+            raise InputError(
+                case.file,
+                case.load_key(k, "actuator"),
+                f"{case.model} has no actuator {load.actuator!r}; {suggest(load.actuator, names)}",
+            )
+        a = names.index(load.actuator)
+        joint = joint_of(model, a)
+        if joint >= 0 and model.joint(joint).name in [drive.joint for drive in run.drives]:
+            raise InputError(
+                case.file,
+                case.load_key(k, "actuator"),
+                f"{load.actuator!r} acts on joint {model.joint(joint).name!r}, which is driven",
+            )
+        if why := runs_as_motor(model, a):
+            raise InputError(case.file, case.load_key(k, "actuator"), f"{load.actuator!r} {why}")
+        if isinstance(load.law, SampledLaw) and not load.law.covers(run.x):
+            raise InputError(
+                case.file,
+                case.load_key(k, "profile"),
+                f"{load.law.file} goes from {load.law.times[0]:.6g} to {load.law.times[-1]:.6g} s, "
+                f"the run from {run.x[0]:.6g} to {run.x[-1]:.6g} s",
+            )
+        low, high = model.actuator_ctrlrange[a] if model.actuator_ctrllimited[a] else (-MOST, MOST)
+        beyond = ~((control >= low) & (control <= high))
+        if beyond.any():
+            raise InputError(
+                case.file,
+                case.load_key(k),
+                f"the control of {load.actuator!r} is {control[beyond.argmax()]:.6g} at x = "
+                f"{run.x[beyond.argmax()]:.6g}; it must lie within {low:.6g} to {high:.6g}",
             )
 
 
@@ -258,9 +306,12 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
     except BadModel as error:
         raise in_model(case.model_path, error) from None
     notes = [
-        f"drive {drive.joint}: {drive.law.words}"
-        for drive in run.drives
-        if isinstance(drive.law, SampledLaw)
+        f"{word} {name}: {law.words}"
+        for word, name, law in (
+            *(("drive", drive.joint, drive.law) for drive in run.drives),
+            *(("load", load.actuator, load.law) for load in run.loads),
+        )
+        if isinstance(law, SampledLaw)
     ]
     if notes:
         curves = replace(curves, notes=(*curves.notes, *notes))

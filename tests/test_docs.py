@@ -36,6 +36,8 @@ OWN = (
     "joints",
     "inertia",
     "only",
+    "controls",
+    "load_rates",
 )  # what a reference is given of the case itself
 
 
@@ -76,6 +78,7 @@ def tables_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
 
 HEADINGS = {
     "drive": "`[drive]`",
+    "load": "`[load]`",
     "rod": "`[rod.NAME]`",
     "run": "`[run.KIND]`",
     "channels": "`[channels]`",

@@ -1,7 +1,7 @@
 """What every closed form needs: parameters within their domain, and angles without jumps."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -37,11 +37,11 @@ def not_negative(unit: str = "kg", /, **values: float) -> None:
             raise ValueError(f"{name} must be zero or positive [{unit}], got {value}")
 
 
-def finite(**values: float) -> None:
-    """ValueError that names the first value that is not finite."""
+def finite(**values: ArrayLike) -> None:
+    """ValueError that names the first value that is not finite, or not all of it."""
     for name, value in values.items():
-        if not np.isfinite(value):
-            raise ValueError(f"{name} must be finite, got {value}")
+        if not np.all(np.isfinite(np.asarray(value, float))):
+            raise ValueError(f"{name} must be finite, got {value!s}")
 
 
 def one_of(modes: tuple[int, ...], **mode: float) -> None:

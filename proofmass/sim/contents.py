@@ -191,6 +191,28 @@ def joint_of(model: mujoco.MjModel, actuator: int) -> int:
     return int(model.actuator_trnid[actuator, 0]) if found else -1
 
 
+def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
+    """Why the force of an actuator is not its control times a number; empty if it is.
+
+    Its control may have a range.
+    """
+    if (
+        model.actuator_gaintype[actuator] != mujoco.mjtGain.mjGAIN_FIXED
+        or model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_NONE
+        or model.actuator_dyntype[actuator] != mujoco.mjtDyn.mjDYN_NONE
+    ):
+        return "is no motor: its force is not its control times a number"
+    joint = joint_of(model, actuator)
+    off = model.opt.disableactuator & 1 << int(model.actuator_group[actuator])
+    if off or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+        return "is disabled in the model"
+    if model.actuator_forcelimited[actuator] or (joint >= 0 and model.jnt_actfrclimited[joint]):
+        return "has a range of forces; leave it out, or give it a range of controls"
+    if joint < 0 and int(model.actuator_trntype[actuator]) != mujoco.mjtTrn.mjTRN_SITE:
+        return "acts neither on a joint nor at a site"
+    return ""
+
+
 def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
     """Gear (6,) of an actuator; that of one with several outputs is its first output's."""
     return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])

@@ -46,7 +46,9 @@ class Sizes:
         return self.mass**mass * self.time**time * (self.length**2 if hinge else 1.0)
 
 
-def numbers_of(source: Source, sizes: Sizes, driven: Sequence[str] = ()) -> list[Number]:
+def numbers_of(
+    source: Source, sizes: Sizes, driven: Sequence[str] = (), loads: Sequence[str] = ()
+) -> list[Number]:
     """The numbers of a model, kind by kind.
 
     Parameters
@@ -56,6 +58,8 @@ def numbers_of(source: Source, sizes: Sizes, driven: Sequence[str] = ()) -> list
         What a number that is 0 is changed by.
     driven : sequence of str
         Joints that are driven; without any the start values are numbers as well.
+    loads : sequence of str
+        Actuators whose controls change along the run, so that those of the key have no effect.
 
     Raises
     ------
@@ -69,7 +73,7 @@ def numbers_of(source: Source, sizes: Sizes, driven: Sequence[str] = ()) -> list
         *of_sites(source, sizes),
         *of_world(source, sizes),
         *of_equalities(source, sizes),
-        *of_actuators(source, sizes, driven),
+        *of_actuators(source, sizes, driven, loads),
         *(() if driven else of_start(source, sizes)),
         *of_rods(source),
     ]
@@ -328,7 +332,9 @@ def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
             )
 
 
-def of_actuators(source: Source, sizes: Sizes, driven: Sequence[str]) -> Iterator[Number]:
+def of_actuators(
+    source: Source, sizes: Sizes, driven: Sequence[str], loads: Sequence[str]
+) -> Iterator[Number]:
     """Gears, gains, and the constant loads of actuators that drive nothing."""
     model = source.full
     elements = Tree(source).found["actuator"]
@@ -346,7 +352,8 @@ def of_actuators(source: Source, sizes: Sizes, driven: Sequence[str]) -> Iterato
                 if value:
                     place = Place("actuator", a, attribute, k)
                     yield measured("gain", f"{name}, {attribute} {k + 1}", value, place, 1.0)
-        if source.start >= 0 and (joint < 0 or model.joint(joint).name not in driven):
+        constant = name not in loads and (joint < 0 or model.joint(joint).name not in driven)
+        if source.start >= 0 and constant:
             adr = int(model.actuator_ctrladr[a])
             hinge = joint >= 0 and SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[joint]))) == "rad"
             natural = sizes.of(hinge, 1, -2) * (1.0 if hinge else sizes.length)

@@ -354,7 +354,7 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
     the engine's own steps and the reference do.
     """
     linkage, tangent = linkage_of(model, data, run), None
-    for values in run.motion(run.x)[0].T:
+    for values in np.vstack([run.motion(run.x)[0], run.controls(run.x)[0]]).T:
         fell = False
         try:
             tangent = linkage.move(values, tangent)

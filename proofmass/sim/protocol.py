@@ -160,6 +160,23 @@ class Drive:
 
 
 @dataclass(frozen=True)
+class ChangingLoad:
+    """A motor whose control changes along a sweep.
+
+    Attributes
+    ----------
+    actuator : str
+        Name of the motor in the MJCF, of a joint that is not driven or of a site.
+    law : callable
+        ``law(x) -> (value, rate, acceleration)`` of its control, see `Drive`; its force is that
+        times its gear and its gain.
+    """
+
+    actuator: str
+    law: Law
+
+
+@dataclass(frozen=True)
 class Imposed:
     """How a written program imposes the motion of its drives.
 
@@ -251,6 +268,9 @@ class Run:
     inertia : bool
         Whether moments and forces of a sweep are those at the rates and accelerations of its
         drives, and not those at rest; those of dynamics are always.
+    loads : tuple of ChangingLoad
+        Motors of a sweep whose controls are not those of the key; an engine that cannot change
+        them says so.
     """
 
     kind: str
@@ -261,6 +281,16 @@ class Run:
     settings: Mapping[str, object] = field(default_factory=dict)
     rods: tuple[Rod, ...] = ()
     inertia: bool = False
+    loads: tuple[ChangingLoad, ...] = ()
+
+    def controls(self, x: Array) -> tuple[Array, Array]:
+        """Controls of all loads that change and their rates at x, each (loads, n)."""
+        rows = [np.broadcast_arrays(*load.law(x))[:2] for load in self.loads]
+        value, rate = (
+            np.array(part, float).reshape(len(rows), x.size)
+            for part in (zip(*rows, strict=True) if rows else [()] * 2)
+        )
+        return value, rate
 
     def motion(self, x: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations of all drives at x, each (drives, n)."""

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
-from proofmass.case import Case
+from proofmass.case import Case, LoadTable
 from proofmass.files import read_bytes, write_whole
 from proofmass.recorded import decoded
 from proofmass.reference import compiled, evaluate, grid, laws
@@ -167,7 +167,24 @@ def stiffer(case: Case, folder: Path, factor: float) -> Case:
         for name, rod in case.rod.items()
     }
     changed = with_model(case, folder, change).model_copy(update={"rod": rods})
-    return with_channels(changed, LOAD, factor)
+    return with_channels(with_loads(changed, lambda _: factor), LOAD, factor)
+
+
+def with_loads(case: Case, factor: Callable[[str], float]) -> Case:
+    """The case with the controls of loads that change so many times as large, by actuator."""
+
+    def times(load: LoadTable) -> LoadTable:
+        by, changed = factor(load.actuator), dict[str, object]()
+        if load.to is not None:
+            changed = {"start": by * load.start, "to": by * load.to}
+        if load.profile is not None and load.profile.value is not None:
+            value = load.profile.value
+            larger = {"scale": by * value.scale, "shift": by * value.shift}
+            value = value.model_copy(update=larger)
+            changed = {"profile": load.profile.model_copy(update={"value": value})}
+        return load.model_copy(update=changed)
+
+    return case.model_copy(update={"load": tuple(map(times, case.load))})
 
 
 def larger(case: Case, folder: Path, factor: float) -> Case:
@@ -177,7 +194,12 @@ def larger(case: Case, folder: Path, factor: float) -> Case:
     """
     model = compiled(case)
     changed = with_model(case, folder, lambda root: enlarge(root, model, factor))
-    return with_channels(changed, SIZE, factor)
+    powers = loads(model)
+
+    def as_large(actuator: str) -> float:
+        return float(factor ** powers[model.actuator_ctrladr[model.actuator(actuator).id]])
+
+    return with_channels(with_loads(changed, as_large), SIZE, factor)
 
 
 def wide(equality: Element) -> int:

@@ -48,7 +48,7 @@ def solve(
     crank_mass: float = 0.0,
     coupler_mass: float = 0.0,
     rocker_mass: float = 0.0,
-    rocker_load: float = 0.0,
+    rocker_load: ArrayLike = 0.0,
     gravity: float = 9.81,
     inertia: bool = False,
     only: Collection[str] | None = None,
@@ -101,7 +101,7 @@ def solve(
         With a change point: the sign of C where 0 < angle < pi.
     point_along, point_across : X in the coupler's frame [m]: from P towards Q, and left of that
     crank_mass, coupler_mass, rocker_mass : masses of the bars [kg]
-    rocker_load : constant moment on the rocker, counter-clockwise positive [N m]
+    rocker_load : moment on the rocker, counter-clockwise positive [N m], or along the motion
     gravity : [m/s^2]
     inertia : whether moment and forces are those of the motion, and not those at rest
     only : names of all quantities that are asked for: moment and forces, which take longer than the
@@ -148,6 +148,7 @@ def solve(
     one_of(MODES, mode=mode)
     not_negative(**masses)
     finite(point_along=point_along, point_across=point_across, rocker_load=rocker_load)
+    on_rocker = np.asarray(rocker_load, float)
     inputs = np.broadcast_arrays(*(np.asarray(x, float) for x in (angle, rate, acceleration)))
     theta, w, dw = (np.atleast_1d(x) for x in inputs)
     px, py = crank * np.cos(theta), crank * np.sin(theta)
@@ -163,7 +164,7 @@ def solve(
                 0.5
                 * gravity
                 * (crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx)
-                - rocker_load * b1
+                - on_rocker * b1
             )
             bars = px + 1j * py, ax + 1j * ay, bx + 1j * by
             rest = np.zeros_like(bars[0])
@@ -178,7 +179,7 @@ def solve(
                     moment = moment + asked_of_drive(*each)
             loads = {"holding_moment": moment}
             if asks(only, *FORCES):
-                loads |= _pin_forces(bars, accelerations, cross, masses, rocker_load, gravity)
+                loads |= _pin_forces(bars, accelerations, cross, masses, on_rocker, gravity)
         curves = {
             "coupler_angle": unwrapped(np.arctan2(ay, ax)),
             "coupler_rate": a_motion[0],
@@ -204,7 +205,7 @@ def _pin_forces(
     accelerations: tuple[Ends, Ends, Ends],
     area: Array,
     masses: dict[str, float],
-    rocker_load: float,
+    rocker_load: Array,
     gravity: float,
 ) -> dict[str, Array]:
     """Forces of the pins, of bars A-P, P-Q, B-Q whose ends accelerate; `area` is C."""

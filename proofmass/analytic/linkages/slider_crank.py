@@ -42,7 +42,7 @@ def solve(
     crank_mass: float = 0.0,
     coupler_mass: float = 0.0,
     slider_mass: float = 0.0,
-    slider_load: float = 0.0,
+    slider_load: ArrayLike = 0.0,
     gravity: float = 9.81,
     crank_friction: float = 0.0,
     pin_friction: float = 0.0,
@@ -97,7 +97,7 @@ def solve(
     mode : +1 slider ahead of the crank pin along the guide (q > 0); -1 behind it. At a change
         point: the sign of q where the crank points along the guide, f = 0.
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
-    slider_load : force on the slider along the guide [N]
+    slider_load : force on the slider along the guide [N], or along the motion
     gravity : along -y [m/s^2]
     crank_friction, pin_friction : dry friction of the crank's bearing and of the pin between crank
         and coupler [N m]
@@ -168,7 +168,7 @@ def solve(
                 value * senses(rate, float(np.abs(w).max(initial=0.0)))
                 for value, rate in zip(rubs.values(), (w, (k1 - 1.0) * w, v), strict=True)
             )
-            pushed = slider_load - of_slider
+            pushed = np.asarray(slider_load, float) - of_slider
             lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
             lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
             moment = gravity * lift - pushed * s1 + of_crank + of_pin * (k1 - 1.0)

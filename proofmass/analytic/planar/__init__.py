@@ -7,6 +7,7 @@ compiled model and moved by this package's own kinematics, so it holds the *engi
 the drawing: a wrong length in the MJCF is wrong in both.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -65,6 +66,7 @@ def solve(
     start: str = "start",
     joints: tuple[str, ...] = (),
     inertia: bool = False,
+    controls: Mapping[str, ArrayLike] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
 
@@ -96,6 +98,8 @@ def solve(
     inertia : bool
         Whether moments and forces are those at the rates and accelerations of the drives, and not
         those at rest; those of a free motion are always.
+    controls : mapping of str to array_like (n,)
+        Of motors of joints that are not driven, along the path [1]; left out: those of the key.
 
     Returns
     -------
@@ -160,8 +164,24 @@ def solve(
     rub = mechanism.frictions * senses(v.T, fastest).T
     if joints and not inertia:
         v = a = np.zeros_like(q)
-    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub)
+    more = pushes(reader, start, controls or {}, q.shape)
+    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub, more)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
+
+
+def pushes(
+    reader: Reader, start: str, controls: Mapping[str, ArrayLike], shape: tuple[int, ...]
+) -> Array:
+    """What motors push joints with (n, joints) beside what the key asks of them [N m or N]."""
+    model, found = reader.model, np.zeros(shape)
+    names = [model.actuator(a).name for a in range(model.nactuator)]
+    ctrl = model.key(start).ctrl if model.nkey else np.zeros(model.nu)
+    for name, control in controls.items():
+        a = names.index(name)
+        more = np.asarray(control, float) - ctrl[model.actuator_ctrladr[a]]
+        unit = model.actuator_gainprm[a, 0] * model.actuator_gear[a, 0]
+        found[:, model.actuator_trnid[a, 0]] += unit * more
+    return found
 
 
 @lru_cache(maxsize=32)
@@ -303,30 +323,31 @@ def forces(
     joint: tuple[Array, Array, Array],
     d: Drives,
     rub: Array,
+    more: Array,
 ) -> dict[str, Array]:
     """Curves (n,) of the sensors of forces and moments, by channel name as in `quantities`."""
     sensors = {s: S(int(reader.model.sensor_type[s])) for s in range(reader.model.nsensor)}
     sensors = {s: kind for s, kind in sensors.items() if kind in MOTORS or kind in INTERACTIONS}
     if not sensors:
         return {}
-    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub)
+    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub - more)
     for s, kind in sensors.items():
         name = reader.model.sensor(s).name
         if kind in MOTORS:
-            found[name] = of_motor(reader, m, s, solved.drives, d)
+            found[name] = of_motor(reader, m, s, solved.drives, d, more)
         else:
             parts = interaction(reader, m, motion, s, solved)
             found |= {f"{name}.{part}": curve for part, curve in parts.items()}
     return found
 
 
-def of_motor(reader: Reader, m: Mechanism, s: int, drives: Array, d: Drives) -> Array:
-    """The moment of a driven joint (n,), the constant load of another."""
+def of_motor(reader: Reader, m: Mechanism, s: int, drives: Array, d: Drives, more: Array) -> Array:
+    """The moment of a driven joint (n,), the load of another."""
     model, i = reader.model, reader.model.sensor_objid[s]
     actuator = S(model.sensor_type[s]) == S.mjSENS_ACTUATORFRC
     joint = int(model.actuator_trnid[i, 0] if actuator else i)
     place = np.flatnonzero(d.driven == joint)
-    moment = drives[:, place[0]] if place.size else np.array([m.joints[joint].load])
+    moment = drives[:, place[0]] if place.size else m.joints[joint].load + more[:, joint]
     return np.asarray(moment / model.actuator_gear[i, 0] if actuator else moment)
 
 

@@ -3,6 +3,7 @@
 `walk` takes the steps and finds the folds and branch points on the way.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -274,6 +275,34 @@ def follow(
         "",
         np.array(crossed),
     )
+
+
+def loads_along(
+    shape: tuple[int, ...], rates: Mapping[str, Array] | None, **parts: ArrayLike
+) -> tuple[Array, Array]:
+    """Loads (n, parts) along a path of this shape, and how they grow, from its parts by name.
+
+    Parameters
+    ----------
+    shape : of a path of n places
+    rates : of the parts that grow, by name [SI]; none: all are constant
+    **parts : the load's [N, N m], one for all places or along the path
+
+    Examples
+    --------
+    >>> loads_along((3,), {"force_y": [2.0, 2.0, 2.0]}, force_x=1.0, force_y=[0.0, 1.0, 2.0])[0]
+    array([[1., 0.],
+           [1., 1.],
+           [1., 2.]])
+    """
+    growth = [(rates or {}).get(name, 0.0) for name in parts]
+    load, rate = (
+        np.reshape(
+            [np.broadcast_to(np.asarray(one, float), shape) for one in each], (len(each), -1)
+        )
+        for each in ([*parts.values()], growth)
+    )
+    return load.T, rate.T
 
 
 def trace(

@@ -1,5 +1,6 @@
 """Two clamped rods with their tips on one pin (2RFR), led by their motors through equilibria."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from proofmass.analytic.numerics import Array, Complex, finite
 from proofmass.analytic.remember import nearby
-from proofmass.analytic.rods.continuation import follow
+from proofmass.analytic.rods.continuation import follow, loads_along
 from proofmass.analytic.rods.equilibrium import (
     RodState,
     columns,
@@ -211,10 +212,11 @@ def solve(
     moment2: float,
     push_x: float,
     push_y: float,
-    force_x: float = 0.0,
-    force_y: float = 0.0,
+    force_x: ArrayLike = 0.0,
+    force_y: ArrayLike = 0.0,
     length: float = 1.0,
     stiffness: float = 1.0,
+    load_rates: Mapping[str, Array] | None = None,
 ) -> dict[str, Array]:
     r"""Equilibria of two rods on one pin, followed along the motions of their motors.
 
@@ -223,7 +225,7 @@ def solve(
                P --> F            clamps at (-d/2, 0) and (d/2, 0), turned to theta1 and theta2
              .' `.                n_1 + n_2 = F,  m(L) = 0 in both rods
            _/     \
-         --@---d---@--            dP/dt = dP/dtheta dtheta/dt at rest: no inertia
+         --@---d---@--            dP/dt = dP/dtheta dtheta/dt + dP/dF dF/dt at rest: no inertia
         theta1    theta2
 
     Parameters
@@ -236,8 +238,9 @@ def solve(
         among the equilibria
     moment1, moment2 : first guess of the moments at the clamps [N m]
     push_x, push_y : first guess of the force n_1 on the tip of the first rod [N]
-    force_x, force_y : F, dead load on the pin [N]
+    force_x, force_y : F, dead load on the pin [N], or along the path, (n,)
     length, stiffness : L [m], EI [N m^2], of each rod
+    load_rates : of force_x and force_y [N/s], (n,) each; none: constant
 
     Returns
     -------
@@ -254,7 +257,7 @@ def solve(
 
     Notes
     -----
-    Between samples the motors turn in proportion to each other.  A branch point, which needs
+    Between samples motors and load change in proportion to each other.  A branch point, which needs
     symmetry, is passed straight on.  Closed and balanced within 1e-10 of L and EI/L^2; rates are
     derivatives of that, within 1e-9 m/rad on the line below, 0.2 rad off a fold.
     Source of the motions: Pérez Gámiz 2018, text lines 2924-4013, which prints no results.
@@ -275,14 +278,16 @@ def solve(
     theta = np.asarray(angle, float)
     if theta.ndim != 2 or len(theta) != 2 or not theta.size:
         raise ValueError(f"angle must hold theta1 and theta2, (2, n), got {theta.shape}")
-    finite(angle=theta.sum(), rate=np.sum(rate))
-    problem = distance, length, stiffness, force_x, force_y
+    finite(angle=theta.sum(), rate=np.sum(rate), force_x=force_x, force_y=force_y)
+    load, growth = loads_along(theta.shape[1:], load_rates, force_x=force_x, force_y=force_y)
+    problem = distance, length, stiffness, *load[0].tolist()
     guess = pin_x, pin_y, moment1, moment2, push_x, push_y
-    near = branch(tuple(map(tuple, theta.T.tolist())), problem, guess)
+    near = branch(tuple(map(tuple, np.hstack([theta.T, load]).tolist())), problem, guess)
     there = np.isfinite(near.vector[:, 0])
-    first = begun(near.vector[there], *problem).replaced(inputs=theta.T[there])
+    first = begun(near.vector[there], *problem)
+    first = first.replaced(inputs=theta.T[there], load=load[there])
     states, _ = newton(first, columns(near.assembly, "rods", "pose"))
-    curves = described(states, np.broadcast_to(rate, theta.shape)[:, there])
+    curves = described(states, np.broadcast_to(rate, theta.shape)[:, there], growth[there])
     found = {name: np.full(there.size, np.nan) for name in curves}
     for name, values in curves.items():
         found[name][there] = values
@@ -293,11 +298,11 @@ def solve(
 def branch(
     path: tuple[tuple[float, ...], ...], problem: PairNumbers, guess: PairNumbers
 ) -> RodState:
-    """Equilibria (n,) along a path of the motors, NaN behind a fold.
+    """Equilibria (n,) along a path of (theta1, theta2, F_x, F_y), NaN behind a fold.
 
     Newton's method goes on from there to problems of more digits, of which sensitivities want many.
     """
-    first = first_of(path[0], problem, guess)
+    first = first_of(path[0][:2], problem, guess)
     return followed(path, problem, tuple(first.vector.tolist()))
 
 
@@ -313,7 +318,8 @@ def followed(
     path: tuple[tuple[float, ...], ...], problem: PairNumbers, first: PairNumbers
 ) -> RodState:
     """The same from an equilibrium, to which many guesses lead."""
-    return follow(begun(np.array(first), *problem), inputs=path).states
+    angles, load = np.hsplit(np.array(path), 2)
+    return follow(begun(np.array(first), *problem), inputs=angles, load=load).states
 
 
 def begun(
@@ -323,10 +329,11 @@ def begun(
     return RodState(pair(distance, length, stiffness), vector).replaced(load=[force_x, force_y])
 
 
-def described(s: RodState, rate: Array) -> dict[str, Array]:
-    """Quantities (n,) of equilibria whose motors turn at rates (2, n)."""
+def described(s: RodState, rate: Array, growth: Array) -> dict[str, Array]:
+    """Quantities (n,) of equilibria whose motors turn at rates (2, n), and loads grow at (n, 2)."""
     slopes = derivatives(s)
     velocity = np.einsum("npk,kn->pn", slopes.direct, rate)
+    velocity += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0].T
     tips = s.shape([1.0])[2][..., 0]
     return {
         "pin_x": s.pose[:, 0],

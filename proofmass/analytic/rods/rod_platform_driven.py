@@ -3,6 +3,7 @@
 Three clamped rods on one rigid platform, driven by motors (3RFR) or along guides (3PFR).
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import nearby
-from proofmass.analytic.rods.continuation import follow
+from proofmass.analytic.rods.continuation import follow, loads_along
 from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, newton
 from proofmass.analytic.rods.rod_platform import MODES, PlatformProblem, Three, standing
 from proofmass.analytic.rods.workspace import over_poses, sheet
@@ -123,14 +124,15 @@ def solve(
     guide2: float | None = None,
     guide3: float | None = None,
     radius: float = 1.0,
-    force_x: float = 0.0,
-    force_y: float = 0.0,
-    moment: float = 0.0,
+    force_x: ArrayLike = 0.0,
+    force_y: ArrayLike = 0.0,
+    moment: ArrayLike = 0.0,
     mode: int = 1,
     inflections: int = 1,
     length: float = 1.0,
     stiffness: float = 1.0,
     prolongation: float = 0.0,
+    load_rates: Mapping[str, Array] | None = None,
 ) -> dict[str, Array]:
     r"""Equilibria along a path of the inputs, each the continuation of the one before.
 
@@ -151,11 +153,12 @@ def solve(
     theta1, theta2, theta3 : tangents at the clamps [rad]; without guides, those of inputs 0
     guide1, guide2, guide3 : directions of the guides [rad]; left out, the inputs turn the clamps
     radius : see `rod_platform.solve` [m]
-    force_x, force_y : dead load F on the platform at P [N]
-    moment : dead load M on the platform [N m]
+    force_x, force_y : dead load F on the platform at P [N], or along the path, (...)
+    moment : dead load M on the platform [N m], or along the path, (...)
     mode, inflections : see `rod_platform.solve`; they choose the equilibrium of the first inputs
     length, stiffness : L [m], EI [N m^2], of each rod
     prolongation : see `rod_platform.solve` [m]
+    load_rates : of force_x, force_y and moment [SI], (...) each; none: constant
 
     Returns
     -------
@@ -193,6 +196,10 @@ def solve(
     if q.shape[:1] != (3,):
         raise ValueError(f"inputs must be those of three rods, (3, ...), got {q.shape}")
     path = q.reshape(3, -1).T
+    load, growth = loads_along(
+        q.shape[1:], load_rates, force_x=force_x, force_y=force_y, moment=moment
+    )
+    first_x, first_y, first_moment = load[0].tolist()
     problem = PlatformProblem(
         side,
         radius,
@@ -201,17 +208,18 @@ def solve(
         (theta1, theta2, theta3),
         guides(guide1, guide2, guide3),
         tuple(path[0].tolist()),
-        (force_x, force_y, moment),
+        (first_x, first_y, first_moment),
         inflections,
     )
-    near = branch(problem, tuple(map(tuple, path.tolist())), mode, prolongation).vector
+    way = tuple(map(tuple, np.hstack([path, load]).tolist()))
+    near = branch(problem, way, mode, prolongation).vector
     there = np.isfinite(near[:, 0])
     robot = replace(problem.assembly, prolongation=np.full(3, prolongation))
-    states = RodState(robot, near[there]).replaced(inputs=path[there], load=problem.load)
+    states = RodState(robot, near[there]).replaced(inputs=path[there], load=load[there])
     found, _ = newton(states, columns(robot, "rods", "pose"))
     speed = np.broadcast_to(np.asarray(rate, float), q.shape).reshape(3, -1).T
     curves = {name: np.full(there.shape, np.nan) for name in NAMES}
-    for name, curve in zip(NAMES, described(found, speed[there]), strict=True):
+    for name, curve in zip(NAMES, described(found, speed[there], growth[there]), strict=True):
         curves[name][there] = curve
     return {name: curve.reshape(q.shape[1:]) for name, curve in curves.items()}
 
@@ -228,19 +236,24 @@ def guides(*angle: float | None) -> Three | None:
 
 @nearby
 def branch(
-    problem: PlatformProblem, path: tuple[Three, ...], mode: int, prolongation: float
+    problem: PlatformProblem,
+    path: tuple[tuple[float, ...], ...],
+    mode: int,
+    prolongation: float,
 ) -> RodState:
-    """Equilibria (n,) along a path of inputs; NaN from the first that is not stable."""
-    trail = follow(standing(problem, mode, prolongation), inputs=path)
+    """Equilibria (n,) along a path of inputs and loads; NaN from the first that is not stable."""
+    inputs, load = np.hsplit(np.array(path), 2)
+    trail = follow(standing(problem, mode, prolongation), inputs=inputs, load=load)
     vector = trail.states.vector
     vector[np.arange(len(path)) > trail.crossed.min(initial=np.inf) - 1.0] = np.nan
     return RodState(trail.states.assembly, vector)
 
 
-def described(found: RodState, rate: Array) -> Array:
-    """Quantities (10, n) of equilibria (n,) whose inputs have rates (n, 3)."""
-    guide = found.assembly.guide
-    moved = (derivatives(found).direct @ rate[..., None])[..., 0]
+def described(found: RodState, rate: Array, growth: Array) -> Array:
+    """Quantities (10, n) of equilibria (n,) whose inputs and loads have rates (n, 3)."""
+    guide, slopes = found.assembly.guide, derivatives(found)
+    moved = (slopes.direct @ rate[..., None])[..., 0]
+    moved += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0]
     held = found.moment
     if guide is not None:
         held = (found.force @ np.array([1.0, -1.0j]) * guide).real

@@ -18,7 +18,8 @@ Newton's step closes the loops and goes along N with the Hessian of the Lagrangi
 which has the curvature of the loops in it.  K costs most: it is found where a stride begins and
 where it ends, in between only while steps do not shorten fast.  The rest is stable while H is
 positive definite.  The path that the drives then follow has the tangent P - N H^-1 N' K P, with P
-any motion that moves the drives, closes the loops and keeps the stops.
+any motion that moves the drives, closes the loops and keeps the stops.  A load that grows by one
+and does Q to the joints moves them by N H^-1 N' Q.
 """
 
 import mujoco
@@ -199,12 +200,20 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     """
     refuse_dry_friction(model, run.kind)
     joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
-    linkage = Linkage(model, data, joints)
+    loads = tuple(load.actuator for load in run.loads)
+    linkage = Linkage(model, data, joints, loads)
     free = linkage.freedoms()
     if not free:
         return linkage
-    kind = Rubbing if model.dof_frictionloss.any() else Resting
-    return kind(model, data, joints, free, far)
+    if not model.dof_frictionloss.any():
+        return Resting(model, data, joints, free, far, loads)
+    if loads:
+        joint = model.joint(model.dof_jntid[int(np.argmax(model.dof_frictionloss > 0))]).name
+        raise Unsupported(
+            f"the load of actuator {loads[0]!r}, which changes, and frictionloss of joint "
+            f"{joint!r} in one sweep with {free} degree(s) of freedom left"
+        )
+    return Rubbing(model, data, joints, free, far)
 
 
 class Lost(BadModel):
@@ -228,8 +237,9 @@ class Resting(Linkage):
         joints: tuple[str, ...],
         free: int,
         far: float = FAR,
+        loads: tuple[str, ...] = (),
     ):
-        super().__init__(model, data, joints)
+        super().__init__(model, data, joints, loads)
         for field, what in REFUSED.items():
             if getattr(model, field).any():
                 raise Unsupported(f"{what} in a sweep with {free} degree(s) of freedom left")
@@ -243,25 +253,28 @@ class Resting(Linkage):
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
-        """Follow the rest to new values of the drives; returns the tangent there.
+        """Follow the rest to new values of the drives and loads; returns the tangent there.
 
         Strides are halved where no stable rest lies close to the end of the tangent.
         """
         if tangent is None:
             tangent = self.settle()
-        begin = self.data.qpos[self.adr]
+        begin = np.append(self.data.qpos[self.adr], self.data.ctrl[self.controls])
         way = values - begin
-        longest = share = 1.0 / max(1.0, np.ceil((np.abs(way) / self.stride).max(initial=0.0)))
+        moved = np.abs(way[: self.dofs.size]) / self.stride
+        longest = share = 1.0 / max(1.0, np.ceil(moved.max(initial=0.0)))
         done = 0.0
         while done < 1.0:
             share = min(share, 1.0 - done)
             pose, side = self.data.qpos.copy(), self.stops.side.copy()
+            control = self.data.ctrl.copy()
             mujoco.mj_integratePos(self.model, self.data.qpos, tangent @ way * share, 1.0)
             try:
                 tangent = self.follow(begin + (done + share) * way)
                 done, share = done + share, min(2.0 * share, longest)
             except BadModel as error:
                 self.data.qpos[:], self.stops.side = pose, side
+                self.data.ctrl[:] = control
                 share /= 2.0
                 if share < SHORTEST * longest:
                     raise self.ending(error) from None
@@ -279,11 +292,12 @@ class Resting(Linkage):
         return kind(f"{error} beyond {self.spoken(here)}")
 
     def fall(self, values: Array) -> Array:
-        """Descend from the present pose to another rest, with the drives at `values`.
+        """Descend from the present pose to another rest, with drives and loads at `values`.
 
         Returns the tangent there.  The model falls so from where its path of rests ends, without
         the swing that inertia would give it: of several rests below, that may choose another one.
         """
+        values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, np.inf, descend=True)
         if self.balance.least() <= FLAT:
             raise Unstable(UNSTABLE)
@@ -291,6 +305,7 @@ class Resting(Linkage):
 
     def follow(self, values: Array) -> Array:
         """Go to the stable rest next to the present pose; returns its tangent."""
+        values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, STRIDE)
         if self.balance.least() <= FLAT:
             raise Unstable(UNSTABLE)
@@ -409,7 +424,23 @@ class Resting(Linkage):
             raise Unsupported(
                 f"{self.data.ncon} contact(s) in a sweep with degrees of freedom left"
             )
-        return self.balance.tangent(self.driven)
+        yields = self.balance.yielding(self.pushes())
+        return np.hstack([self.balance.tangent(self.driven), yields])
+
+    def pushes(self) -> Array:
+        """What a unit of the control of each load that changes does to the joints (nv, loads)."""
+        model, data, found = self.model, self.data, np.zeros((self.model.nv, self.controls.size))
+        control, flags = data.ctrl.copy(), model.opt.disableflags
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+        for k, adr in enumerate(self.controls):
+            data.ctrl[:] = 0.0
+            data.ctrl[adr] = 1.0
+            mujoco.mj_fwdActuation(model, data)
+            found[:, k] = data.qfrc_actuator
+        model.opt.disableflags = flags
+        data.ctrl[:] = control
+        mujoco.mj_fwdActuation(model, data)
+        return found
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """None: a path of rests has no accelerations, and no channel may show them."""

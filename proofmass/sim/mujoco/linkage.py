@@ -49,10 +49,20 @@ class Linkage:
         What dry friction asks of the joints, in the sense of their motion [N m or N].
     loaded : ndarray of int
         Bodies with forces of their own, the dead loads of rods, which do not change in a run.
+    controls : ndarray (loads,) of int
+        Where the controls of loads that change stand in ``ctrl``.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...]):
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        joints: tuple[str, ...],
+        loads: tuple[str, ...] = (),
+    ):
         self.model, self.data, self.joints = model, data, joints
+        actuators = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, one) for one in loads]
+        self.controls = model.actuator_ctrladr[actuators]
         index = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, j) for j in joints]
         self.dofs, self.adr = model.jnt_dofadr[index], model.jnt_qposadr[index]
         self.units = np.eye(model.nv)[self.dofs]
@@ -99,11 +109,15 @@ class Linkage:
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.
 
-        `tangent` is that of the present pose; without it the pose is closed first.  A stride that
-        ends in a singular pose, where the tangent is not sure, is taken with the next one.
+        `values` are those of the drives, then the controls of loads that change, and so are the
+        columns of the tangent (nv, drives + loads).  `tangent` is that of the present pose; without
+        it the pose is closed first.  A stride that ends in a singular pose, where the tangent is
+        not sure, is taken with the next one.
         """
+        values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         if tangent is None:
             tangent = self.place(self.data.qpos[self.adr])
+        tangent = tangent[:, : self.dofs.size]
         far = values - self.data.qpos[self.adr]
         strides = int(np.ceil((np.abs(far) / self.stride).max(initial=0.0)))
         for part in np.arange(strides)[::-1]:
@@ -121,7 +135,7 @@ class Linkage:
                 self.data.qpos[:] = before
             else:
                 tangent = there
-        return tangent
+        return np.pad(tangent, ((0, 0), (0, self.controls.size)))  # loads move nothing
 
     def place(self, values: Array) -> Array:
         """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""

@@ -1,7 +1,8 @@
 """Quasi-static sweep in MuJoCo: poses, rates, accelerations and forces without time steps.
 
 Moments of drives and forces between bodies are those at rest, or with `Run.inertia` those at the
-drives' rates and accelerations: the engine's inverse dynamics with rigid loops.  Freedoms that the
+drives' rates and accelerations: the engine's inverse dynamics with rigid loops.  Controls of loads
+that change are set at each pose, and followed as the drives are between two.  Freedoms that the
 drives leave come to rest between springs, weights and stops; see
 `proofmass.sim.mujoco.equilibrium`, and `proofmass.sim.mujoco.settling` for the engine's own way
 there.
@@ -51,24 +52,31 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if not run.drives:
         raise BadModel("a sweep needs a [drive]: the joint that is moved")
     if run.settings.get("settled"):
+        if run.loads:
+            raise Unsupported(
+                f"the load of actuator {run.loads[0].actuator!r}, which changes, in a sweep that "
+                "is settled"
+            )
         return settled(model, data, run)
-    state = run.motion(run.x)
+    state, (controls, control_rates) = run.motion(run.x), run.controls(run.x)
+    inputs = np.vstack([state[0], controls]), np.vstack([state[1], control_rates]), state[2]
     linkage = linkage_of(model, data, run)
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record)
     missing |= withhold(record, ACC, NO_ACC) if isinstance(linkage, Resting) else {}
-    moments, stopped, done = np.empty((run.x.size, len(run.drives))), "", run.x.size
+    drives = len(run.drives)
+    moments, stopped, done = np.empty((run.x.size, drives)), "", run.x.size
     shown = interactions(record)
     began = time.perf_counter()
     tangent, fastest = None, float(np.abs(state[1]).max())
-    for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in state), strict=True)):
+    for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in inputs), strict=True)):
         try:
             tangent = linkage.move(values, tangent)
             linkage.check_limits()
             linkage.rubs(tangent @ rates, fastest)
             if not run.inertia:
                 data.qvel[:] = data.qacc[:] = 0.0
-                moments[k] = linkage.balance_forces(tangent, bool(shown))
+                moments[k] = linkage.balance_forces(tangent, bool(shown))[:drives]
                 forces = data.sensordata[shown]
             data.qvel[:] = tangent @ rates
             data.qacc[:] = linkage.acceleration(data.qvel, accelerations)
@@ -79,9 +87,11 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
             break
         mujoco.mj_inverse(model, data)
         if data.ncon:
-            raise Unsupported(f"{data.ncon} contact(s) in a sweep, at {linkage.spoken(values)}")
+            raise Unsupported(
+                f"{data.ncon} contact(s) in a sweep, at {linkage.spoken(values[:drives])}"
+            )
         if run.inertia:
-            moments[k] = linkage.balance_forces(tangent, bool(shown))
+            moments[k] = linkage.balance_forces(tangent, bool(shown))[:drives]
         else:
             data.sensordata[shown] = forces
         record.sample(k)

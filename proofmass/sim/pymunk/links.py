@@ -85,7 +85,8 @@ class Pull:
     """A load at a point of a link, seen from its centre at the start: constant in the world.
 
     ``body`` is that of the MJCF, ``force`` in the plane [N], ``moment`` about its normal [N m].  A
-    load that ``follows`` turns with its link from the start on.
+    load that ``follows`` turns with its link from the start on.  ``actuator`` is that of the MJCF,
+    -1 of a load of a rod.
     """
 
     body: int
@@ -94,6 +95,7 @@ class Pull:
     force: Array
     moment: float
     follows: bool = False
+    actuator: int = -1
 
 
 @dataclass(frozen=True)

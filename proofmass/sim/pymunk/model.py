@@ -1,6 +1,8 @@
 """A planar MJCF as links for pymunk, and its channels; what pymunk lacks is refused by name."""
 
 from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -25,9 +27,13 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
     """The links of an MJCF and the settings of a run; raises what `simulate` does."""
     compiled = _compile(model, run)
     links = read_links(compiled, run.start, _driven(compiled, run), run.rods)
-    if links.rubbing and run.kind != "sweep":
-        joint = f"frictionloss of joint '{links.joints[links.rubbing[0]].name}' in {run.kind}"
-        raise Unsupported(f"{joint}; it is covered in a sweep")
+    for j in links.rubbing:
+        friction = f"frictionloss of joint '{links.joints[j].name}'"
+        if run.kind != "sweep":
+            raise Unsupported(f"{friction} in {run.kind}; it is covered in a sweep")
+        if run.loads:
+            load = f"the load of actuator '{run.loads[0].actuator}', which changes"
+            raise Unsupported(f"{load}, and {friction} in one sweep")
     return links, settings_of_run(run, compiled)
 
 
@@ -420,6 +426,7 @@ def _pulls(
                     plane.flat(wrench[0]),
                     float(plane.normal @ wrench[1]),
                     bool(follows),
+                    a,
                 )
             )
     return tuple(pulls)
@@ -442,6 +449,21 @@ def _dead_loads(
         if link < len(centre) - 1:
             at = plane.flat(data.xipos[body]) - centre[link]
             yield Pull(body, link, at, plane.flat(force), 0.0)
+
+
+def with_controls(links: Links, loads: Sequence[str], controls: Array) -> Links:
+    """The links with other controls of some actuators."""
+    model, data = links.model, copy(links.data)
+    for name, control in zip(loads, controls.tolist(), strict=True):
+        data.ctrl[model.actuator_ctrladr[model.actuator(name).id]] = control
+    mujoco.mj_fwdActuation(model, data)
+    pulls = _pulls(model, data, links.plane, links.of_body, links.centre)
+    joints = tuple(
+        joint if j in links.driven else replace(joint, load=_load(model, data, j))
+        for j, joint in enumerate(links.joints)
+    )
+    dead = tuple(pull for pull in links.pulls if pull.actuator < 0)
+    return replace(links, data=data, joints=joints, pulls=(*pulls, *dead))
 
 
 def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:

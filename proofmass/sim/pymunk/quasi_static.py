@@ -59,8 +59,9 @@ from proofmass.sim.pymunk.kinematics import (
     values,
 )
 from proofmass.sim.pymunk.links import HAIR, LinkJoint, Links
+from proofmass.sim.pymunk.model import with_controls
 from proofmass.sim.pymunk.reactions import SampledMotion
-from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, unwrapped
+from proofmass.sim.pymunk.read import Level, Sensor, channel, force_curves, kinetic, unwrapped
 from proofmass.sim.pymunk.space import (
     FIELDS,
     STOPS,
@@ -254,6 +255,11 @@ class Held:
     past: tuple[Array, Array] | None = None
     friction: list[Friction] = field(default_factory=list)
     rub: Array = field(default_factory=lambda: np.zeros(0))
+
+    def carry(self, links: Links, error_bias: float) -> None:
+        """Go on in a space whose links have other loads, at the present pose."""
+        self.links, self.space = links, space_of(links, self.usual, error_bias)
+        self.drives, self.stops = add_drives(self.space, links), find_stops(links, self.space)
 
     @property
     def driving(self) -> int:
@@ -631,8 +637,7 @@ def hold(links: Links, settings: Settings) -> Held:
     BadModel
         The loops cannot be closed there.
     """
-    undamped = replace(links, joints=tuple(replace(joint, damping=0.0) for joint in links.joints))
-    space = build(undamped, settings["iterations"], settings["error_bias"])
+    space = space_of(links, settings["iterations"], settings["error_bias"])
     pose = close(links, links.pose, values(links.drives, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
     friction, loose = add_friction(space, links), set(links.rubbing) - set(links.driven)
@@ -648,6 +653,12 @@ def hold(links: Links, settings: Settings) -> Held:
         friction=friction,
         rub=np.zeros(len(friction)),
     )
+
+
+def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
+    """The space of links without their dampers, and without drives."""
+    undamped = replace(links, joints=tuple(replace(joint, damping=0.0) for joint in links.joints))
+    return build(undamped, iterations, error_bias)
 
 
 def _beside(links: Links, moves: Array) -> Array:
@@ -691,13 +702,14 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         [[curve * np.ones(len(run.x)) for curve in drive.law(run.x)] for drive in run.drives]
     )  # drives, (value, rate, acceleration), samples
     held = hold(links, settings)
+    loaded = Loaded(links, tuple(load.actuator for load in run.loads), run.controls(run.x)[0].T)
     missing = {name: NO_ACC for name, c in channels.items() if c.order == 2}
     if held.free:
         missing |= {name: NO_RATE for name, c in channels.items() if c.order in (1, -1)}
     if run.inertia:
         missing |= {name: NO_INERTIA for name, c in channels.items() if c.order <= -2}
     wanted = {name: c for name, c in channels.items() if name not in missing}
-    read, stopped = _follow(held, laws, {c.order for c in wanted.values()})
+    read, stopped = _follow(held, laws, {c.order for c in wanted.values()}, loaded, settings)
     if isinstance(held, HeldRubbing) and not stopped:
         held.check_slipped()
     pose, velocity, effort, rub = (np.array(part) for part in zip(*read, strict=True))
@@ -710,7 +722,10 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     n = len(pose)
     taken = np.zeros((n, len(links.joints)))
     taken[:, links.rubbing] = rub
-    curves |= force_curves(links, between, SampledMotion.at_rest(pose, taken))
+    if run.loads:
+        curves |= loaded.curves(wanted, pose, taken)
+    else:
+        curves |= force_curves(links, between, SampledMotion.at_rest(pose, taken))
     state = (values(links.drives, pose).T, laws[:, 1, :n], laws[:, 2, :n])
     return Curves(
         run.x[:n],
@@ -726,37 +741,89 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     )
 
 
-def _follow(held: Held, laws: Array, orders: set[int]) -> tuple[list[tuple[Array, ...]], str]:
+@dataclass(frozen=True)
+class Loaded:
+    """Links whose loads change from sample to sample.
+
+    Attributes
+    ----------
+    links : Links
+        With the loads of the key.
+    loads : tuple of str
+        The actuators.
+    controls : ndarray (n, loads)
+        Their controls at the samples [SI].
+    """
+
+    links: Links
+    loads: tuple[str, ...]
+    controls: Array
+
+    def at(self, controls: Array) -> Links:
+        """The links with other controls."""
+        return with_controls(self.links, self.loads, controls)
+
+    def curves(self, channels: dict[str, Sensor], pose: Array, rub: Array) -> dict[str, Array]:
+        """Channels that show the loads, or forces between bodies, with the loads of each sample."""
+        changing = {name for name, c in channels.items() if isinstance(c.function, Level)}
+        between = {name: c for name, c in channels.items() if c.order == -3}
+        found = {name: np.empty(len(pose)) for name in channels if channels[name].order in (0, -3)}
+        found = {name: curve for name, curve in found.items() if name in changing}
+        for k in range(len(pose)):
+            links, motion = self.at(self.controls[k]), SampledMotion.at_rest(pose[[k]], rub[[k]])
+            for name, curve in force_curves(links, between, motion).items():
+                found[name][k] = curve[0]
+            for name in found.keys() - between.keys():
+                sensor = channel(links, name)
+                assert isinstance(sensor, Sensor)
+                found[name][k] = sensor.function(pose[k])
+        return found
+
+
+def _follow(
+    held: Held, laws: Array, orders: set[int], loaded: Loaded, settings: Settings
+) -> tuple[list[tuple[Array, ...]], str]:
     """Pose, velocity, efforts and friction at each sample, and why the last were not reached."""
     read: list[tuple[Array, ...]] = []
     fastest = float(np.abs(laws[:, 1]).max())
-    for value, rate in zip(laws[:, 0].T, laws[:, 1].T, strict=True):
+    before = loaded.controls[0]
+    for value, rate, controls in zip(laws[:, 0].T, laws[:, 1].T, loaded.controls, strict=True):
         try:
-            _drive_to(held, value)
+            _drive_to(held, value, loaded, before, controls, settings)
             held.rubs(rate, fastest)
         except BadModel as error:
             if len(read) < 2:
                 raise
             last = named(held.links, laws[:, 0, len(read) - 1])
             return read, f"stopped at {last}: {error}"
-        pose = held.pose
+        pose, before = held.pose, controls
         effort = held.efforts() if -2 in orders else np.zeros(len(value))
         velocity = held.rates(rate) if orders & {1, -1} else np.zeros_like(pose)
         read.append((pose, velocity, effort, held.rub.copy()))
     return read, ""
 
 
-def _drive_to(held: Held, target: Array) -> None:
+def _drive_to(
+    held: Held,
+    target: Array,
+    loaded: Loaded,
+    before: Array,
+    controls: Array,
+    settings: Settings,
+) -> None:
+    """Come to rest at values of the drives, in stages on which the loads change in proportion."""
     if isinstance(held, HeldRubbing) and held.velocity.size > 1:
         try:
             advance(held, target)
         except PathEnds as error:
             raise BadModel(str(error)) from None
         return
-    *between, _ = stages(held.links, values(held.links.drives, held.pose), target)
-    for stage in between:
-        held.settle(stage, ROUGH)
-    held.settle(target)
+    way = stages(held.links, values(held.links.drives, held.pose), target)
+    for k, stage in enumerate(way, 1):
+        if controls.size:
+            now = before + k / len(way) * (controls - before)
+            held.carry(loaded.at(now), settings["error_bias"])
+        held.settle(stage, STILL if k == len(way) else ROUGH)
 
 
 def _curve(c: Sensor, links: Links, pose: Array, velocity: Array, effort: Array) -> Array:

@@ -447,8 +447,8 @@ def solve(
     right_crank_mass: float = 0.0,
     tip_mass: float = 0.0,
     gravity: float = 9.81,
-    force_x: float = 0.0,
-    force_y: float = 0.0,
+    force_x: ArrayLike = 0.0,
+    force_y: ArrayLike = 0.0,
     inertia: bool = False,
     only: Collection[str] | None = None,
 ) -> dict[str, Array]:
@@ -498,7 +498,7 @@ def solve(
     left_crank_mass, left_coupler_mass, right_coupler_mass, right_crank_mass : of the bars [kg]
     tip_mass : of a point at the tip [kg]
     gravity : along -y [m/s^2]
-    force_x, force_y : constant force on the tip [N]
+    force_x, force_y : force on the tip [N], or along the motion
     inertia : whether moments and forces are those of the motion, and not those at rest
     only : names of all quantities that are asked for: moments and forces, which take longer than
         the motion, are left out if they are not among them; None asks for all
@@ -586,7 +586,9 @@ def solve(
         if asks(only, *LOADS):
             lift = 1j * gravity
             at_l, at_t, at_r = (inertia * each + lift for each in (dvp, dv, dvq))
-            carried = tip_mass * at_t - complex(force_x, force_y)
+            carried = tip_mass * at_t - (
+                np.asarray(force_x, float) + 1j * np.asarray(force_y, float)
+            )
             left = left_crank_mass, left_coupler_mass
             right = right_crank_mass, right_coupler_mass
             by_left, by_right = -1j * b * left_lever / area, 1j * a * right_lever / area

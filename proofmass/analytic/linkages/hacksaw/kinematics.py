@@ -21,7 +21,7 @@ def solve(
     coupler: float,
     offset: float,
     mode: int = 1,
-    cutting_force: float = 0.0,
+    cutting_force: ArrayLike = 0.0,
     crank_mass: float = 0.0,
     coupler_mass: float = 0.0,
     slider_mass: float = 0.0,
@@ -62,7 +62,7 @@ def solve(
     offset : height of the guide above the crank axis [m], of either sign
     mode : +1 slider left of the crank pin, theta3 = pi - asin(e/r3) (the report's); -1 right of
         it, theta3 = asin(e/r3)
-    cutting_force : constant force on the slider along +x [N]
+    cutting_force : force on the slider along +x [N], or along the motion
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
     gravity : along -y [m/s^2]
     inertia : whether moment and forces are those of the motion, and not those at rest

@@ -416,9 +416,9 @@ def solve(
     platform_mass: float = 0.0,
     leg_mass: float = 0.0,
     slider_mass: float = 0.0,
-    load_x: float = 0.0,
-    load_y: float = 0.0,
-    load_moment: float = 0.0,
+    load_x: ArrayLike = 0.0,
+    load_y: ArrayLike = 0.0,
+    load_moment: ArrayLike = 0.0,
     gravity: float = 9.81,
     inertia: bool = False,
     only: Collection[str] | None = None,
@@ -464,7 +464,7 @@ def solve(
         branch. Where there are four or six it is one until another pose of its sign appears,
         vanishes, passes it in psi (parallel legs), or one of them crosses psi = pi.
     platform_mass, leg_mass, slider_mass : uniform platform and each leg, each slider [kg]
-    load_x, load_y, load_moment : constant load on the platform at P [N], [N m]
+    load_x, load_y, load_moment : load on the platform at P [N], [N m], or along the motion
     gravity : along -y [m/s^2]
     inertia : whether forces are those of the motion, and not those at rest
     only : names of all quantities that are asked for: forces, which take longer than the motion,
@@ -526,7 +526,10 @@ def solve(
             ends = inertia * dds * GUIDES + lift, inertia * (a + spin * arm) + lift  # of the legs
             force = platform_mass * (inertia * (a + spin * middle) + lift)
             moment = cross(middle, force) + inertia * platform_mass * side**2 / 12.0 * dw
-            force, moment = force - complex(load_x, load_y), moment - load_moment
+            across, up, turning = (
+                np.asarray(part, float) for part in (load_x, load_y, load_moment)
+            )
+            force, moment = force - (across + 1j * up), moment - turning
             hold = slider_mass * dot(ends[0], GUIDES)
             for k in range(3):  # the motion of a unit rate of slider k
                 way, turned = move[k] * slide[k], turn[k] * slide[k]

@@ -1,0 +1,393 @@
+"""Loads that change along a sweep: references, both engines, and bad input."""
+
+import importlib
+import inspect
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from proofmass.analytic import REFERENCES
+from proofmass.analytic.rods import integrate, rod_pair_driven, rod_platform_driven
+from proofmass.check import check
+from proofmass.reference import evaluate, grid
+from proofmass.sidecar import as_toml, load_case
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.pymunk import quasi_static as pymunk_sweep
+from proofmass.solve import plan, prescribed_run, simulate
+from tests.shipped import shipped
+from tests.verdicts import verdicts
+
+CHANGING = {
+    "fourbar": "fourbar",
+    "slider_crank": "slider_crank",
+    "hacksaw": "hacksaw",
+    "fivebar": "fivebar",
+    "threeprr": "threeprr",
+    "rod_pair_driven": "rfr2_load_path",
+    "rod_platform_driven": "pfr3",
+}
+"""A case of each reference whose loads may change along a path."""
+MOTION = {"angle", "rate", "acceleration", "sliders", "inputs", "s", "time", "value"}
+
+
+def may_change(name: str) -> list[str]:
+    """The parameters of a reference that may change along a path."""
+    parameters = inspect.signature(importlib.import_module(REFERENCES[name]).solve).parameters
+    return [
+        key
+        for key, p in parameters.items()
+        if p.annotation == ArrayLike and p.kind is p.KEYWORD_ONLY
+    ]
+
+
+def test_all_references_whose_loads_change_are_tried_here():
+    assert {name for name in REFERENCES if may_change(name)} == set(CHANGING)
+
+
+@pytest.mark.parametrize("name", CHANGING)
+def test_a_load_along_a_path_is_the_load_of_each_place(name):
+    """Each place with its own load, constant all along, as of before."""
+    case = load_case(shipped(f"{CHANGING[name]}.toml")).model_copy(update={"load": ()})
+    solve = importlib.import_module(REFERENCES[name]).solve
+    x = grid(case, "sweep")[:: max(1, grid(case, "sweep").size // 6)][:5]
+    state = [
+        part[0] if len(case.drive) == 1 else part
+        for part in prescribed_run(case, "sweep").motion(x)
+    ]
+    share = np.linspace(0.2, 1.3, x.size)
+    given = dict(case.parameters)
+    sizes = {key: float(given.get(key) or 0.7) for key in may_change(name)}
+    found = solve(*state, **given | {key: size * share for key, size in sizes.items()})
+    for k in range(x.size):
+        alone = solve(*state, **given | {key: size * share[k] for key, size in sizes.items()})
+        for key, curve in found.items():
+            # rods: Newton's method ends at 1e-10 of its sizes
+            np.testing.assert_allclose(curve[..., k], alone[key][..., k], rtol=1e-7, atol=1e-8)
+    constant = solve(*state, **given | {key: size * share[0] for key, size in sizes.items()})
+    assert any(not np.allclose(constant[key][..., -1], found[key][..., -1]) for key in found)
+
+
+PAIR = load_case(shipped("rfr2_load_path.toml"))
+PLATFORM = load_case(shipped("pfr3.toml"))
+
+
+@pytest.mark.parametrize(
+    ("case", "module", "places", "rates"),
+    [
+        (PAIR, rod_pair_driven, ("pin_x", "pin_y"), ("pin_vx", "pin_vy")),
+        (PLATFORM, rod_platform_driven, ("x", "y", "phi"), ("x_rate", "y_rate", "phi_rate")),
+    ],
+)
+def test_rates_under_a_load_that_grows_are_slopes_of_the_path(case, module, places, rates):
+    t = np.linspace(0.0, 1.0, 41)
+    start = np.array([[drive.start] for drive in case.drive])
+    way = np.array([[(drive.to - drive.start) / 2] for drive in case.drive])
+    parameters = dict(case.parameters)
+    loads = {key: parameters.get(key, 0.01) for key in may_change(case.reference)}
+    growing = {key: size * t**2 for key, size in loads.items()}
+    speed = {key: 2 * size * t for key, size in loads.items()}
+    found = module.solve(start + way * t, way, **parameters | growing, load_rates=speed)
+    silent = module.solve(start + way * t, way, **parameters | growing)
+    for place, rate in zip(places, rates, strict=True):
+        slope = CubicSpline(t, found[place])(t, 1)[2:-2]  # its ends are of a lower order
+        size = np.abs(slope).max()
+        np.testing.assert_allclose(found[rate][2:-2], slope, rtol=0, atol=2e-4 * size)  # h^4
+        assert np.abs(silent[rate][2:-2] - slope).max() > 2e-3 * size  # without the load's growth
+
+
+FOUR_BAR = """
+title = "Four-bar whose rocker carries a moment that grows"
+source = "a test"
+reference = "{reference}"
+
+[parameters]
+{parameters}
+
+[drive]
+joint = "crank"
+from = 0.0
+{motion}
+
+[load]
+actuator = "load"
+{load}
+
+[run.sweep]
+n = 25
+
+[channels]
+holding_moment = {{ equals = "holding_moment", unit = "N m" }}
+{channels}
+"""
+NUMBERS = """crank = 1.0
+coupler = 2.0
+rocker = 2.5
+ground = 3.0
+crank_mass = 1.0
+coupler_mass = 2.0
+rocker_mass = 2.5
+gravity = 9.81
+rocker_load = 1.0
+"""
+GROWS = 'from = -2.0\nto = 6.0\nscales = "rocker_load"'
+
+
+@pytest.fixture
+def four_bar(tmp_path: Path):
+    """``four_bar(reference, load, motion, channels)``: a sidecar beside a model with a load."""
+    mjcf = Path(shipped("fourbar.xml")).read_text()
+    mjcf = mjcf.replace("</actuator>", '<motor name="load" joint="rocker" gear="1"/></actuator>')
+    mjcf = mjcf.replace(
+        "</sensor>",
+        '<actuatorfrc name="load" actuator="load"/><force name="at_rocker" site="foot"/></sensor>',
+    ).replace('<site name="rocker_end"', '<site name="foot"/><site name="rocker_end"')
+    (tmp_path / "case.xml").write_text(mjcf)
+
+    def written(reference="fourbar", load=GROWS, motion="to = 6.283185307179586", channels=""):
+        file = tmp_path / "case.toml"
+        numbers = NUMBERS if reference == "fourbar" else ""
+        file.write_text(
+            FOUR_BAR.format(
+                reference=reference, parameters=numbers, load=load, motion=motion, channels=channels
+            )
+        )
+        return file
+
+    return written
+
+
+@pytest.mark.parametrize("motion", ["to = 6.283185307179586", "to = 3.0\nperiod = 4.0"])
+def test_a_four_bar_whose_rocker_is_loaded_more_and_more(four_bar, motion):
+    """A closed form, by virtual work, and the general solver, by multipliers, know of it."""
+    closed = verdicts(four_bar(motion=motion))
+    assert {c.outcome.value for c in closed} == {"agrees"}
+    channels = 'load = { equals = "load", unit = "N m" }\n' + "\n".join(
+        f'"at_rocker.{part}" = {{ equals = "at_rocker.{part}", unit = "N" }}' for part in "xy"
+    )
+    general = verdicts(four_bar("planar", GROWS.split("scales")[0], motion, channels))
+    assert {c.outcome.value for c in general} == {"agrees"}
+    assert {c.channel for c in general} == {"holding_moment", "load", "at_rocker.x", "at_rocker.y"}
+    case = load_case(four_bar(motion=motion))
+    x = grid(case, "sweep")
+    state = prescribed_run(case, "sweep").motion(x)
+    control = np.interp(state[0][0], [0.0, case.drive[0].to], [-2.0, 6.0])
+    asked = evaluate(case, "sweep", x, state).channels["holding_moment"]
+    empty = evaluate(case, "sweep", x, state, rocker_load=0.0).channels["holding_moment"]
+    unit = evaluate(
+        case.model_copy(update={"load": ()}), "sweep", x, state, rocker_load=1.0
+    ).channels["holding_moment"]
+    plain = evaluate(
+        case.model_copy(update={"load": ()}), "sweep", x, state, rocker_load=0.0
+    ).channels["holding_moment"]
+    np.testing.assert_allclose(asked - empty, control * (unit - plain), rtol=0, atol=1e-12)
+
+
+def test_a_wrong_gear_of_a_changing_load_is_found(four_bar):
+    """Mutation: the motor pushes 0.1 % more than the sidecar's parameter says."""
+    file = four_bar()
+    mjcf = file.with_suffix(".xml")
+    mjcf.write_text(
+        mjcf.read_text().replace('joint="rocker" gear="1"', 'joint="rocker" gear="1.001"')
+    )
+    assert {c.outcome.value for c in verdicts(file)} == {"differs"}
+
+
+def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
+    """Mutation: engines that keep the control of the key."""
+    monkeypatch.setattr(pymunk_sweep, "with_controls", lambda links, loads, controls: links)
+    set_up = Linkage.__init__
+
+    def idle(self, model, data, joints, loads=()):
+        set_up(self, model, data, joints, loads)
+        self.data = data
+        self.controls = np.array([model.actuator_ctrladr[0]])[: len(loads)]  # the drive's own
+
+    monkeypatch.setattr(Linkage, "__init__", idle)
+    case = load_case(four_bar())
+    x = grid(case, "sweep")
+    run = prescribed_run(case, "sweep")
+    wanted = evaluate(case, "sweep", x, run.motion(x)).channels["holding_moment"]
+    for engine in ("mujoco", "pymunk"):
+        found = simulate(engine, case.model_path, run).channels["holding_moment"]
+        assert np.abs(found - wanted).max() > 1.0
+
+
+def test_a_load_follows_the_rows_of_a_file(four_bar, tmp_path):
+    """The control is the value of a column, over the time of a drive that swings."""
+    t = np.linspace(0.0, 4.0, 41)
+    rows = "\n".join(
+        f"{a!r},{1e-3 * b!r}" for a, b in zip(t.tolist(), (3 * np.sin(t)).tolist(), strict=True)
+    )
+    (tmp_path / "moments.csv").write_text(f"t [s],M [kN m]\n{rows}\n")
+    load = 'profile = { file = "moments.csv", value = "M" }\nscales = ["rocker_load"]'
+    file = four_bar(load=load, motion="to = 3.0\nperiod = 4.0")
+    assert {c.outcome.value for c in verdicts(file)} == {"agrees"}
+    case = load_case(file)
+    control = prescribed_run(case, "sweep").controls(grid(case, "sweep"))[0][0]
+    np.testing.assert_allclose(control, 3 * np.sin(grid(case, "sweep")), rtol=0, atol=1e-5)
+    (tmp_path / "again.toml").write_text(as_toml(case))
+    assert load_case(tmp_path / "again.toml").load == case.load
+
+
+def test_a_platform_carries_a_load_that_grows(edit):
+    """Three rods on sliders in MuJoCo, from half of the load to one and a half."""
+    file = edit(
+        "pfr3.toml",
+        r"\[run.sweep\]",
+        '[load]\nactuator = "load"\nfrom = 0.5\nto = 1.5\nscales = ["force_x", "force_y"]\n\n'
+        "[run.sweep]",
+    )
+    case = load_case(file)
+    run = prescribed_run(case, "sweep")
+    wanted = evaluate(case, "sweep", run.x, run.motion(run.x)).channels
+    errors = {}
+    for links in (10, 20):
+        rods = tuple(replace(rod, segments=links) for rod in run.rods)
+        found = simulate("mujoco", case.model_path, replace(run, rods=rods)).channels
+        errors[links] = {name: np.abs(found[name] - wanted[name]).max() for name in wanted}
+    for name, coarse in errors[10].items():
+        order = np.log2(coarse / errors[20][name])
+        assert order == pytest.approx(2.0, abs=0.15), name  # the next order, in chains of 10
+    plain = evaluate(case.model_copy(update={"load": ()}), "sweep", run.x, run.motion(run.x))
+    assert np.abs(plain.channels["force1"] - wanted["force1"]).max() > 10 * errors[20]["force1"]
+
+
+def test_rods_of_the_path_meet_and_carry_the_load_of_their_place():
+    """Integrated from their clamps by Runge-Kutta's method, which no closed form is part of."""
+    run = prescribed_run(PAIR, "sweep")
+    theta = run.motion(run.x)[0]
+    force = np.outer([0.3, -0.1], run.controls(run.x)[0][0])
+    curves = rod_pair_driven.solve(
+        theta, **{**PAIR.parameters, "force_x": force[0], "force_y": force[1]}
+    )
+    push = np.array([curves["push_x"], curves["push_y"]])
+    for k, (n, x0) in enumerate(((push, -0.3), (force - push, 0.3))):
+        rod = integrate(
+            *n,
+            -curves[f"hold{k + 1}"],
+            theta0=theta[k],
+            x0=x0,
+            stiffness=PAIR.parameters["stiffness"],
+            nodes=161,
+        )
+        for end, wanted in ((rod.x, curves["pin_x"]), (rod.y, curves["pin_y"]), (rod.m, 0.0)):
+            np.testing.assert_allclose(end[-1], wanted, rtol=0, atol=1e-9)  # the reference's own
+    assert force[0, -1] == pytest.approx(0.9)
+
+
+BAD = {
+    "no actuator": (
+        'actuator = "load"',
+        'actuator = "laod"',
+        ["load.actuator", "did you mean 'load'?"],
+    ),
+    "drive": (
+        'actuator = "load"',
+        'actuator = "motor"',
+        ["load.actuator", "'crank', which is driven"],
+    ),
+    "no parameter": (
+        'rocker_load"',
+        'rocker_laod"',
+        ["load.scales", "did you mean 'rocker_load'?"],
+    ),
+    "a length": ('"rocker_load"', '"rocker"', ["load.scales", "those that may: rocker_load"]),
+    "no scales": ("scales = .*", "", ["load.scales", "missing", "rocker_load"]),
+    "dynamics": (
+        r"\[run.sweep\]",
+        "[run.dynamics]\nn = 11\n[run.sweep]",
+        ["run.dynamics", "for a sweep"],
+    ),
+    "both": (
+        "to = 6.0",
+        'to = 6.0\nprofile = { file = "a.csv", value = "M" }',
+        ["load", "either from"],
+    ),
+    "neither": ("from = -2.0\nto = 6.0", "", ["load", "either from and to, or profile"]),
+    "a rate": (
+        "from = -2.0\nto = 6.0",
+        'profile = { file = "a.csv", rate = "M" }',
+        ["load", "no rate"],
+    ),
+    "over what": (
+        "from = -2.0\nto = 6.0",
+        'profile = { file = "a.csv", value = "M" }',
+        ["load.profile", "over time"],
+    ),
+    "twice": (
+        r"\[load\]",
+        '[[load]]\nactuator = "load"\nto = 1.0\nscales = "rocker_load"\n[[load]]',
+        ["twice"],
+    ),
+    "unknown key": ("to = 6.0", "too = 6.0", ["load", "too"]),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BAD.values(), ids=BAD)
+def test_bad_loads_are_named(four_bar, old, new, words):
+    file = four_bar()
+    text, hits = re.subn(old, new, file.read_text(), count=1)
+    assert hits
+    file.write_text(text)
+    result = check([file])
+    assert result.exit_code == 2
+    for word in words:
+        assert word in str(result.errors[0])
+
+
+@pytest.mark.parametrize(
+    ("motor", "words"),
+    [
+        ('<motor name="load" joint="rocker" ctrlrange="-1 1"', ["load", "within -1 to 1"]),
+        (
+            '<motor name="load" joint="rocker" forcerange="-9 9"',
+            ["load.actuator", "range of forces"],
+        ),
+        ('<position name="load" joint="rocker"', ["load.actuator", "is no motor"]),
+        ('<motor name="load" joint="rocker" group="3"', ["load.actuator", "disabled"]),
+    ],
+)
+def test_motors_that_no_load_may_change_are_named(four_bar, motor, words):
+    file = four_bar()
+    mjcf = file.with_suffix(".xml")
+    text = mjcf.read_text().replace('<motor name="load" joint="rocker"', motor)
+    if "group" in motor:
+        text = text.replace("<option ", '<option actuatorgroupdisable="3" ')
+    mjcf.write_text(text)
+    result = check([file])
+    assert result.exit_code == 2
+    for word in words:
+        assert word in str(result.errors[0])
+
+
+def test_what_engines_do_not_change_is_said(edit, models):
+    """Dry friction of free joints, and MuJoCo's own way to rest."""
+    edit(
+        "rfr2_load_path.toml", r"\[run.sweep\]", "[settings.mujoco]\nsettled = true\n\n[run.sweep]"
+    )
+    found = verdicts_of(models / "rfr2_load_path.toml", "mujoco")
+    assert "settled" in found
+    text = (models / "rfr2_natural.xml").read_text()
+    (models / "rfr2_natural.xml").write_text(
+        text.replace('<joint name="motor1"/>', '<joint name="motor1" frictionloss="0.1"/>')
+    )
+    edit("rfr2_load_path.toml", r"settled = true", "")
+    for engine in ("mujoco", "pymunk"):
+        assert "frictionloss of joint 'motor1'" in verdicts_of(
+            models / "rfr2_load_path.toml", engine
+        )
+
+
+def verdicts_of(file: Path, engine: str) -> str:
+    """Why an engine does not run a case."""
+    case = load_case(file)
+    try:
+        simulate(engine, case.model_path, plan(case, "sweep", engine))
+    except Exception as error:
+        return str(error)
+    return ""
