@@ -27,6 +27,7 @@ REFERENCES = {
     "planar": "proofmass.analytic.planar",
     "balancer": "proofmass.analytic.balancer",
     "balancer_posture": "proofmass.analytic.balancer.posture",
+    "spring_release": "proofmass.analytic.balancer.spring_release",
     "rod": "proofmass.analytic.rods",
     **{
         name: f"proofmass.analytic.rods.{name}"

@@ -1,0 +1,142 @@
+"""Two springs of which a contact lets one go or in: in series or in parallel, with less stiffness.
+
+Springs in series or in parallel with a contact that releases.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.numerics import Array, finite, not_negative
+
+CONNECTIONS = "series", "parallel"
+
+
+def solve(
+    place: ArrayLike,
+    rate: ArrayLike = 1.0,
+    acceleration: ArrayLike = 0.0,
+    *,
+    stiffness1: float,
+    stiffness2: float,
+    preload: float,
+    connection: str,
+) -> dict[str, Array]:
+    r"""Force on the handle of two springs, the first of which a contact holds prestressed.
+
+    ::
+
+        series                                   parallel
+                  |contact                                 |contact
+        |--k1-/\/--[]--k2-/\/--o--> F, x         |--k2-/\/--o--> F, x
+                  --> gap                                  o--k1-/\/--[]| --> gap
+
+        F = k2 x                 k2 x <= P       F = (k1 + k2) x         k1 x <= P
+        F = P + k1 gap           beyond          F = P + k2 x            beyond
+        dF/dx = k1 k2/(k1 + k2)                  dF/dx = k2
+
+    In series spring 1 pulls its end on the contact with P and begins to stretch when the handle
+    pulls more.  In parallel spring 1 is pressed between the contact and the handle with P, which
+    spring 2 balances at x = 0; once the handle has gone P/k1 it is slack, and its end follows.
+
+    Parameters
+    ----------
+    place : x of the handle [m], from where no force is needed  (n,)
+    rate : dx/dt [m/s]
+    acceleration : not used; a path of equilibria is as slow as one likes [m/s^2]
+    stiffness1 : k1 of the spring that the contact holds [N/m]
+    stiffness2 : k2 of the other one [N/m]
+    preload : P, with which spring 1 is on its contact at x = 0 [N]
+    connection : "series" or "parallel"
+
+    Returns
+    -------
+    dict of (n,) arrays: force F [N]; gap, how far the end of spring 1 has left its contact [m], and
+    gap_rate [m/s]; contact, the force of the contact [N]; stretch1, stretch2, how far the springs
+    are stretched, in parallel the first pressed [m], and stretch2_rate [m/s]; slope dF/dx [N/m];
+    energy of both springs [J].
+
+    Raises
+    ------
+    ValueError
+        A stiffness that is not positive, a negative preload, another connection.
+
+    Notes
+    -----
+    Accuracy: rounding.  At the release the slope is that before it, and the gap's rate 0.  Source:
+    van Nes 2022, equations 1 and 2 and figure 2 (text lines 691-700), which has no numbers.
+
+    Examples
+    --------
+    >>> pulled = solve([0.01, 0.05], stiffness1=100.0, stiffness2=300.0, preload=6.0,
+    ...     connection="series")
+    >>> pulled["force"].round(9).tolist(), pulled["slope"].tolist()
+    ([3.0, 8.25], [300.0, 75.0])
+    >>> pushed = solve([0.01, 0.05], stiffness1=200.0, stiffness2=100.0, preload=8.0,
+    ...     connection="parallel")
+    >>> pushed["force"].round(9).tolist(), pushed["slope"].tolist()
+    ([3.0, 13.0], [300.0, 100.0])
+    """
+    k1, k2 = checked(stiffness1, stiffness2, preload, connection)
+    x, v = np.broadcast_arrays(*(np.asarray(each, float) for each in (place, rate)))
+    finite(place=x)
+    series = connection == "series"
+    over = k2 * x - preload if series else k1 * x - preload
+    share = k2 / (k1 + k2) if series else 1.0  # of its way that the handle hands on to the gap
+    gap = np.maximum(over, 0.0) / (k1 + k2 if series else k1)
+    gap_rate = np.where(over > 0.0, share * v, 0.0)
+    before, after = slopes(k1, k2, connection)
+    if series:
+        stretch1, stretch2 = preload / k1 + gap, x - gap
+        force, stretch2_rate = k2 * stretch2, v - gap_rate
+    else:
+        stretch1, stretch2 = np.maximum(-over, 0.0) / k1, preload / k2 + x
+        force, stretch2_rate = k2 * stretch2 - k1 * stretch1, v
+    return {
+        "force": force,
+        "gap": gap,
+        "gap_rate": gap_rate,
+        "contact": np.maximum(-over, 0.0),
+        "stretch1": stretch1,
+        "stretch2": stretch2,
+        "stretch2_rate": np.array(stretch2_rate),
+        "slope": np.where(over > 0.0, after, before),
+        "energy": 0.5 * (k1 * stretch1**2 + k2 * stretch2**2),
+    }
+
+
+def checked(
+    stiffness1: float, stiffness2: float, preload: float, connection: str
+) -> tuple[float, float]:
+    """Both stiffnesses, if the parameters are in their domain."""
+    for name, stiffness in (("stiffness1", stiffness1), ("stiffness2", stiffness2)):
+        if not 0.0 < stiffness < np.inf:
+            raise ValueError(f"{name} must be positive and finite [N/m], got {stiffness}")
+    not_negative("N", preload=preload)
+    if connection not in CONNECTIONS:
+        raise ValueError(f"connection must be one of {', '.join(CONNECTIONS)}, got {connection!r}")
+    return stiffness1, stiffness2
+
+
+def slopes(k1: float, k2: float, connection: str) -> tuple[float, float]:
+    """dF/dx before and after the release [N/m]."""
+    if connection == "series":
+        return k2, k1 * k2 / (k1 + k2)
+    return k1 + k2, k2
+
+
+def marks(
+    stiffness1: float, stiffness2: float, preload: float, connection: str
+) -> dict[str, float]:
+    """Where the contact is released, P/k2 in series and P/k1 in parallel [m]."""
+    k1, k2 = checked(stiffness1, stiffness2, preload, connection)
+    return {"release": preload / (k2 if connection == "series" else k1)}
+
+
+def facts(stiffness1: float, stiffness2: float, preload: float, connection: str) -> dict[str, str]:
+    """The release and both stiffnesses, in words."""
+    (release,) = marks(stiffness1, stiffness2, preload, connection).values()
+    before, after = slopes(stiffness1, stiffness2, connection)
+    return {
+        "release": f"at {release:.6g} m",
+        "stiffness": f"{before:.6g} N/m before, {after:.6g} N/m after",
+    }
