@@ -54,7 +54,7 @@ def solve(
 
     Notes
     -----
-    Places are accurate to 2e-5 of the length or better, energy to 1e-9 of its share that changes.
+    Places are accurate to 2e-5 of the length or better, energy to 1e-8 of its share that changes.
     Its weight, which bends it from one moment to the next, has a share in all modes; those above
     the sixth lose their phase. Of the range, velocities are accurate to 2e-3, angles and the
     moment to 3e-4 and 3e-3, and rates and forces to 3e-2.  Sections have no inertia of rotation of

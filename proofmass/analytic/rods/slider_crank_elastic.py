@@ -78,7 +78,7 @@ def solve(
     --------
     A stiff coupler stays straight: a quarter turn takes the slider to sqrt(L^2 - r^2).
 
-    >>> links = dict(crank=0.6, coupler=1.0, stiffness=10.0, coupler_mass=0.1)
+    >>> links = dict(crank=0.6, coupler=1.0, stiffness=10.0, coupler_mass=1.0)
     >>> angle = np.linspace(0.0, np.pi / 2.0, 5)
     >>> at = solve(angle, 2.0 + 0.0 * angle, 0.0 * angle, **links)
     >>> round(float(at["slider"][-1]), 4)

