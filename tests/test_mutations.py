@@ -144,11 +144,22 @@ OTHERS = {  # sidecars that share a model
     "threeprr_second": "threeprr",
 }
 CASES = [(case, key) for case in (*LENGTHS, *OTHERS) for key in LENGTHS[OTHERS.get(case, case)]]
-QUICK = {(case, next(iter(LENGTHS[case]))) for case in LENGTHS}
-"""One length of each model runs in pymunk too, and in time; all do, in both, in the slow test."""
-LONG = {("hacksaw_recorded", "pymunk", "sweep")}
-"""Recorded at a thousand places, of which none is left out; the hacksaw itself runs beside it."""
 loaded = cache(load_case)
+
+
+def first_of_each() -> set[str]:
+    """One case for each reference."""
+    found: dict[str, str] = {}
+    for case in LENGTHS:
+        found.setdefault(loaded(shipped(f"{case}.toml")).reference, case)
+    return set(found.values())
+
+
+WHOLE = first_of_each()
+QUICK = {(case, next(iter(LENGTHS[OTHERS.get(case, case)]))) for case in (*LENGTHS, *OTHERS)}
+"""All lengths of one case for each reference, and one length of each other case, in a sweep in
+MuJoCo; one length of one case for each reference in pymunk and in time.  All in all of them run in
+the slow test."""
 
 
 def lengthen(file: Path, places: list[Place], by: float) -> None:
@@ -210,11 +221,12 @@ def runs(quick: bool) -> list[tuple[str, str, str, str]]:
         case = loaded(shipped(f"{name}.toml"))
         for kind, run in case.run.items():
             for solver in ("mujoco", "pymunk"):
-                fast = (kind, solver) == ("sweep", "mujoco") or (
-                    (name, key) in QUICK
-                    and ((kind, solver) != ("dynamics", "pymunk") or "sweep" not in case.run)
-                )
-                fast = fast and (name, solver, kind) not in LONG
+                if (kind, solver) == ("sweep", "mujoco"):
+                    fast = name in WHOLE or (name, key) in QUICK
+                else:
+                    fast = (name in WHOLE and (name, key) in QUICK) and (
+                        (kind, solver) != ("dynamics", "pymunk") or "sweep" not in case.run
+                    )
                 if solver in run.solvers and fast == quick:
                     found.append((name, key, solver, kind))
     return found
@@ -327,10 +339,25 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
     ("name", "old", "new"),
     [
         ("fourbar", "1.30208333333333 1.30208333333333", "1.43229166666667 1.43229166666667"),
-        ("slider_crank", "0.666666666666667 0.666666666666667", "0.733333333333 0.733333333333"),
-        ("fivebar", "5.33333333333333 5.33333333333333", "5.86666666666667 5.86666666666667"),
+        pytest.param(
+            "slider_crank",
+            "0.666666666666667 0.666666666666667",
+            "0.733333333333 0.733333333333",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "fivebar",
+            "5.33333333333333 5.33333333333333",
+            "5.86666666666667 5.86666666666667",
+            marks=pytest.mark.slow,
+        ),
         ("inverted_slider_crank", "2.25 2.25", "2.475 2.475"),
-        ("inverted_slider_crank_classic", "10.4166666666667 10.4166666666667", "11.45 11.45"),
+        pytest.param(
+            "inverted_slider_crank_classic",
+            "10.4166666666667 10.4166666666667",
+            "11.45 11.45",
+            marks=pytest.mark.slow,
+        ),
         ("threeprr", "0.166666666666667", "0.183333333333333"),
         ("threeprr_forces", "0.166666666666667", "0.183333333333333"),
         ("fivebar_forces", "10.4166666666667 10.4166666666667", "11.45 11.45"),
