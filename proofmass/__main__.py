@@ -1,11 +1,15 @@
 """The command ``proofmass``, also ``python -m proofmass``."""
 
+import os
 import sys
 
 
 def main() -> None:
     """Load the commands, which takes a second that Ctrl-C may fall into, and run one."""
     try:
+        from proofmass.worker import WITHOUT_WINDOWS
+
+        os.environ.update(WITHOUT_WINDOWS | os.environ)
         from proofmass.cli import app
     except KeyboardInterrupt:
         sys.exit(130)  # as a shell says it; to ask `proofmass.command` would be to load it

@@ -16,11 +16,13 @@ from proofmass.studies import measure
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
-from proofmass.worker import ALONE
+from proofmass.worker import ALONE, WITHOUT_WINDOWS
+from tests.long import LONG
 from tests.shipped import MODELS, models_like, written_out
 
 pytest_plugins = ["pytester"]
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
+os.environ.update(WITHOUT_WINDOWS | os.environ)  # of processes that tests start
 if sys.dont_write_bytecode:
     # PYTHONDONTWRITEBYTECODE, which many containers set, keeps files of bytecode from the sources.
     # Here they are among pytest's own: without any, each of some hundred processes that tests start
@@ -133,3 +135,18 @@ def browser() -> Iterator[Any]:
 
 collect_ignore = ["data"]
 """Sidecars there are for tests, and no cases of their own."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark what takes seconds and has a faster like of it; all of both must be there."""
+    left = {name: [item for item in items if item.nodeid.startswith(name)] for name in LONG}
+    for item in {item for found in left.values() for item in found}:
+        item.add_marker(pytest.mark.slow)
+    if config.args != config.getini("testpaths"):
+        return
+    quick = [item.nodeid for item in items if not item.get_closest_marker("slow")]
+    for name, like in LONG.items():
+        for words, found in ((name, left[name]), (like, [n for n in quick if n.startswith(like)])):
+            if not found:
+                raise pytest.UsageError(f"tests/long.py: there is no test {words}")

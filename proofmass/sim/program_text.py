@@ -1,14 +1,27 @@
 """What the writers of programs share: their templates, and text that may stand in a program."""
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING
 
-TEMPLATES = Environment(
-    loader=PackageLoader("proofmass.sim", "programs"),
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+
+@cache
+def template(name: str, **filters: Callable[..., str]) -> "Template":
+    """A template of programs, with filters; few runs need Jinja, so it is loaded here."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    templates = Environment(
+        loader=PackageLoader("proofmass.sim", "programs"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    templates.filters.update(filters)
+    return templates.get_template(name)
 
 
 def escaped(text: str) -> str:

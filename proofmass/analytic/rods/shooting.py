@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
-from proofmass.analytic.numerics import Array, cross, positive
+from proofmass.analytic.numerics import Array, Complex, positive
 from proofmass.analytic.rods.elastica import compliant, stiff
 
 RK4 = (
@@ -112,15 +112,15 @@ def integrate(
         raise ValueError(f"nodes must be 2 or more, got {s.size}")
     fx, fy, m, turn = np.broadcast_arrays(*(np.asarray(v, float) for v in (n_x, n_y, m0, theta0)))
     width = 5 if slopes else 1
-    state, force = np.zeros((4, width, *fx.shape)), np.zeros((2, width, *fx.shape))
+    state, load = np.zeros((4, width, *fx.shape)), np.zeros((width, *fx.shape), complex)
     state[0, 0], state[1, 0], state[2, 0], state[3, 0] = turn, m, x0, y0
-    force[0, 0], force[1, 0] = fx, fy
+    load[0] = fx + 1j * fy
     if slopes:
-        force[0, 1] = force[1, 2] = state[1, 3] = state[0, 4] = 1.0
-    weight = np.zeros((2, width) + (1,) * fx.ndim)
-    weight[:, 0] = np.reshape((weight_x, weight_y), (2,) + (1,) * fx.ndim)
+        load[1], load[2], state[1, 3], state[0, 4] = 1.0, 1.0j, 1.0, 1.0
+    weight = np.zeros((width,) + (1,) * fx.ndim, complex)
+    weight[0] = weight_x + 1j * weight_y
     path = march(
-        lambda at, z: _slope(z, force + weight * (length - at), stiffness, axial, shear),
+        lambda at, z: _slope(z, load + weight * (length - at), stiffness, axial, shear),
         state,
         s,
         scheme,
@@ -188,9 +188,9 @@ def march(rate: Callable[[float, Array], Array], state: Array, s: Array, scheme:
     return path.reshape(s.size, *state.shape)
 
 
-def _slope(state: Array, force: Array, stiffness: float, axial: float, shear: float) -> Array:
+def _slope(state: Array, load: Complex, stiffness: float, axial: float, shear: float) -> Array:
     """d/ds of (theta, m, x, y) in row 0 of the second axis, of its tangents in the other rows."""
-    turn, load = np.exp(1j * state[0, 0]), force[0] + 1j * force[1]
+    turn = np.exp(1j * state[0, 0])
     path = 1j * turn * state[0]
     path[0] = turn
     if np.isfinite(axial) or np.isfinite(shear):
@@ -199,9 +199,11 @@ def _slope(state: Array, force: Array, stiffness: float, axial: float, shear: fl
         strain = (local.real / axial + 1j * (local.imag / shear)) * turn
         strain[1:] += 1j * strain[0] * state[0, 1:]
         path += strain
-    bend = cross(load, path[0])
-    bend[1:] += cross(load[0], path[1:])
-    return np.stack([state[1] / stiffness, bend, path.real, path.imag])
+    bend = load.conj() * path[0]
+    bend[1:] += load[0].conj() * path[1:]
+    slope = np.empty_like(state)
+    slope[0], slope[1], slope[2], slope[3] = state[1] / stiffness, bend.imag, path.real, path.imag
+    return slope
 
 
 @dataclass(frozen=True)

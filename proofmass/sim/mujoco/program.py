@@ -22,7 +22,7 @@ from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
 from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
 from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
-from proofmass.sim.program_text import TEMPLATES, escaped
+from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadModel, Imposed, Run, Unsupported, drive_columns
 
 IMPOSED = (
@@ -112,7 +112,7 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
     moves = bool(np.ptp(rate, axis=1).any())
     by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    return TEMPLATES.get_template("mujoco.py.jinja").render(
+    return template("mujoco.py.jinja").render(
         head=escaped(head.strip()),
         model=escaped(model_text(root).strip()),
         files=files,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pymunk
 
-from proofmass.sim.program_text import TEMPLATES, escaped
+from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, LinkJoint, Links
@@ -220,9 +220,6 @@ def comment(text: str, indent: int = 0) -> str:
     )
 
 
-TEMPLATES.filters["comment"] = comment
-
-
 def less(text: str, number: float) -> str:
     """A term less a number.
 
@@ -280,7 +277,7 @@ def _rendered(
     }
     needs |= {"along"} if needs & {"rate", "acceleration"} else set()
     needs |= {"ahead"} if drive == "motor" else set()
-    return TEMPLATES.get_template("pymunk.py.jinja").render(
+    return template("pymunk.py.jinja", comment=comment).render(
         docstring=f'"""{escaped(head).strip()}\n"""\n' if head.strip() else "",
         motion=motion.strip("\n"),
         dt=digits(dt),

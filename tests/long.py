@@ -1,0 +1,151 @@
+"""Tests that take seconds, each with a faster like of it: the marker ``slow`` by their names.
+
+A row is the beginning of the names of tests, of sidecars as well, and that of a test which checks
+the same in less time.  `tests/conftest.py` marks the former, and refuses a row of which either is
+not there when all tests are collected.  Families over all shipped models choose their
+representatives in their own files.
+"""
+
+PLANE = "models/linkages"
+BALANCERS = "models/balancers"
+RODS = "models/rods"
+LONG = {
+    # pymunk finds each pose of a sweep by itself: one linkage of a kind, MuJoCo runs them all
+    f"{PLANE}/fivebar.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
+    f"{PLANE}/fivebar_down.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
+    f"{PLANE}/fivebar_equal.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
+    f"{PLANE}/fivebar_rectangle.toml::pymunk": f"{PLANE}/fivebar_circle.toml::pymunk",
+    f"{PLANE}/double_crank_crossed.toml::pymunk": f"{PLANE}/double_crank.toml::pymunk",
+    f"{PLANE}/double_rocker.toml::pymunk": f"{PLANE}/triple_rocker.toml::pymunk",
+    f"{PLANE}/fourbar_crossed.toml::pymunk": f"{PLANE}/fourbar.toml::pymunk",
+    f"{PLANE}/inverted_slider_crank_equal.toml::pymunk": (
+        f"{PLANE}/inverted_slider_crank.toml::pymunk"
+    ),
+    f"{PLANE}/inverted_slider_crank_faster.toml::pymunk": (
+        f"{PLANE}/inverted_slider_crank.toml::pymunk"
+    ),
+    f"{PLANE}/inverted_slider_crank_held.toml::pymunk": (
+        f"{PLANE}/inverted_slider_crank.toml::pymunk"
+    ),
+    f"{PLANE}/slider_crank_mirrored.toml::pymunk": f"{PLANE}/slider_crank.toml::pymunk",
+    f"{PLANE}/slider_crank_inclined.toml::pymunk": f"{PLANE}/slider_crank_offset.toml::pymunk",
+    f"{PLANE}/hacksaw_sampled.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
+    f"{PLANE}/hacksaw_inventor_shaped.toml::pymunk": f"{PLANE}/hacksaw_recorded.toml::pymunk",
+    f"{PLANE}/threeprr_second.toml::pymunk": f"{PLANE}/threeprr.toml::pymunk",
+    f"{PLANE}/chebyshev_lambda.toml::pymunk": f"{PLANE}/watt.toml::pymunk",
+    f"{PLANE}/stephenson.toml::pymunk": f"{PLANE}/watt.toml::pymunk",
+    # balancers of one template
+    f"{BALANCERS}/balancer4_sam_shaped.toml::pymunk": f"{BALANCERS}/balancer4_sine.toml::pymunk",
+    f"{BALANCERS}/balancer4_sam.toml::pymunk": f"{BALANCERS}/balancer4_sine.toml::pymunk",
+    f"{BALANCERS}/balancer4_sine.toml::mujoco:settled": (
+        f"{BALANCERS}/balancer_sine_free_preload.toml::mujoco:settled"
+    ),
+    f"{BALANCERS}/balancer_designed.toml::pymunk": f"{BALANCERS}/balancer_sine.toml::pymunk",
+    f"{BALANCERS}/balancer_designed_laevo.toml::pymunk": f"{BALANCERS}/balancer_sine.toml::pymunk",
+    f"{BALANCERS}/balancer_laevo.toml::pymunk": f"{BALANCERS}/balancer_sine.toml::pymunk",
+    f"{BALANCERS}/balancer_progressive_contact.toml::mujoco:settled": (
+        f"{BALANCERS}/balancer_sine_free_preload.toml::mujoco:settled"
+    ),
+    f"{BALANCERS}/balancer_progressive_locked.toml::pymunk": (
+        f"{BALANCERS}/balancer_progressive_contact.toml::pymunk"
+    ),
+    f"{BALANCERS}/balancer_prototype.toml::pymunk": f"{PLANE}/shaft_pendulum.toml::pymunk",
+    f"{BALANCERS}/balancer_sine180.toml::pymunk": f"{BALANCERS}/balancer_sine.toml::pymunk",
+    f"{BALANCERS}/balancer_sine_free.toml::pymunk": (
+        f"{BALANCERS}/balancer_sine_free_preload.toml::pymunk"
+    ),
+    f"{BALANCERS}/balancer_sine_preload.toml::pymunk": (
+        f"{BALANCERS}/balancer_sine_free_preload.toml::pymunk"
+    ),
+    f"{BALANCERS}/balancer_third_preload_at_once.toml::pymunk": (
+        f"{BALANCERS}/balancer_third_preload.toml::pymunk"
+    ),
+    # rods
+    f"{RODS}/rfr2_circles.toml": f"{RODS}/rfr2_driven.toml",
+    f"{RODS}/rfr2_rectangles.toml": f"{RODS}/rfr2_driven.toml",
+    f"{RODS}/pfr3.toml::pymunk": f"{RODS}/rfr2_driven.toml::pymunk",
+    f"{RODS}/rfr2_missed.toml::pymunk": f"{RODS}/rfr2_natural.toml::pymunk",
+    f"{RODS}/rod_into_circle.toml::pymunk": f"{RODS}/rod_cantilever.toml::pymunk",
+    f"{RODS}/rod_wind.toml::pymunk": f"{RODS}/rod_cantilever.toml::pymunk",
+    f"{RODS}/rod_sheared.toml::pymunk": f"{RODS}/rod_taut.toml::pymunk",
+    f"{RODS}/rod_snap.toml::pymunk": f"{RODS}/rod_snap.toml::mujoco:settled",
+    f"{RODS}/slider_crank_elastic.toml::pymunk": f"{RODS}/rod_released.toml::pymunk",
+    "tests/sim/test_rods_in_motion.py::test_another_rod_is_noticed[slider_crank_elastic": (
+        "tests/sim/test_rods_in_motion.py::test_another_rod_is_noticed[rod_released"
+    ),
+    "tests/sim/test_rods_2rfr.py::test_a_wrong_pair_is_found": (
+        "tests/sim/test_engine_decides.py::test_springs_1_percent_stiffer_differ[rfr2_natural"
+    ),
+    "tests/sim/test_rod_snap_engines.py::test_a_sweep_without_time_ends_at_the_fold": (
+        "tests/sim/test_rods_2rfr.py::test_a_sweep_ends_at_the_fold_of_its_chains"
+    ),
+    "tests/sim/test_numbers.py::test_a_change_is_where_it_was_meant_and_nowhere_else[rfr3": (
+        "tests/sim/test_rod_snap_engines.py::test_a_sweep_without_time_ends_at_the_fold": (
+        "tests/sim/test_rods_2rfr.py::test_a_sweep_ends_at_the_fold_of_its_chains"
+    ),
+    "tests/sim/test_numbers.py::test_a_change_is_where_it_was_meant_and_nowhere_else"
+        "[rfr2_natural"
+    ),
+    "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
+    "[balancer_prototype-1-mujoco": (
+        "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
+        "[balancer_prototype-0-mujoco"
+    ),
+    # what commands write, read and say, by whole runs
+    "tests/test_worker.py::test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own[tables": (
+        "tests/test_worker.py::test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own[arrays"
+    ),
+    "tests/test_worker.py::test_a_reference_that_takes_too_long_costs_itself_only": (
+        "tests/test_worker.py::test_a_model_that_is_too_large_costs_itself_only"
+    ),
+    "tests/test_diagnosis.py::test_a_number_of_the_model_is_named_where_the_reference_has_none": (
+        "tests/test_diagnosis.py::test_a_longer_rocker_whose_centre_of_mass_stays_is_named"
+    ),
+    "tests/test_diagnosis.py::test_a_failed_item_of_pytest_tells_the_cause": (
+        "tests/test_command_line.py::test_an_item_fails_where_check_would_and_says_why"
+    ),
+    "tests/test_diagnosis.py::test_a_number_of_the_model_is_named[balancer_sine": (
+        "tests/test_diagnosis.py::test_a_number_of_the_model_is_named[slider_crank"
+    ),
+    "tests/test_notebooks.py::test_a_notebook_runs[hacksaw": (
+        "tests/test_notebooks.py::test_a_notebook_runs[fourbar"
+    ),
+    "tests/test_examples_chosen.py::test_true_rates_are_derivatives[fourbar_released": (
+        "tests/test_examples_chosen.py::test_true_rates_are_derivatives"
+    ),
+    "tests/test_benchmarks.py::test_benchmark_runs_quickly_and_writes_no_documents[rod]": (
+        "tests/test_benchmarks.py::test_benchmark_runs_quickly_and_writes_no_documents[rod_table2"
+    ),
+    "tests/report/test_report.py::test_drawing_has_the_names_of_the_mjcf[hacksaw": (
+        "tests/report/test_report.py::test_drawing_has_the_names_of_the_mjcf[fivebar"
+    ),
+    "tests/studies/diet/test_diet_bare.py::test_a_step_as_long_as_the_error_allows": (
+        "tests/studies/diet/test_diet_models.py::test_a_longer_step_is_held_against_the_reference"
+    ),
+    # pages in a browser
+    "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[balancer_sine": (
+        "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[slider_crank"
+    ),
+    "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[fourbar": (
+        "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[slider_crank"
+    ),
+    "tests/studies/diet/test_diet_chart.py::test_axe_finds_nothing[dark": (
+        "tests/studies/diet/test_diet_chart.py::test_axe_finds_nothing[light"
+    ),
+    "tests/studies/stress/test_stress_chart.py::test_axe_finds_nothing[dark": (
+        "tests/studies/stress/test_stress_chart.py::test_axe_finds_nothing[light"
+    ),
+    # references of rods
+    "tests/analytic/rods/test_rod_pair_driven.py::test_four_rectangles_of_the_document": (
+        "tests/analytic/rods/test_rod_pair_driven.py::test_turns_of_the_motors_join_the_equilibria"
+    ),
+    "tests/analytic/rods/test_rod_pair_driven.py::test_five_circles_of_the_document": (
+        "tests/analytic/rods/test_rod_pair_driven.py::test_turns_of_the_motors_join_the_equilibria"
+    ),
+    "tests/analytic/rods/test_rod_cantilever.py::test_every_branch[load3": (
+        "tests/analytic/rods/test_rod_cantilever.py::test_every_branch[load0"
+    ),
+    "tests/analytic/rods/test_rod_cantilever.py::test_potential_by_virtual_work[load2": (
+        "tests/analytic/rods/test_rod_cantilever.py::test_potential_by_virtual_work[load0"
+    ),
+}
