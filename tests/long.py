@@ -76,15 +76,12 @@ LONG = {
     "tests/sim/test_rods_2rfr.py::test_a_wrong_pair_is_found": (
         "tests/sim/test_engine_decides.py::test_springs_1_percent_stiffer_differ[rfr2_natural"
     ),
+    "tests/sim/test_numbers.py::test_a_change_is_where_it_was_meant_and_nowhere_else[rfr3": (
+        "tests/sim/test_numbers.py::test_a_change_is_where_it_was_meant_and_nowhere_else"
+        "[rfr2_natural"
+    ),
     "tests/sim/test_rod_snap_engines.py::test_a_sweep_without_time_ends_at_the_fold": (
         "tests/sim/test_rods_2rfr.py::test_a_sweep_ends_at_the_fold_of_its_chains"
-    ),
-    "tests/sim/test_numbers.py::test_a_change_is_where_it_was_meant_and_nowhere_else[rfr3": (
-        "tests/sim/test_rod_snap_engines.py::test_a_sweep_without_time_ends_at_the_fold": (
-        "tests/sim/test_rods_2rfr.py::test_a_sweep_ends_at_the_fold_of_its_chains"
-    ),
-    "tests/sim/test_numbers.py::test_a_change_is_where_it_was_meant_and_nowhere_else"
-        "[rfr2_natural"
     ),
     "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
     "[balancer_prototype-1-mujoco": (

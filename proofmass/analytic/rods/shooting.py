@@ -112,15 +112,16 @@ def integrate(
         raise ValueError(f"nodes must be 2 or more, got {s.size}")
     fx, fy, m, turn = np.broadcast_arrays(*(np.asarray(v, float) for v in (n_x, n_y, m0, theta0)))
     width = 5 if slopes else 1
-    state, load = np.zeros((4, width, *fx.shape)), np.zeros((width, *fx.shape), complex)
+    state = np.zeros((4, width, *fx.shape))
+    load: Complex = np.zeros((width, *fx.shape), complex)
     state[0, 0], state[1, 0], state[2, 0], state[3, 0] = turn, m, x0, y0
     load[0] = fx + 1j * fy
     if slopes:
         load[1], load[2], state[1, 3], state[0, 4] = 1.0, 1.0j, 1.0, 1.0
-    weight = np.zeros((width,) + (1,) * fx.ndim, complex)
+    weight: Complex = np.zeros((width,) + (1,) * fx.ndim, complex)
     weight[0] = weight_x + 1j * weight_y
     path = march(
-        lambda at, z: _slope(z, load + weight * (length - at), stiffness, axial, shear),
+        lambda at, z: _slope(z, load + complex(length - at) * weight, stiffness, axial, shear),
         state,
         s,
         scheme,
