@@ -20,6 +20,7 @@ from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.dynamics import FLYWHEEL, start
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
+from proofmass.sim.mujoco.program_rods import write_rods
 from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
 from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
 from proofmass.sim.program_text import escaped, template
@@ -36,12 +37,14 @@ and critically damped; or by an equality that holds the joint at its target, of 
 step / gain."""
 DISABLING = {"servo": ("actuation",), "equality": ("equality", "constraint")}
 """Flags of a model that switch such a drive off."""
-MORE = "act", "mocap_pos", "mocap_quat"
-"""What a key may set beside positions, rates and controls."""
+MORE = "act", "mocap_pos", "mocap_quat", "xfrc_applied"
+"""What a key may set beside positions, rates and controls, and the dead loads of rods."""
 STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that drives
 FOLDERS = {"mesh": "meshdir", "hfield": "assetdir", "texture": "texturedir", "skin": "assetdir"}
 CARRIED = 1_000_000
 """Bytes of meshes and the like that a program holds; if there are more it reads them by path."""
+INDENTED = 24
+"""Columns that a line of a model begins with, at most."""
 WIDE = 100
 """Columns of a program; only what cannot be broken is wider."""
 ACTUATORS = (
@@ -85,13 +88,9 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     Raises
     ------
     BadModel, Unsupported
-        See `proofmass.sim.mujoco.engine.simulate`; also for rods, and for joints that are not
-        written in the file as elements, as those of a replicated body.
+        See `proofmass.sim.mujoco.engine.simulate`; also for joints, and sites that hold rods, that
+        are not written in the file as elements, as those of a replicated body.
     """
-    if run.rods:
-        raise Unsupported(
-            "a program for a model with rods: MuJoCo writes their links with six digits"
-        )
     model, data = load(path, run)
     ctrl, fresh = data.ctrl.copy(), mujoco.MjData(model)
     count, step = run.steps(model.opt.timestep)
@@ -101,6 +100,8 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     start(linkage, run, times)
     wheels = model.dof_armature[linkage.dofs] - armature
     root = expanded(path)
+    if run.rods:
+        write_rods(root, path, run.rods)
     files = carried(root)
     apply_settings(root, model, step)
     values: dict[str, Any] = {}
@@ -225,7 +226,13 @@ def model_text(root: Element) -> str:
     """The text of a model, an element a line; long ones are broken between their attributes."""
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode").replace(" />", "/>")
-    return "\n".join(broken for line in text.splitlines() for broken in broken_line(line))
+    lines = (less_indented(line) for line in text.splitlines())
+    return "\n".join(broken for line in lines for broken in broken_line(line))
+
+
+def less_indented(line: str) -> str:
+    """A line of MJCF, indented by no more than `INDENTED`, as the links of a rod would be."""
+    return line[max(0, len(line) - len(line.lstrip()) - INDENTED) :]
 
 
 def broken_line(line: str) -> list[str]:

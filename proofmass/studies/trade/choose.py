@@ -112,7 +112,8 @@ def choose(
             )
         rows.remove(row)
         refused.append(f"{format_setting(row)} is {format_error(row, of)}, but {check.words}")
-    raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits)]))
+    rods = filter(None, [format_rods(case, kind)])
+    raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits), *rods]))
 
 
 def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
@@ -287,12 +288,21 @@ def words(choice: Choice, case: Case) -> list[str]:
         f"{number(choice.wanted, 2)} of its range",
         f"{format_setting(row)}: {format_error(row, choice.of)} in {number(row.seconds, 2)} s, "
         f"{row.steps} steps",
+        *filter(None, [format_rods(case, row.run)]),
         check.words,
         *check.other_drives(choice.of, choice.wanted),
         choice.beside,
         *choice.refused,
         *filter(None, [choice.motion]),
     ]
+
+
+def format_rods(case: Case, kind: str) -> str:
+    """The number of segments that each rod has in a run in time, where no setting changes it."""
+    if not case.rod or kind != "dynamics":
+        return ""
+    numbers = ", ".join(f"{name} {rod.segments}" for name, rod in case.rod.items())
+    return f"rods have the segments of the sidecar: {numbers}"
 
 
 def printed(choice: Choice, case: Case) -> str:

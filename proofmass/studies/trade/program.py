@@ -20,6 +20,7 @@ import numpy as np
 from proofmass.case import Case
 from proofmass.drive import motion_source
 from proofmass.engines import engine_of
+from proofmass.errors import InputError
 from proofmass.files import write_whole
 from proofmass.sim.protocol import Curves, Imposed, Run, drive_columns
 from proofmass.studies.bounded import limited
@@ -68,7 +69,7 @@ class ProgramRun:
         Why there are no errors, in the program's own words.
     driven : dict of str to float
         The same as `errors` [1], at the motion that the program's drives really had; equal to it
-        without drives.
+        without drives, and empty where the reference does not cover that motion.
     """
 
     errors: dict[str, float] = field(default_factory=dict)
@@ -154,11 +155,14 @@ def run_program(
     lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
     if lost:
         return ProgramRun(failure=f"{lost[0]} is not finite")
-    driven = relative_errors(case, "dynamics", curves)
-    asked = driven
+    at_law = replace(curves, drive=run.motion(run.x)) if run.drives else curves
+    asked = relative_errors(case, "dynamics", at_law)
+    driven = asked
     if run.drives:
-        at_law = replace(curves, drive=run.motion(run.x))
-        asked = relative_errors(case, "dynamics", at_law)
+        try:
+            driven = relative_errors(case, "dynamics", curves)
+        except InputError:  # the reference covers the motion that was asked for, and not this one
+            driven = {}
     return ProgramRun(asked, float(printed[2]), int(printed[1]), driven=driven)
 
 

@@ -264,10 +264,6 @@ def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
 
 
 def test_what_no_program_can_be_written_for_is_named() -> None:
-    rod = load_case(shipped("rod_cantilever.toml"))
-    run = Run("dynamics", np.linspace(0.0, 1.0, 3), (), rods=rod.rods)
-    with pytest.raises(Unsupported, match="rods"):
-        write_program(rod.model_path, run, "", "")
     case = short("fourbar")
     _, run = Setting("mujoco", COARSE).applied(case, "dynamics")
     with pytest.raises(ValueError, match="known: flywheel, servo, equality"):

@@ -1,0 +1,195 @@
+"""Programs of MuJoCo for models with rods: links have all digits, and the runs are the same."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.sidecar import load_case
+from proofmass.sim.mujoco import program_rods
+from proofmass.sim.mujoco.program import IMPOSED, expanded, write_program
+from proofmass.sim.mujoco.program_rods import DEEPEST, first_other, write_rods
+from proofmass.sim.protocol import Imposed, Rod, Run, Unsupported
+from proofmass.sim.rods import compile_with_rods
+from proofmass.solve import simulate
+from proofmass.studies.record import Setting
+from proofmass.studies.trade.choose import format_rods
+from proofmass.studies.trade.program import run_program, written
+from tests.shipped import shipped
+from tests.studies.trade.driven import driven
+from tests.studies.trade.test_program import bare
+
+ALL = sorted(path.name for path in shipped("rod_released.toml").parent.glob("*.toml"))
+FEW = Setting("mujoco", {"timestep": 1e-3, "segments": 7})
+LOOSE = Rod("rod", "hand", None, 0.7, 0.3, 6, ("clamped", "free"), mass=0.11, load=(0.2, 0.1, 0.0))
+ARM = """<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="1e-3" integrator="RK4" gravity="0 -9.81 0"/>
+  {defaults}
+  <worldbody>
+    <body name="arm" {body}>
+      <joint name="arm" axis="0 0 1" damping="0.01" {joint}/>
+      <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/>
+      <site name="hand" pos=".3 0.1 0" axisangle="0 0 1 0.37"/>
+    </body>
+  </worldbody>
+  <sensor><framepos name="tip" objtype="site" objname="rod.tip"/></sensor>
+  <keyframe><key name="start" qpos="0.4"/></keyframe>
+</mujoco>"""
+DEFAULTS = """<default>
+    <joint damping="0.3" stiffness="2" armature="0.1" frictionloss="0.2" pos="0 0.1 0"
+      springref="0.3"/>
+    <geom rgba="1 0 0 1" contype="1" mass="3"/><site pos="0 0 1"/>
+    <default class="other"><joint damping="0.7"/><geom friction="0.1 0.1 0.1"/></default>
+  </default>"""
+
+
+def six_digits(text: str) -> str:
+    """The text of a program whose bodies have the six digits of MuJoCo's own writer."""
+
+    def rounded(found: re.Match[str]) -> str:
+        values = " ".join(f"{float(value):.6g}" for value in found[2].split())
+        return f'{found[1]}="{values}"'
+
+    return re.sub(r'\b(pos|fromto|mass|diaginertia|stiffness)="([^"]*)"', rounded, text)
+
+
+@pytest.mark.parametrize("name", ["rod_released", "slider_crank_elastic"])
+def test_a_program_with_rods_gives_what_the_harness_gives(name: str, tmp_path: Path) -> None:
+    """To rounding in all curves; with links of six digits it does not."""
+    case = load_case(shipped(f"{name}.toml"))
+    text = written(case, FEW, IMPOSED[0], "x")
+    assert "proofmass" not in text
+    changed, run = FEW.applied(case, "dynamics")
+    wanted = simulate("mujoco", changed.model_path, run)
+    curves = wanted.channels | driven(run, wanted)
+
+    def furthest(text: str) -> float:
+        found = bare(text, tmp_path)
+        assert list(found) == ["t", *curves]
+        return max(
+            float(np.abs(found[n] - curve).max() / max(1e-3, np.ptp(curve)))
+            for n, curve in curves.items()
+        )
+
+    assert furthest(text) <= 1e-12
+    assert furthest(six_digits(text)) > 1e-9
+
+
+def test_the_error_of_a_program_with_rods_is_that_of_its_rods() -> None:
+    """Twenty links: 3.6e-3 off, as the tolerance of the case says; springs of 1 % more turn it."""
+    case = load_case(shipped("rod_released.toml"))
+    setting = Setting("mujoco", {"timestep": 5e-4})
+    text = written(case, setting, IMPOSED[0], "x")
+    ran = run_program(case, setting, text, 60.0)
+    assert ran.errors["position"] == pytest.approx(3.63e-3, rel=0.01)
+    stiffer = text.replace('stiffness="5"', 'stiffness="5.05"')
+    assert stiffer != text
+    assert run_program(case, setting, stiffer, 60.0).errors["position"] > 5e-3
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_links_of_every_shipped_rod_have_all_digits(name: str) -> None:
+    """Slides, clamps at both ends, rods that end at others: the same numbers when compiled."""
+    case = load_case(shipped(name))
+    root = expanded(case.model_path)
+    write_rods(root, case.model_path, case.rods)
+    assert len(root.findall(".//body")) > sum(rod.segments for rod in case.rods)
+
+
+def arm(folder: Path, defaults: str = "", body: str = "", joint: str = "") -> Path:
+    """A swinging arm with a site for a rod."""
+    file = folder / "arm.xml"
+    file.write_text(ARM.format(defaults=defaults, body=body, joint=joint))
+    return file
+
+
+@pytest.mark.parametrize("scheme", ["half", "double", "naive"])
+@pytest.mark.parametrize(
+    ("defaults", "body"), [("", ""), (DEFAULTS, ""), (DEFAULTS, 'childclass="other"')]
+)
+def test_defaults_do_not_reach_the_links_of_a_program(
+    defaults: str, body: str, scheme: str, tmp_path: Path
+) -> None:
+    model = arm(tmp_path, defaults, body)
+    rod = replace(LOOSE, scheme=scheme, shear=40.0, axial=60.0)
+    run = Run("dynamics", np.linspace(0.0, 0.02, 3), ("tip.x", "tip.y"), rods=(rod,))
+    found = bare(write_program(model, run, "", "x"), tmp_path)
+    for name, curve in simulate("mujoco", model, run).channels.items():
+        assert found[name] == pytest.approx(curve, abs=1e-14)
+
+
+def test_dead_loads_of_rods_are_in_the_program(tmp_path: Path) -> None:
+    model = arm(tmp_path)
+    run = Run("dynamics", np.linspace(0.0, 0.2, 5), ("tip.x", "tip.y"), rods=(LOOSE,))
+    wanted = simulate("mujoco", model, run).channels
+    found = bare(write_program(model, run, "", "x"), tmp_path)
+    without = replace(run, rods=(replace(LOOSE, load=(0.0, 0.0, 0.0)),))
+    still = bare(write_program(model, without, "", "x"), tmp_path)
+    assert found["tip.x"] == pytest.approx(wanted["tip.x"], abs=1e-14)
+    assert np.abs(still["tip.x"] - wanted["tip.x"]).max() > 1e-3
+
+
+@pytest.mark.parametrize("drive", [Imposed("servo", 0.2), Imposed("equality", 0.25)])
+def test_other_drives_move_rods(drive: Imposed) -> None:
+    """At the motion that was asked for: the reference has none for a rate that is not constant."""
+    case = load_case(shipped("slider_crank_elastic.toml"))
+    ran = run_program(case, FEW, written(case, FEW, drive, "x"), 60.0)
+    assert not ran.failure
+    # seven links, of second order: 8 times the 6.7e-4 of the 20 of the case
+    assert ran.errors["position"] == pytest.approx(6.7e-4 * (20 / 7) ** 2, rel=0.3)
+    assert ran.driven == {}
+
+
+@pytest.mark.parametrize("digits", ["pos", "stiffness", "mass", "diaginertia", "fromto"])
+def test_a_number_that_is_rounded_is_refused(
+    digits: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each kind of them alone, to six digits."""
+    own = program_rods.parts
+
+    def rounded(body, plain):
+        for element in own(body, plain):
+            if element.get(digits):
+                values = [f"{float(value):.6g}" for value in element.get(digits, "").split()]
+                element.set(digits, " ".join(values))
+            yield element
+
+    monkeypatch.setattr(program_rods, "parts", rounded)
+    rod = replace(LOOSE, length=0.7123456789, stiffness=0.3123456789, mass=0.1123456789)
+    with pytest.raises(Unsupported, match="its elements compile to another"):
+        write_rods(expanded(arm(tmp_path)), arm(tmp_path), (rod,))
+
+
+def test_what_is_compared_of_two_models(tmp_path: Path) -> None:
+    def model(rod: Rod) -> mujoco.MjModel:
+        return compile_with_rods(mujoco.MjSpec.from_file(str(arm(tmp_path))), [rod])
+
+    assert first_other(model(LOOSE), model(LOOSE)) is None
+    assert first_other(model(LOOSE), model(replace(LOOSE, stiffness=0.31))) == "jnt_stiffness"
+    assert first_other(model(LOOSE), model(replace(LOOSE, turn=1.0))) is None  # of the key alone
+    assert "names" in str(first_other(model(LOOSE), model(replace(LOOSE, segments=5))))
+
+
+def test_rods_that_no_program_can_be_written_for_are_named(tmp_path: Path) -> None:
+    model = arm(tmp_path)
+    long = replace(LOOSE, segments=DEEPEST + 1)
+    with pytest.raises(Unsupported, match=f"more than {DEEPEST} links and slides"):
+        write_rods(expanded(model), model, (long,))
+    write_rods(expanded(model), model, (replace(LOOSE, segments=DEEPEST - 3),))
+    copied = tmp_path / "copied.xml"
+    text = model.read_text().replace("<worldbody>", '<worldbody><replicate count="2">')
+    text = text.replace(' qpos="0.4"', "")
+    copied.write_text(text.replace("</worldbody>", "</replicate></worldbody>"))
+    with pytest.raises(Unsupported, match="on site 'hand0', which is no element of the file"):
+        write_rods(expanded(copied), copied, (replace(LOOSE, start="hand0"),))
+
+
+def test_the_segments_of_rods_are_told() -> None:
+    case = load_case(shipped("rod_released.toml"))
+    assert format_rods(case, "dynamics") == "rods have the segments of the sidecar: rod 20"
+    assert format_rods(case, "equilibrium") == ""  # a setting has them there
+    assert format_rods(load_case(shipped("pendulum.toml")), "dynamics") == ""
