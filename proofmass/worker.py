@@ -46,7 +46,7 @@ ALONE = dict.fromkeys(
 threads, and threads of runs side by side would wait for each other."""
 
 WITHOUT_WINDOWS = {"MUJOCO_GL": "disable"}
-"""Unless the environment says otherwise: MuJoCo loads what draws in windows for a quarter of its
+"""Unless the environment says otherwise: MuJoCo loads what draws in windows for a third of its
 time of loading, and no run draws."""
 
 GRACE = 5.0  # [s] a worker outlives its time limit by, if the process that asked is gone

@@ -93,7 +93,11 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
             x, y, *_ = map(float, element(words[0]).attrib.pop("xyaxes", "1 0").split())
             put(element(words[0]), "euler", zero, 2, float(np.arctan2(y, x)) + change)
         case "mass" | "centre of mass" | "inertia":
-            inertial = element("body").find("inertial")
+            body = element("body")
+            inertial = body.find("inertial")
+            if inertial is None:  # of a pin, which has no mass
+                none = {"pos": "0 0 0", "mass": "0", "diaginertia": "0 0 0"}
+                inertial = ElementTree.SubElement(body, "inertial", none)
             name = {"mass": "mass", "inertia": "diaginertia"}.get(one.kind, "pos")
             usual = zero if name == "pos" else ()
             put(inertial, name, usual, axis, change, factor=one.kind == "inertia")

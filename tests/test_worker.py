@@ -205,6 +205,23 @@ def test_a_hang_is_killed_while_others_go_on():
         isolated(misread, timeout=20)
 
 
+def loads_windows() -> bool:
+    """Whether MuJoCo brings what draws in windows."""
+    import mujoco  # noqa: F401
+
+    return "glfw" in sys.modules
+
+
+@pytest.mark.parametrize(("value", "loads"), [(None, False), ("glfw", True)])
+def test_a_worker_loads_no_windows_unless_it_is_told_to(value, loads, monkeypatch):
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    if value:
+        monkeypatch.setenv("MUJOCO_GL", value)
+    dismiss()
+    assert isolated(loads_windows, timeout=60) is loads
+    dismiss()
+
+
 def misread() -> None:
     raise InputError(Path("a"), "b", "c")
 
