@@ -25,8 +25,6 @@ from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import IO, Any, cast
 
-from proofmass.sim.protocol import BROKEN
-
 try:
     import resource
 except ImportError:  # Windows, where memory has no limit
@@ -267,6 +265,8 @@ def answered(function: Callable, args: tuple, memory: float) -> bytes:
 
 def packed(good: bool, value: Any) -> bytes:
     """An answer, and whether this process can be called again."""
+    from proofmass.sim.protocol import BROKEN  # with NumPy, which who calls a worker may not need
+
     return pickle.dumps((good, value, not BROKEN))
 
 

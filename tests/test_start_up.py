@@ -27,6 +27,16 @@ def test_help_loads_no_engine_and_no_numerics() -> None:
     assert not SLOW & loaded
 
 
+def test_the_command_itself_loads_no_more_for_its_help() -> None:
+    """By its entry point, which also says what MuJoCo need not load."""
+    loaded = loaded_by(
+        "import sys; from proofmass.__main__ import main; sys.argv = ['proofmass', '--help']\n"
+        "try: main()\nexcept SystemExit: pass"
+    )
+    assert "typer" in loaded
+    assert not SLOW & loaded
+
+
 def test_what_starts_a_check_loads_neither_scipy_nor_figures() -> None:
     assert not {"scipy", "pymunk", "matplotlib", "pint", "tomlkit"} & loaded_by(
         "import proofmass.check"

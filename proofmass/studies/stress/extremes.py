@@ -66,6 +66,7 @@ def energies(stressed: StressedCase) -> Iterator[LimitSearch]:
     """More and more steps of a free motion, until its energy is off by a hundredth."""
     why = "energy: something drives, loads or brakes it, or nothing is stepped"
     require(stressed.kind == "dynamics" and not stressed.case.drive, why)
+    require(not stressed.runner, "energy: it is found by measure_energy, and by no other runner")
     watched = weighed(stressed.case, stressed.models)
     require(bounded(watched, stressed.kind, conserved, watched), why)
     yield from stressed.search_schemes(

@@ -373,7 +373,8 @@ def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> b
     """Whether finer steps of a family promise nothing, by what another one of its engine has.
 
     The other one is closer in no more time, by more than single runs leave open, and its errors
-    fall as fast; or the family is off by more than `COARSE` in `HOPELESS` steps in turn.
+    fall as fast.  Of a family that is off by more than `COARSE` in `HOPELESS` steps in turn the
+    order says nothing: another one that is not is enough.
     """
     last = sorted(family.rows, key=lambda row: -row.value)[-HOPELESS:]
     if len(last) < HOPELESS:
