@@ -29,6 +29,9 @@ CONNECT = "10s"
 SPAN = 0.5
 """Wall time of repeats together [s] that tells a run's time: what disturbs a run for a moment, such
 as an interrupt or another process, takes a small share of so long a time."""
+MOMENT = 0.1
+"""Wall time [s] from which a run is long beside what disturbs it for a moment, and beside what it
+does for the first time: the run for errors is a timing as well."""
 
 
 @contextmanager
@@ -73,8 +76,9 @@ def run(
 ) -> list[StudyRow]:
     """Run tasks, each of them once for its errors and then up to `repeats` times for its wall time.
 
-    Rounds are interleaved: all tasks once, then all of them again.  A long run is repeated less
-    often: twice, or until its repeats took `SPAN` together.
+    Rounds are interleaved: all tasks once, then all of them again.  A run longer than `MOMENT` is
+    repeated less often: once, or until it took `SPAN` with its repeats; the first run is one of its
+    timings.
 
     Parameters
     ----------
@@ -144,12 +148,12 @@ def run(
 
 
 def repeats_needed(seconds: float, repeats: int) -> int:
-    """How often a run that takes so long [s] is repeated.
+    """How often a run that took so long [s] is repeated.
 
     >>> [repeats_needed(seconds, 5) for seconds in (0.01, 0.2, 1.5)]
-    [5, 3, 2]
+    [5, 2, 1]
     """
-    return min(repeats, max(2, ceil(SPAN / seconds))) if seconds > 0 else repeats
+    return min(repeats, max(1, ceil(SPAN / seconds) - 1)) if seconds >= MOMENT else repeats
 
 
 def reference_of(task: StudyRun, store: Store) -> Path | None:
@@ -214,8 +218,8 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
     if lost is not None:
         outcome, message = repeats[lost].outcome, f"repeat {lost + 1}: {repeats[lost].message}"
     ran = [one for one in repeats if one.complete]
-    if timed and first.complete and not repeats:
-        ran = [first]
+    if timed and first.complete and (first.seconds >= MOMENT or not repeats):
+        ran.insert(0, first)
     least = min(ran, key=lambda one: one.seconds, default=first)
     setting = task.setting
     return StudyRow(

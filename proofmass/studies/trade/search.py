@@ -23,7 +23,7 @@ from proofmass.solve import prescribed_run
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import Progress, reference_of, run
+from proofmass.studies.run import MOMENT, Progress, reference_of, run
 from proofmass.studies.store import Store, key_of, once
 from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
@@ -32,10 +32,9 @@ from proofmass.studies.trade.varied import as_given, studied
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
 FARTHEST = 30.0  # ratio of two steps in turn, at most
 SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
-LONG = 0.5
-"""Wall time [s] from which a run is a long one: single ones tell apart what takes `SURE` times as
-long, and the cheapest of several are run first."""
 SURE = 1.3
+"""Times the cheapest of runs longer than `MOMENT`, which single ones tell apart."""
+LONG = 0.5  # s, of runs of which the cheapest is made first, the others only where it fails
 YIELDING = 40.0
 """Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
 PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
@@ -360,7 +359,7 @@ def following(
     )
     if not family.plain and outdone(family, every, of):
         return
-    slack *= SURE / SLACK if best > LONG else 1.0
+    slack *= SURE / SLACK if best > MOMENT else 1.0
     limit = min(longest, (PLAIN if family.plain else slack) * best)
     if (step := family.next(of, needed, limit)) is not None:
         yield (

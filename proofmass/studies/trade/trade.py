@@ -29,7 +29,7 @@ from proofmass.strict import Kind
 from proofmass.studies import LONGEST
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import KINDS, NAN, Setting, StudyRow, write_table
-from proofmass.studies.run import Progress, pool, run
+from proofmass.studies.run import MOMENT, Progress, pool, run
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import ROUNDED, DisturbedMotion, motions_of, rounding, within
@@ -49,10 +49,8 @@ from proofmass.studies.trade.verdict import Verdict, able
 from proofmass.studies.trade.words import format_end, format_reached, format_worsened
 from proofmass.wording import number
 
-USUAL = 2.0  # s, of one run, for engines that take much longer than usual
+USUAL = 1.0  # s, of one run, for engines that take much longer than usual
 REPEATS = 5
-MOMENT = 0.1
-"""Wall time [s] from which a run is long beside what disturbs it for a moment."""
 ADDED = 1.5  # times a floor, of an error to which the drives add their own
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]

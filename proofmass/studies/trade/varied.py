@@ -16,7 +16,7 @@ from proofmass.strict import Kind
 from proofmass.studies.record import Setting
 from proofmass.wording import spoken
 
-WORK = 6e4  # evaluations of forces in the longest run, so that series end alike on any machine
+WORK = 3e4  # evaluations of forces in the longest run, so that series end alike on any machine
 
 
 def size(engine: str, varied: str, value: ParameterValue) -> float:
