@@ -51,6 +51,11 @@ def one_of(modes: tuple[int, ...], **mode: float) -> None:
             raise ValueError(f"{name} must be one of {modes}, got {value}")
 
 
+def rounding_of_sum(*lengths: float) -> float:
+    """Rounding of sums and differences of lengths [m]."""
+    return 4.0 * float(np.finfo(float).eps) * sum(map(abs, lengths))
+
+
 def dot(a: Complex | complex, b: Complex | complex) -> Array:
     """Scalar product of vectors as complex numbers."""
     return np.asarray(a.real * b.real + a.imag * b.imag)

@@ -26,6 +26,7 @@ from proofmass.analytic.numerics import (
     not_negative,
     one_of,
     positive,
+    rounding_of_sum,
     unwrapped,
 )
 
@@ -230,7 +231,7 @@ def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple
     A negative first one keeps the crank from pi, a negative second one from 0; zero is a change
     point there.
     """
-    slack = _slack(crank, coupler, rocker, ground)
+    slack = rounding_of_sum(crank, coupler, rocker, ground)
 
     def difference(x: float, y: float) -> float:
         return 0.0 if abs(x - y) <= slack else (x - y) * (x + y)
@@ -239,11 +240,6 @@ def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple
         difference(coupler + rocker, crank + ground),
         difference(abs(crank - ground), abs(coupler - rocker)),
     )
-
-
-def _slack(crank: float, coupler: float, rocker: float, ground: float) -> float:
-    """Rounding of a sum or difference of the four lengths [m]."""
-    return 4.0 * float(np.finfo(float).eps) * (crank + coupler + rocker + ground)
 
 
 def _close(
@@ -261,7 +257,9 @@ def _close(
     k = 2.0 * np.sqrt(crank * ground)
     u, v = k * np.cos(0.5 * theta), k * np.sin(0.5 * theta)
     square = (crank - ground) ** 2 + v * v, u * v, 0.5 * (u * u - v * v)
-    _reach(theta, np.sqrt(square[0]), coupler, rocker, _slack(crank, coupler, rocker, ground))
+    _reach(
+        theta, np.sqrt(square[0]), coupler, rocker, rounding_of_sum(crank, coupler, rocker, ground)
+    )
     outer, inner = margins(crank, coupler, rocker, ground)
     p, p1, p2 = _root(outer, u, -0.5 * v)
     q, q1, q2 = _root(inner, v, 0.5 * u)
@@ -357,7 +355,7 @@ def grashof_margin(*, crank: float, coupler: float, rocker: float, ground: float
             f"close, they miss by {longest - (shortest + p + q):.6g} m"
         )
     room = (p + q) - (shortest + longest)
-    return room if abs(room) > _slack(**lengths) else 0.0
+    return room if abs(room) > rounding_of_sum(*lengths.values()) else 0.0
 
 
 def classify(*, crank: float, coupler: float, rocker: float, ground: float) -> str:
@@ -445,7 +443,7 @@ def dead_centres(
     grashof_margin(**lengths)
     e = np.array([coupler + crank, abs(coupler - crank)])
     room = np.minimum(ground + rocker - e, e - abs(ground - rocker))  # of the triangle A-B-Q
-    e = np.where(room > _slack(**lengths), e, np.nan)
+    e = np.where(room > rounding_of_sum(*lengths.values()), e, np.nan)
     at_crank = np.arccos((ground**2 + e**2 - rocker**2) / (2.0 * ground * e))
     at_rocker = np.arccos((ground**2 + rocker**2 - e**2) / (2.0 * ground * rocker))
     side = mode * np.array([1.0, np.sign(coupler - crank)])

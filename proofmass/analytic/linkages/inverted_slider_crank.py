@@ -15,7 +15,6 @@ from proofmass.analytic.linkages.bars import (
     asked_of_pins,
     asks,
 )
-from proofmass.analytic.linkages.slider_crank import _slack
 from proofmass.analytic.numerics import (
     Array,
     dot,
@@ -24,6 +23,7 @@ from proofmass.analytic.numerics import (
     not_negative,
     one_of,
     positive,
+    rounding_of_sum,
     unwrapped,
 )
 
@@ -148,7 +148,7 @@ def solve(
     ground = complex(ground_x, ground_y)
     slider = ground + tip[0], tip[1], tip[2]
     apart = [b - a for a, b in zip(pin, slider, strict=True)]
-    u = mode * _direction(apart[0], _slack(crank, bar, abs(ground)), a1, a2)
+    u = mode * _direction(apart[0], rounding_of_sum(crank, bar, abs(ground)), a1, a2)
     s, (slip, slip2) = mode * np.abs(apart[0]), (d / u for d in apart[1:])
     v, w = slip.real, slip.imag / s
     rod_angle, dw = unwrapped(np.angle(u)), (slip2.imag - 2.0 * v * w) / s

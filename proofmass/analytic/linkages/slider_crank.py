@@ -21,6 +21,7 @@ from proofmass.analytic.numerics import (
     not_negative,
     one_of,
     positive,
+    rounding_of_sum,
     senses,
     unwrapped,
 )
@@ -151,7 +152,7 @@ def solve(
     finite(slider_load=slider_load, gravity=gravity)
     one_of(MODES, mode=mode)
     start, offset = _guide(guide_x, guide_y, guide_angle)
-    slack = _slack(crank, coupler, start, offset)
+    slack = rounding_of_sum(crank, coupler, start, offset)
     inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
     theta, w, dw = (np.atleast_1d(v) for v in inputs)
     cos, sin = np.cos(guide_angle), np.sin(guide_angle)
@@ -271,7 +272,9 @@ def dead_points(
     one_of(MODES, mode=mode)
     start, offset = _guide(guide_x, guide_y, guide_angle)
     reach = np.array([coupler + crank, coupler - crank])
-    if reach[1] == 0.0 or abs(offset) > abs(reach[1]) + _slack(crank, coupler, start, offset):
+    if reach[1] == 0.0 or abs(offset) > abs(reach[1]) + rounding_of_sum(
+        crank, coupler, start, offset
+    ):
         raise ValueError(
             f"no folded dead point: the slider would be {abs(reach[1]):.6g} m from "
             f"the crank axis, the guide is {abs(offset):.6g} m from it"
@@ -318,11 +321,6 @@ def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
         float(x * np.cos(angle) + y * np.sin(angle)),
         float(y * np.cos(angle) - x * np.sin(angle)),
     )
-
-
-def _slack(*lengths: float) -> float:
-    """Rounding of a sum of lengths [m]."""
-    return 4.0 * float(np.finfo(float).eps) * sum(map(abs, lengths))
 
 
 def _couple(

@@ -767,8 +767,7 @@ class Loaded:
         """Channels that show the loads, or forces between bodies, with the loads of each sample."""
         changing = {name for name, c in channels.items() if isinstance(c.function, Level)}
         between = {name: c for name, c in channels.items() if c.order == -3}
-        found = {name: np.empty(len(pose)) for name in channels if channels[name].order in (0, -3)}
-        found = {name: curve for name, curve in found.items() if name in changing}
+        found = {name: np.empty(len(pose)) for name in changing if channels[name].order in (0, -3)}
         for k in range(len(pose)):
             links, motion = self.at(self.controls[k]), SampledMotion.at_rest(pose[[k]], rub[[k]])
             for name, curve in force_curves(links, between, motion).items():
