@@ -26,7 +26,14 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
 from proofmass.errors import InputError, in_model, suggest
 from proofmass.recorded import RecordedColumn
@@ -51,6 +58,17 @@ def known_unit(unit: str) -> str:
     """The unit itself; ValueError if there is no such unit."""
     si_unit(unit)
     return unit
+
+
+def one_or_more(kind: Any) -> BeforeValidator:
+    """Of a key that may hold one thing alone instead of a list of them."""
+    return BeforeValidator(
+        lambda value: (value,) if isinstance(value, str | dict) else value,
+        json_schema_input_type=kind | tuple[kind, ...],
+    )
+
+
+Names = Annotated[tuple[str, ...], one_or_more(str)]
 
 
 class ProfileTable(Strict):
@@ -179,12 +197,7 @@ class LoadTable(Strict):
     start: float = Field(0.0, alias="from")
     to: float | None = None
     profile: ProfileTable | None = None
-    scales: tuple[str, ...] = ()
-
-    @field_validator("scales", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, str) else value
+    scales: Names = ()
 
     @model_validator(mode="after")
     def _one_of_two(self) -> "LoadTable":
@@ -258,17 +271,12 @@ class Tolerance(Strict):
     """
 
     run: Kind | None = None
-    solver: tuple[str, ...] = ("*",)
-    unit: tuple[str, ...] = ("*",)
-    channels: tuple[str, ...] = ("*",)
+    solver: Names = ("*",)
+    unit: Names = ("*",)
+    channels: Names = ("*",)
     abs: float | None = Field(None, gt=0)
     relative_to_range: float | None = Field(None, gt=0)
     why: str
-
-    @field_validator("solver", "unit", "channels", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, str) else value
 
     @model_validator(mode="after")
     def _complete(self) -> "Tolerance":
@@ -308,18 +316,13 @@ class View(Strict):
 
     title: str = Field(min_length=1)
     x: str
-    y: tuple[str, ...] = ()
-    stack: tuple[str, ...] = ()
-    dashed: tuple[str, ...] = ()
+    y: Names = ()
+    stack: Names = ()
+    dashed: Names = ()
     marks: str | dict[str, float] = Field({})
     unit: str | None = None
     x_unit: str | None = None
     run: Kind | None = None
-
-    @field_validator("y", "stack", "dashed", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, str) else value
 
     @field_validator("unit", "x_unit")
     @classmethod
@@ -438,18 +441,13 @@ class Refine(Strict):
 
     segments: tuple[Segments, ...] = Field(min_length=2)
     run: Kind = "equilibrium"
-    channels: tuple[str, ...] = ("*",)
+    channels: Names = ("*",)
     order: float = Field(gt=0)
     within: float = Field(gt=0)
     error_floor: float = Field(1e-9, gt=0)
     richardson: float | None = Field(None, gt=0)
     between: tuple[int, int] | None = None
     why: str
-
-    @field_validator("channels", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, str) else value
 
     @model_validator(mode="after")
     def _rising(self) -> "Refine":
@@ -493,15 +491,15 @@ class Case(Strict):
     start: str = "start"
     reference: str
     parameters: dict[str, float | str] = Field({})
-    drive: tuple[DriveTable, ...] = ()
-    load: tuple[LoadTable, ...] = ()
+    drive: Annotated[tuple[DriveTable, ...], one_or_more(DriveTable)] = ()
+    load: Annotated[tuple[LoadTable, ...], one_or_more(LoadTable)] = ()
     rod: dict[str, RodTable] = Field({})
     run: dict[Kind, RunTable] = Field(min_length=1)
     settings: dict[str, dict[str, Any]] = Field({})
     channels: dict[str, Channel] = Field(min_length=1)
     tolerance: tuple[Tolerance, ...] = ()
-    view: tuple[View, ...] = ()
-    chart: tuple[ChartTable, ...] = ()
+    view: Annotated[tuple[View, ...], one_or_more(View)] = ()
+    chart: Annotated[tuple[ChartTable, ...], one_or_more(ChartTable)] = ()
     compare_with: dict[str, Beside] = Field({})
     refine: Refine | None = None
     unchecked: bool = False
@@ -556,11 +554,6 @@ class Case(Strict):
     def load_key(self, k: int, *keys: str) -> str:
         """Where load number k, or a key of it, stands in the sidecar."""
         return ".".join(["load", *[str(k)] * (len(self.load) > 1), *keys])
-
-    @field_validator("drive", "load", "view", "chart", mode="before")
-    @classmethod
-    def _several(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, dict) else value
 
     @field_validator("run", mode="before")
     @classmethod

@@ -280,6 +280,37 @@ def animate_command(
     raise typer.Exit(1 if found.lost or found.stopped else 0)
 
 
+@app.command("new")
+def new_command(
+    name: Annotated[str, typer.Argument(help="Of the case, such as arm.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder.", metavar="DIR")] = Path(),
+) -> None:
+    """Write a model and its sidecar, with comments, that pass at once: a start for one's own."""
+    from proofmass.new import write_new
+
+    with answering(f"{output} keeps what is written"):
+        for file in write_new(name, output):
+            print(file)
+    errors.print(f"next: proofmass check {output / name}.toml")
+
+
+@app.command("schema")
+def schema_command(
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File.", metavar="FILE")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a sidecar, with which editors complete and check its keys."""
+    from proofmass.files import write_whole
+    from proofmass.new import as_json_text
+
+    if output is None:
+        print(as_json_text(), end="")
+        return
+    with answering(f"{output} is not written"):
+        write_whole(output, as_json_text())
+
+
 @app.command("list")
 def list_command(paths: Paths = None) -> None:
     """List the cases and their runs; nothing is run."""

@@ -1,0 +1,63 @@
+"""The JSON Schema of a sidecar: editors complete its keys with it, and mark unknown ones.
+
+    proofmass schema -o proofmass.schema.json
+
+Editors that know TOML, such as those with Taplo, read its place in the first line of a sidecar::
+
+    #:schema proofmass.schema.json
+
+The schema is weaker than `proofmass.sidecar.load_case`: it knows keys and types, not how keys go
+together, nor the names that stand in a model.
+"""
+
+from typing import Any
+
+from proofmass.case import Case
+from proofmass.sidecar import OWN, Levels
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+FILLED = {"Channel": ("equals", "unit"), "RunTable": ("solvers",)}
+"""Keys that a case has, and a sidecar may leave to `proofmass.sidecar.fill_defaults`."""
+REQUIRED = ["title", "source", "reference"]
+JsonObject = dict[str, Any]
+
+
+def sidecar_schema() -> JsonObject:
+    """The JSON Schema of a sidecar, of draft 2020-12.
+
+    >>> schema = sidecar_schema()
+    >>> schema["required"], schema["additionalProperties"]
+    (['title', 'source', 'reference'], False)
+    """
+    case, levels = (kind.model_json_schema(by_alias=True) for kind in (Case, Levels))
+    parts = case["$defs"] | levels["$defs"]
+    for name, filled in FILLED.items():
+        parts[name]["required"] = [k for k in parts[name]["required"] if k not in filled]
+    parts["RecordedColumn"] = {"anyOf": [{"type": "string"}, parts["RecordedColumn"]]}
+    keys = {k: v for k, v in case["properties"].items() if k not in OWN}
+    return {
+        "$schema": DIALECT,
+        "title": "Sidecar of a proofmass case",
+        "description": "What a model in MJCF is compared with, in which runs, and how closely.",
+        "type": "object",
+        "additionalProperties": False,
+        "required": REQUIRED,
+        "properties": as_in_toml(keys | levels["properties"]),
+        "$defs": as_in_toml(parts),
+    }
+
+
+def as_in_toml(part: Any) -> Any:
+    """A part of a schema without what TOML has not: null.  Titles that repeat a key go as well."""
+    if isinstance(part, list):
+        return [as_in_toml(one) for one in part if one != {"type": "null"}]
+    if not isinstance(part, dict):
+        return part
+    kept = {
+        key: as_in_toml(value)
+        for key, value in part.items()
+        if not (key == "title" and isinstance(value, str)) and (key, value) != ("default", None)
+    }
+    if len(kept.get("anyOf", ())) == 1:
+        kept |= kept.pop("anyOf")[0]
+    return kept

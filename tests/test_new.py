@@ -1,0 +1,128 @@
+"""A start for one's own model, and the schema that editors check a sidecar with."""
+
+import json
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+from typer.testing import CliRunner
+
+from proofmass.check import check
+from proofmass.cli import app
+from proofmass.errors import InputError
+from proofmass.new import SCHEMA, write_new
+from proofmass.outcome import Outcome
+from proofmass.schema import sidecar_schema
+from proofmass.sidecar import load_case
+from tests.shipped import MODELS, models_like
+
+CONTRIB = MODELS.parent / "contrib"
+
+
+@pytest.fixture(scope="module")
+def validator() -> Draft202012Validator:
+    Draft202012Validator.check_schema(sidecar_schema())
+    return Draft202012Validator(sidecar_schema())
+
+
+def test_what_is_written_passes_at_once(tmp_path):
+    assert [file.name for file in write_new("arm", tmp_path)] == ["arm.xml", "arm.toml", SCHEMA]
+    found = check([tmp_path / "arm.toml"])
+    assert found.exit_code == 0
+    assert {c.run for c in found.comparisons if c.outcome == Outcome.AGREES} == {
+        "sweep",
+        "dynamics",
+    }
+    assert {c.solver for c in found.comparisons if c.outcome == Outcome.AGREES} == {
+        "mujoco",
+        "pymunk",
+    }
+
+
+def test_nothing_is_written_over(tmp_path):
+    write_new("arm", tmp_path)
+    before = (tmp_path / "arm.toml").read_text()
+    (tmp_path / "arm.xml").unlink()
+    with pytest.raises(InputError, match=r"arm\.toml: it is there already"):
+        write_new("arm", tmp_path)
+    assert not (tmp_path / "arm.xml").exists()
+    assert (tmp_path / "arm.toml").read_text() == before
+    assert len(write_new("leg", tmp_path)) == 2, "the schema is there"
+
+
+@pytest.mark.parametrize("name", ["", "../arm", "a b", ".arm", "a/b"])
+def test_a_name_that_is_no_file_is_refused(tmp_path, name):
+    found = CliRunner().invoke(app, ["new", name, "-o", str(tmp_path)])
+    assert found.exit_code == 2
+    assert "is no name of a case" in found.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_prints_the_schema(tmp_path):
+    found = CliRunner().invoke(app, ["schema"])
+    assert json.loads(found.stdout) == sidecar_schema()
+    file = tmp_path / "s.json"
+    CliRunner().invoke(app, ["schema", "-o", str(file)])
+    assert file.read_text() == found.stdout
+
+
+@pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
+def test_every_sidecar_that_loads_suits_the_schema(validator, file):
+    assert [e.message for e in validator.iter_errors(tomllib.loads(file.read_text()))] == []
+
+
+def test_the_schema_knows_every_key(validator):
+    """Of all tables, by the sidecars that leave nothing to defaults."""
+    schema = sidecar_schema()
+    assert schema["properties"].keys() >= {"accuracy", "drive", "channels", "refine"}
+    assert not {"file", "unmatched"} & schema["properties"].keys()
+    assert "from" in schema["$defs"]["DriveTable"]["properties"]
+    assert "null" not in json.dumps(schema)
+
+
+WRONG = {
+    "an unknown key": 'tilte = "x"',
+    "an unknown key of a table": '[drive]\njoint = "crank"\nfrmo = 1.0',
+    "a word for a number": '[drive]\njoint = "crank"\nto = "far"',
+    "an unknown run": "[run.swep]\nn = 3",
+    "a number that is too small": "[run.sweep]\nn = 1",
+    "a tolerance without a reason": "[[tolerance]]\nabs = 1.0",
+    "a channel with a key too many": '[channels]\na = { equals = "b", units = "m" }',
+}
+
+
+@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+def test_the_schema_finds_what_load_case_refuses(validator, tmp_path, text):
+    good = 'title = "t"\nsource = "s"\nreference = "planar"\n'
+    assert validator.is_valid(tomllib.loads(good))
+    assert not validator.is_valid(tomllib.loads(good + text))
+    write_new("arm", tmp_path)
+    (tmp_path / "arm.toml").write_text(good + text)
+    with pytest.raises(InputError):
+        load_case(tmp_path / "arm.toml")
+
+
+def test_a_required_key_is_missed(validator):
+    (missed,) = validator.iter_errors({"title": "t", "source": "s"})
+    assert "'reference'" in missed.message
+
+
+@pytest.mark.parametrize("name", ["pre-commit-config.yaml", "github/action.yml"])
+def test_the_commands_in_contrib_are_those_of_the_command_line(name):
+    lines = re.findall(r"proofmass (check [^\n]*)", (CONTRIB / name).read_text())
+    assert lines
+    for line in lines:
+        options = [word for word in shlex.split(line)[1:] if word.startswith("-")]
+        helped = CliRunner().invoke(app, ["check", "--help"], env={"COLUMNS": "200"}).stdout
+        assert all(option in helped for option in options)
+
+
+def test_the_starter_names_the_files_that_there_are(tmp_path):
+    write_new("arm", tmp_path)
+    text = (tmp_path / "arm.toml").read_text()
+    assert text.startswith(f"#:schema {SCHEMA}\n")
+    assert "docs/sidecar.md" in text
+    assert (Path(MODELS).parent / "docs" / "sidecar.md").is_file()
