@@ -283,15 +283,33 @@ def animate_command(
 @app.command("new")
 def new_command(
     name: Annotated[str, typer.Argument(help="Of the case, such as arm.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder.", metavar="DIR")] = Path(),
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder.", metavar="DIR", show_default="."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--from", help="A model to write a sidecar for.", metavar="MODEL.xml"),
+    ] = None,
 ) -> None:
-    """Write a model and its sidecar, with comments, that pass at once: a start for one's own."""
-    from proofmass.new import write_new
+    """Write a model and its sidecar that pass at once, or the sidecar of a model that has none."""
+    told: list[str] = []
+    with answering("nothing is written"):
+        if model is None:
+            from proofmass.new import write_new
 
-    with answering(f"{output} keeps what is written"):
-        for file in write_new(name, output):
-            print(file)
-    errors.print(f"next: proofmass check {output / name}.toml")
+            files = write_new(name, output or Path())
+        elif output is not None:
+            raise ValueError("--output does not go with --from: a sidecar stands beside its model")
+        else:
+            from proofmass.proposal import write_proposal
+
+            files, told = write_proposal(name, model)
+    for file in files:
+        print(file)
+    for line in told:
+        errors.print(line)
+    errors.print(f"next: proofmass check {next(f for f in files if f.suffix == '.toml')}")
 
 
 @app.command("schema")

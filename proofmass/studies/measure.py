@@ -190,6 +190,8 @@ class StudyRun:
         Value of that parameter [its unit], such as s of a time step.
     reference : path, optional
         File that the reference of a free motion is read from; it is written first if it is missing.
+    key : str
+        `proofmass.studies.store.key_of` the run, where it is known already.
     """
 
     case: Case
@@ -200,6 +202,7 @@ class StudyRun:
     varied: str = ""
     value: float = NAN
     reference: Path | None = None
+    key: str = ""
 
     @property
     def label(self) -> str:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil, isnan
 from pathlib import Path
 
+from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, measure_task
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store, key_of
@@ -122,8 +123,9 @@ def run(
                 timeout=timeout,
                 progress=progress,
             )
-    tasks = [replace(task, reference=reference_of(task, store)) for task in tasks]
-    keys = [key_of(task) for task in tasks]
+    tasks = referred(tasks, store)
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # each key compiles a model in a worker
+        keys = list(threads.map(lambda task: task.key or key_of(task), tasks))
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     again = set(keys) if repeated is None else {keys[k] for k in repeated}
     rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(again))
@@ -154,6 +156,17 @@ def repeats_needed(seconds: float, repeats: int) -> int:
     [5, 2, 1]
     """
     return min(repeats, max(1, ceil(SPAN / seconds) - 1)) if seconds >= MOMENT else repeats
+
+
+def referred(tasks: Iterable[StudyRun], store: Store) -> list[StudyRun]:
+    """Tasks with the files of their references; those of one run of a case share one."""
+    files: dict[tuple[int, Kind], Path | None] = {}
+    found = list[StudyRun]()
+    for task in tasks:
+        if (run := (id(task.case), task.run)) not in files:
+            files[run] = reference_of(task, store)
+        found.append(replace(task, reference=files[run]))
+    return found
 
 
 def reference_of(task: StudyRun, store: Store) -> Path | None:

@@ -133,6 +133,7 @@ class CaseSeries:
             self.series.name,
             self.series.varied,
             leading(setting.parameters[self.series.varied]),
+            key=self.measured.rows[k].key if k < len(self.measured.rows) else "",
         )
 
     def row(self, size: float) -> StudyRow:

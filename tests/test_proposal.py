@@ -1,0 +1,128 @@
+"""A sidecar for a model that has none: what is proposed passes, and is told where it cannot be."""
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.check import check
+from proofmass.cli import app
+from proofmass.errors import InputError
+from proofmass.outcome import Outcome
+from proofmass.proposal import look_at, rounded_up, write_proposal
+from proofmass.sidecar import load_case
+from tests.shipped import shipped
+
+
+@pytest.fixture
+def bare(tmp_path):
+    """``bare(name)``: the model of a shipped case without its sensors, alone in a folder."""
+
+    def of(name: str, keep: bool = False) -> Path:
+        text = shipped(f"{name}.xml").with_suffix(".xml").read_text()
+        if not keep:
+            text = re.sub(r"<sensor>.*?</sensor>", "", text, flags=re.S)
+        file = tmp_path / f"{name}.xml"
+        file.write_text(text)
+        return file
+
+    return of
+
+
+def test_a_model_without_sensors_gets_some_and_passes(bare):
+    model = bare("slider_crank")
+    before = model.read_bytes()
+    files, told = write_proposal("mine", model)
+    assert [file.name for file in files] == ["mine.toml", "mine.xml"]
+    assert model.read_bytes() == before
+    found = check([files[0]])
+    assert found.exit_code == 0
+    assert {"sweep", "dynamics"} == {c.run for c in found.comparisons if c.outcome == "agrees"}
+    assert "one degree of freedom; joint 'crank' drives it and turns once" in told[0]
+
+
+def test_a_model_with_sensors_is_not_copied(bare):
+    (sidecar,), _ = write_proposal("mine", bare("fourbar", keep=True))
+    case = load_case(sidecar)
+    assert case.model == "fourbar.xml"
+    assert "holding_moment" in case.channels
+
+
+def test_a_drive_stays_clear_of_the_limit_that_it_meets(bare):
+    """The double rocker's crank swings by less than a turn."""
+    look = look_at(bare("double_rocker", keep=True))
+    best = look.reaches[0]
+    assert not best.turns
+    begin, end = best.way
+    assert abs(end - begin) < max(best.high - best.start, best.start - best.low)
+    (sidecar,), told = write_proposal("mine", bare("double_rocker", keep=True))
+    assert check([sidecar]).exit_code == 0
+    assert "90% of its way to a limit" in told[0]
+
+
+def test_a_mechanism_with_two_freedoms_is_let_go_and_its_tolerances_are_measured(bare):
+    files, told = write_proposal("mine", bare("fivebar"))
+    assert "2 degrees of freedom" in told[0]
+    case = load_case(files[0])
+    assert not case.drive
+    assert all(t.why.startswith("proposed: ") for t in case.tolerance)
+    found = check(files[:1])
+    assert found.exit_code == 0
+    assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
+
+
+def test_what_an_engine_does_not_cover_is_left_out_with_its_reason(bare):
+    model = bare("fourbar")
+    model.write_text(
+        model.read_text().replace('<joint name="rocker"/>', '<joint name="rocker" armature="1"/>')
+    )
+    (sidecar, *_), told = write_proposal("mine", model)
+    left_out = [line for line in told if "pymunk cannot run" in line]
+    case = load_case(sidecar)
+    for kind, run in case.run.items():
+        assert ("pymunk" in run.solvers) != any(line.startswith(kind) for line in left_out)
+    assert all(line in sidecar.read_text() for line in told)
+
+
+WRONG = {
+    "a free body": ("<joint name=.crank./>", "<freejoint name='crank'/>", "does not cover it"),
+    "no model": ("<mujoco", "<mujoca", "mujoca|Unrecognized|XML"),
+    "nothing moves": (
+        "</equality>",
+        "<connect site1='point' site2='fixed'/></equality>",
+        "no degree of freedom|over-constrained|does not cover",
+    ),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "said"), WRONG.values(), ids=WRONG.keys())
+def test_what_cannot_be_proposed_is_said_in_a_line(bare, old, new, said):
+    model = bare("fourbar")
+    text = model.read_text().replace("</worldbody>", '<site name="fixed" pos="1 2 0"/></worldbody>')
+    model.write_text(re.sub(old, new, text))
+    found = CliRunner().invoke(app, ["new", "mine", "--from", str(model)])
+    assert found.exit_code == 2
+    assert re.search(said, found.stderr)
+    assert "Traceback" not in found.stderr
+    assert [file.name for file in model.parent.iterdir()] == ["fourbar.xml"], "nothing is left"
+
+
+def test_names_that_are_taken_are_kept(bare):
+    model = bare("fourbar")
+    other = model.with_name("mine.xml")
+    other.write_text("mine")
+    with pytest.raises(InputError, match=r"mine\.xml: it is there already"):
+        write_proposal("mine", model)
+    assert other.read_text() == "mine"
+
+
+def test_a_folder_does_not_go_with_a_model(bare):
+    found = CliRunner().invoke(app, ["new", "mine", "--from", str(bare("fourbar")), "-o", "x"])
+    assert found.exit_code == 2
+    assert "--output does not go with --from" in found.stderr
+
+
+@pytest.mark.parametrize(("value", "up"), [(0.0123, 0.02), (2e-9, 2e-9), (9.5, 10.0), (0.0, 1e-12)])
+def test_a_proposed_number_is_no_less(value, up):
+    assert rounded_up(value) == up
