@@ -37,7 +37,7 @@ class Result:
     """All that was found out: comparisons, the curves and rows behind them, the inputs at fault.
 
     Curves and diagnoses are those of a case's run and solver, by their names.  Curves that were
-    compared have their reference with them, see `proofmass.compare.ComparedCurves`.  `lost` has
+    compared have their reference with them, see `proofmass.reference.ComparedCurves`.  `lost` has
     curves of runs that were lost, until then.  Only runs that differ or were lost have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     """

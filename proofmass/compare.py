@@ -16,7 +16,15 @@ from proofmass.drive import State
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.recorded import Recorded
-from proofmass.reference import compiled, evaluate, identity, laws, modes, module_of
+from proofmass.reference import (
+    ComparedCurves,
+    compiled,
+    evaluate,
+    identity,
+    laws,
+    modes,
+    module_of,
+)
 from proofmass.seen import check_views
 from proofmass.sim.contents import joints, mass, size
 from proofmass.sim.protocol import Curves, Drive, Run
@@ -132,25 +140,12 @@ class Comparison:
         return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
 
 
-@dataclass(frozen=True)
-class ComparedCurves(Curves):
-    """Curves of a solver, with what their channels had to be where they were compared.
-
-    Attributes
-    ----------
-    reference : dict of str to ndarray (n,)
-        By channel [SI].
-    """
-
-    reference: dict[str, Array] = field(default_factory=dict)
-
-
 def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
     """Curves with the reference that `compare` held them against in this process, if it did."""
     found = last_used.get(key_of(case, run, curves))
     if found is None or found.asked is None or found.asked[0] is not curves.drive:
         return curves
-    return ComparedCurves(**vars(curves), reference=found.asked[1].channels)
+    return ComparedCurves.of(curves, found.asked[1])
 
 
 def reference_for(case: Case, run: Kind, curves: Curves) -> Curves:
@@ -198,7 +193,7 @@ def compare(
     reference = run_reference(case, run, curves)
     truth = reference.as_driven(curves.drive)
     check_branch(case, run, curves, truth)
-    check_views(case, run, curves)
+    check_views(case, run, ComparedCurves.of(curves, truth))
     check_charts(case)
     changes = (
         {}
@@ -426,24 +421,24 @@ class RunReference:
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
         self.asked: tuple[State | None, Curves] | None = None
-        self.unchanged = self.evaluated({}, more=True)
+        self.by_laws = self.evaluated({}, more=True)
+        self.unchanged = self.by_laws.channels
 
-    def evaluated(self, changed: dict[str, float], more: bool = False) -> dict[str, Array]:
+    def evaluated(self, changed: dict[str, float], more: bool = False) -> Curves:
         """The channels, from the memory of searches; nothing where there is no reference."""
         try:
             with memory_in_use(self.memory, more):
-                return evaluate(self.case, self.run, self.x, self.state, **changed).channels
+                return evaluate(self.case, self.run, self.x, self.state, **changed)
         except InputError:  # the changed mechanism cannot be assembled everywhere
-            return {}
+            return Curves(self.x, {})
 
     def as_driven(self, state: State | None) -> Curves:
         """The reference with the drives as a solver moved them, which stays in `asked`."""
         if self.asked and self.asked[0] is state:
             return self.asked[1]
         same = state is None or np.array_equal(state, cast(State, self.state))
-        if self.unchanged and same:
-            found = Curves(self.x, self.unchanged)
-        else:
+        found = self.by_laws
+        if not (self.unchanged and same):
             with memory_in_use(self.memory, more=False):
                 found = evaluate(self.case, self.run, self.x, state)
         self.asked = state, found
@@ -457,7 +452,7 @@ class RunReference:
         """The channels' differences at a changed parameter; nothing where there is no reference."""
         if (key, share) not in self.known:
             changed = {key: self.parameters[key] + self.step(key, share)}
-            self.known[key, share] = self.evaluated(changed)
+            self.known[key, share] = self.evaluated(changed).channels
         before, after = self.unchanged, self.known[key, share]
         return [{name: after[name] - before[name] for name in after}] if before and after else []
 

@@ -4,9 +4,10 @@ import importlib
 import inspect
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from mujoco import MjModel
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
+from proofmass.analytic.remember import answered
 from proofmass.case import Case, ProfileTable
 from proofmass.drive import FunctionLaw, InProportion, Samples, State, Steady, Swing
 from proofmass.errors import InputError, in_model, suggest
@@ -33,6 +35,41 @@ CONTROLS = "1", "N", "N m"
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
 read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
+
+
+@dataclass(frozen=True)
+class ReferenceCurves(Curves):
+    """Curves of the reference in the run of a case.
+
+    Attributes
+    ----------
+    shown : dict of str to ndarray (n,)
+        By its own names, what views of the run show of it [SI].
+    """
+
+    shown: dict[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ComparedCurves(Curves):
+    """Curves of a solver, with what their channels had to be where they were compared.
+
+    Attributes
+    ----------
+    reference : dict of str to ndarray (n,)
+        By channel [SI].
+    shown : dict of str to ndarray (n,)
+        What views of the run show of the reference, see `ReferenceCurves`.
+    """
+
+    reference: dict[str, Array] = field(default_factory=dict)
+    shown: dict[str, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, curves: Curves, reference: Curves) -> Self:
+        """Curves with the reference that they are compared with."""
+        shown = reference.shown if isinstance(reference, ReferenceCurves) else {}
+        return cls(**vars(curves), reference=reference.channels, shown=shown)
 
 
 def module_of(case: Case) -> ModuleType | Recorded:
@@ -174,7 +211,9 @@ def named_in_profile(case: Case, k: int, read: Callable[..., Any], *args: object
         raise InputError(case.file, case.drive_key(k, "profile"), str(error)) from None
 
 
-def evaluate(case: Case, kind: Kind, x: Array, state: State | None, **changed: float) -> Curves:
+def evaluate(
+    case: Case, kind: Kind, x: Array, state: State | None, **changed: float
+) -> ReferenceCurves:
     """The reference curves of a run of a case, channel by channel.
 
     They are evaluated in this process: without limits, and with as many threads as BLAS has here.
@@ -195,17 +234,30 @@ def evaluate(case: Case, kind: Kind, x: Array, state: State | None, **changed: f
 
     Returns
     -------
-    Curves
-        One curve a channel, under the channel's name, in SI units.
+    ReferenceCurves
+        One curve a channel, under the channel's name, in SI units; and what views show, unless
+        parameters are changed.
     """
     parameters = {**case.parameters, **changed}
     names = frozenset(c.equals for c in case.channels.values() if isinstance(c.equals, str))
-    known = reference_quantities(case, kind, x, state, parameters, only=names)
-    if any(name.startswith(DRIVE) for name in names):
+    more = frozenset[str]() if changed else names_in_views(case, kind) - case.channels.keys()
+    known = reference_quantities(case, kind, x, state, parameters, only=names | more)
+    if any(name.startswith(DRIVE) for name in names | more):
         known = known | asked_of_drives(case, kind, x)
     if not names <= known.keys():  # an error, which suggests another of all names
         known = quantities(case, kind, x, state, parameters)
-    return Curves(x, channels(case, x, known))
+    shown = {name: known[name] for name in more if name in known}
+    return ReferenceCurves(x, channels(case, x, known), shown=shown)
+
+
+def names_in_views(case: Case, kind: Kind) -> frozenset[str]:
+    """All names in the views of a run."""
+    return frozenset(
+        name
+        for view in case.view
+        if case.run_of(view) == kind
+        for name in (view.x, *view.y, *view.stack, *view.dashed)
+    )
 
 
 def quantities(
@@ -332,7 +384,10 @@ def call(
     else:
         args = tuple(part[0] if len(part) == 1 else part for part in state)
     try:
-        return truth.solve(*args, **parameters, **{k: own[k]() for k in own if k in known})
+        more = {k: own[k]() for k in own if k in known}
+        if "model" in more:  # its numbers may change, and such references keep what they found
+            return truth.solve(*args, **parameters, **more)
+        return answered(truth.solve, *args, **parameters, **more)
     except NotCovered as error:
         raise InputError(
             case.model_path, "", f"the reference {case.reference!r} does not cover it: {error}"

@@ -8,7 +8,14 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
 from proofmass.errors import InputError, suggest
 from proofmass.recorded import Recorded
-from proofmass.reference import DRIVE, channels, compiled, module_of, quantities
+from proofmass.reference import (
+    DRIVE,
+    ComparedCurves,
+    channels,
+    compiled,
+    module_of,
+    quantities,
+)
 from proofmass.sim.protocol import Curves
 
 
@@ -35,12 +42,13 @@ def seen(
     case, view
         Which view of which case.
     curves : Curves
-        Of a solver; only its x and its drives are used.
+        Of a solver; only its x and its drives are used, and what views show of the reference that
+        it was compared with, if it was.
     beside : str, optional
         A parameter set of the case to take instead of its own.
     truth : Curves, optional
-        The reference's channels at that state, for the case's own parameters.  It is not evaluated
-        again if the view names channels and drives alone.
+        The reference's channels at that state, for the case's own parameters, if they are not with
+        the curves.  The reference is evaluated where the view names more than what is there.
 
     Returns
     -------
@@ -61,9 +69,12 @@ def seen(
             f"compare_with.{beside!r}.parameters",
         )
     moved = {d.joint: curves.drive[0][k] for k, d in enumerate(case.drive) if curves.drive}
-    there = {**moved, **(truth.channels if truth else {})}
+    own = truth.channels if truth else {}
+    there = {**moved, **own}
+    if isinstance(curves, ComparedCurves):
+        there = {**curves.shown, **moved, **curves.reference, **own}
     asked = {name for some in named(view).values() for name in some}
-    if truth is None or beside is not None or not asked <= there.keys():
+    if beside is not None or not asked <= there.keys():
         known = quantities(case, case.run_of(view), curves.x, state, parameters, key)
         there = {**known, **moved, **channels(case, curves.x, known)}
     values, units = {}, {}

@@ -10,9 +10,17 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import ComparedCurves, Comparison, reference_for
+from proofmass.compare import Comparison, reference_for
 from proofmass.outcome import LOST, Outcome
-from proofmass.reference import DRIVE, DRIVE_PARTS, compiled, evaluate, grid, laws
+from proofmass.reference import (
+    DRIVE,
+    DRIVE_PARTS,
+    ComparedCurves,
+    compiled,
+    evaluate,
+    grid,
+    laws,
+)
 from proofmass.refined import RefinedRow
 from proofmass.report.jumps import Jumps, of_reference, of_solver
 from proofmass.report.words import KINDS

@@ -19,7 +19,6 @@ from proofmass.report.mechanism import (
     path,
     path_sheet,
     paths,
-    small,
 )
 from proofmass.report.refinements import refine_sheet
 from proofmass.report.style import RC, Look
@@ -73,8 +72,8 @@ def drawn(
 ) -> Drawings:
     """Draw everything of a case and save it as ``folder/slug-….svg`` and ``.png``.
 
-    Names are ``mechanism``, ``thumbnail``, ``refine``, and ``view-1`` and so on; charts are
-    ``chart-1`` and so on.  For `papers` there are ``RUN-overlay``, ``RUN-paths`` and
+    Names are ``mechanism``, or ``thumbnail`` where there is none, ``refine``, and ``view-1`` and so
+    on; charts are ``chart-1`` and so on.  For `papers` there are ``RUN-overlay``, ``RUN-paths`` and
     ``RUN-difference`` of each run with curves as well, which the page shows by its script.
     """
     if beyond_limits(runs):
@@ -183,11 +182,7 @@ def draw(
     with rc_context(RC):
         if shape:
             along = tracks(runs, shape)
-            stem = folder / f"{slug}-mechanism"
-            found["mechanism"] = save(mechanism(case, shape, along), stem)
-            found["thumbnail"] = save(
-                small(shape, along), stem.with_name(f"{slug}-thumbnail"), png=False
-            )
+            found["mechanism"] = save(mechanism(case, shape, along), folder / f"{slug}-mechanism")
         elif runs:
             found["thumbnail"] = save(
                 thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False

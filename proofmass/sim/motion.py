@@ -13,6 +13,7 @@ from the pose that is nearest in what is measured.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -321,21 +322,24 @@ class MovingScene(PictureScene):
                 unfit = max(unfit, self.fit({n: gauges[n] for n in wanted}, wanted))
             self.update()
             places[k] = self.places()
-            rates = self.rates()
+            moves = dict[tuple[str, ...], Array]()  # of solvers that show the same
             for solver, (_, differences) in measured.items():
                 if off := at_sample(differences, gauges, sample):
-                    away[solver][k] = self.away(known, off, places[k], rates)
+                    shown = tuple(off)
+                    if shown not in moves:
+                        moves[shown] = self.moves({name: gauges[name] for name in shown})
+                    away[solver][k] = self.away(known, off, places[k], moves[shown])
         places[:, :, 2] = np.unwrap(places[:, :, 2], axis=0)
         away = {s: rows for s, rows in away.items() if np.isfinite(rows).any()}
         return places, away, tuple(gauges), unfit
 
     def away(
-        self, known: "KnownPoses", off: dict[str, float], places: Array, rates: Array
+        self, known: "KnownPoses", off: dict[str, float], places: Array, moves: Array
     ) -> Array:
         """How far the bodies are from their places where gauges show something else."""
         gauges = {name: known.gauges[name] for name in off}
         if max(abs(o) / gauges[n].scale for n, o in off.items()) < NEAR:
-            return np.asarray(rates @ self.change(gauges, np.array(list(off.values()))))
+            return np.asarray(moves @ list(off.values()))
         pose = self.data.qpos.copy()
         wanted = {name: gauges[name].read(self.data)[0] + o for name, o in off.items()}
         self.data.qpos[:] = known.near(wanted, pose)
@@ -386,7 +390,7 @@ class MovingScene(PictureScene):
             lacking = self.lacking(gauges, wanted)
             if np.abs(lacking).max() < ROUNDING * self.size:
                 break
-            self.data.qpos += self.change(gauges, lacking, close=True)
+            self.data.qpos += self.change(gauges, lacking)
         self.update()
         scales = np.array([gauge.scale for gauge in gauges.values()])
         return float(np.abs(self.lacking(gauges, wanted) / scales).max())
@@ -397,26 +401,43 @@ class MovingScene(PictureScene):
         turns = np.array([gauge.turns for gauge in gauges.values()])
         return np.where(turns, turned(off), off)
 
-    def change(self, gauges: Gauges, off: Array, close: bool = False) -> Array:
-        """The change of the joints that the gauges show, and that closes the loops if asked for."""
+    def change(self, gauges: Gauges, off: Array) -> Array:
+        """The change of the joints that the gauges show, and that closes the loops."""
+        matrix, scales, lengths = self.rows(gauges)
+        gaps = [self.flat(two.reshape(3) - one.reshape(3)) for one, two in self.loops()]
+        ways = np.concatenate([off, np.zeros(len(self.run.drives)), *gaps])
+        return np.asarray(lengths * np.linalg.lstsq(matrix, ways / scales, rcond=RANK)[0])
+
+    def moves(self, gauges: Gauges) -> Array:
+        """How bodies move with what the gauges show, loops held: (bodies, 3, gauges)."""
+        matrix, scales, lengths = self.rows(gauges)
+        joints = lengths[:, None] * np.linalg.pinv(matrix, rcond=RANK) / scales
+        return np.asarray(self.rates() @ joints[:, : len(gauges)])
+
+    def loops(self) -> list[tuple[Array, Array]]:
+        """Both ends of all loops [m]."""
+        return [anchors(self.model, i, pose_of(self.data)) for i in connects(self.model)]
+
+    def rows(self, gauges: Gauges) -> tuple[Array, Array, Array]:
+        """Changes of the gauges, the drives and the loops with the joints, all of them as numbers.
+
+        And what each row, and each joint, is measured in: (rows, joints), (rows,), (joints,).
+        """
         model, data = self.model, self.data
         lengths = np.where(model.jnt_type == J.mjJNT_SLIDE, self.size, 1.0)
-        rows = [gauge.read(data)[1] / gauge.scale for gauge in gauges.values()]
-        sides = [o / gauge.scale for o, gauge in zip(off, gauges.values(), strict=True)]
+        rows = [gauge.read(data)[1] for gauge in gauges.values()]
+        scales = [gauge.scale for gauge in gauges.values()]
         for drive in self.run.drives:
             rows.append(np.eye(model.nv)[model.joint(drive.joint).dofadr[0]])
-            sides.append(0.0)
-        for i in connects(model):
-            one, two = anchors(model, i, pose_of(data))
-            bodies = anchor_bodies(model, i)
-            gap = self.flat(two.reshape(3) - one.reshape(3)) / self.size
+            scales.append(1.0)
+        for i, ends in zip(connects(model), self.loops(), strict=True):
             apart = [
-                self.jacobian(b, p.reshape(3))[0] for b, p in zip(bodies, (one, two), strict=True)
+                self.jacobian(b, p.reshape(3))[0]
+                for b, p in zip(anchor_bodies(model, i), ends, strict=True)
             ]
-            rows.extend(LOOPS * (self.basis @ (apart[0] - apart[1])) / self.size)
-            sides.extend(LOOPS * gap * close)
-        matrix = np.array(rows) * lengths
-        return lengths * np.linalg.lstsq(matrix, np.array(sides), rcond=RANK)[0]
+            rows.extend(self.basis @ (apart[0] - apart[1]))
+            scales += [self.size / LOOPS] * 2
+        return np.array(rows) * lengths / np.array(scales)[:, None], np.array(scales), lengths
 
     def gauge(self, channel: str) -> Gauge | None:
         """What a channel that is a place or an angle shows, and how it changes with the joints."""
@@ -486,14 +507,23 @@ class KnownPoses:
         joints = [scene.model.joint(drive.joint).id for drive in scene.run.drives]
         drives = scene.model.jnt_qposadr[joints]
         lengths = np.where(scene.model.jnt_type[joints] == J.mjJNT_SLIDE, scene.size, 1.0)
-        away = list[float]()
-        for known in self.qpos:
-            data.qpos[:] = known
-            scene.update()
-            off = scene.lacking(gauges, wanted) / scales
-            away.append(float(np.linalg.norm([*off, *((known - pose)[drives] / lengths)])))
-        found: Array = self.qpos[int(np.argmin(away))].copy()
+        turns = np.array([gauge.turns for gauge in gauges.values()])
+        off = np.array(list(wanted.values())) - np.stack([self.shown[n] for n in wanted], axis=1)
+        off = np.where(turns, turned(off), off) / scales
+        away = np.hstack([off, (self.qpos - pose)[:, drives] / lengths])
+        found: Array = self.qpos[int(np.argmin(np.linalg.norm(away, axis=1)))].copy()
         found[drives] = pose[drives]
+        return found
+
+    @cached_property
+    def shown(self) -> Curve:
+        """What all gauges show at the known poses."""
+        scene, found = self.scene, {name: np.empty(len(self.qpos)) for name in self.gauges}
+        for k, pose in enumerate(self.qpos):
+            scene.data.qpos[:] = pose
+            scene.update()
+            for name, gauge in self.gauges.items():
+                found[name][k] = gauge.read(scene.data)[0]
         return found
 
 

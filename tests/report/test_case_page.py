@@ -14,13 +14,13 @@ import pytest
 from benchmarks.pictures import LONGER
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import ComparedCurves, compare
+from proofmass.compare import compare
 from proofmass.coverage import FOLDER, Coverage, Kept, file_of, key_of
 from proofmass.coverage_search import CheckedRun, Finding
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.errors import InputError
 from proofmass.explain import not_noticed
-from proofmass.reference import evaluate
+from proofmass.reference import ComparedCurves, evaluate
 from proofmass.report import case_data, write_report
 from proofmass.report.case_data import kept, motion_data, recorded_data, thinning
 from proofmass.report.data import Shown, shown

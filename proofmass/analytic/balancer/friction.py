@@ -95,30 +95,30 @@ class RubbingChain:
 
     def slopes(self) -> tuple[Array, Array, Array]:
         """Stiffness (n, n) in psi, loop's Jacobian A (2, n), and spring moments (n,)."""
-        b, e = self.b, self.winding()[None]
+        b, e = self.b, self.winding()
         east, north = b.length[0] * np.sin(self.psi), b.length[0] * np.cos(self.psi)
         bend = np.diag(self.pull[0] * east + self.pull[1] * north)
-        stiffness = self.turns.T @ (b.slopes(e)[0, :, None] * self.turns) - bend
-        return stiffness, np.stack([north, -east]), b.moments(e)[0]
+        stiffness = self.turns.T @ (self.springs(e)[:, None] * self.turns) - bend
+        return stiffness, np.array([north, -east]), b.moments(e[None])[0]
+
+    def springs(self, winding: Array) -> Array:
+        """Stiffness (n,) of the springs at their windings [N m/rad]."""
+        return np.asarray(self.b.slopes(winding[None])[0])
 
     def system(self) -> tuple[Array, Array, Array]:
         """Residual, Newton's matrix and the residual's change with alpha, at the present pose."""
-        b, n, e = self.b, self.psi.size, self.winding()
+        n, e = self.psi.size, self.winding()
         stiffness, loop, moment = self.slopes()
-        held = self.turns[self.stuck]
-        rows = np.vstack([loop, held])
-        none = np.zeros((len(rows), len(rows)))
+        rows = np.concatenate([loop, self.turns[self.stuck]])
         load = self.turns.T @ (moment + self.friction) + loop.T @ self.pull
-        east, north = b.length[0] * np.sin(self.psi), b.length[0] * np.cos(self.psi)
-        gap = [east.sum(), north.sum() - b.pendulum[0], *(e[self.stuck] - self.fixed)]
-        pulled = np.zeros(n + len(rows))
-        pulled[0] = b.slopes(e[None])[0, 0]
+        north, west = loop.sum(axis=1)
+        gap = [-west, north - self.b.pendulum[0], *(e[self.stuck] - self.fixed)]
+        matrix = np.zeros((n + len(rows), n + len(rows)))
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = stiffness, rows.T, rows
+        pulled = np.zeros(len(matrix))
+        pulled[0] = self.springs(e)[0]
         pulled[n + 2 :] = self.stuck == 0
-        return (
-            np.concatenate([load, gap]),
-            np.block([[stiffness, rows.T], [rows, none]]),
-            pulled,
-        )
+        return np.concatenate([load, gap]), matrix, pulled
 
     def solved(self, matrix: Array, right: Array) -> Array:
         """The least solution: stuck joints may hold each other."""
@@ -135,7 +135,7 @@ class RubbingChain:
         """The present rest in coordinates of its free motions, without its friction."""
         stiffness, loop, moment = self.slopes()
         free, own, step = free_of(loop), self.rubbing, float(way[0])
-        slope = self.b.slopes(self.winding()[None])[0, 0]
+        slope = self.springs(self.winding())[0]
         return SlipProblem(
             free @ (self.turns.T @ moment),
             free @ stiffness @ free.T,

@@ -211,7 +211,7 @@ class Balancer:
     def wide(self, values: Array, like: Array) -> Array:
         """Values (B, n), or (B,), with axes of size 1 for what stands between batch and joint."""
         between = like.ndim - 2
-        return values.reshape(len(values), *[1] * between, *values.shape[1:])
+        return values.reshape(len(values), *[1] * between, *values.shape[1:]) if between else values
 
 
 def balancer(**parameters: ArrayLike) -> Balancer:

@@ -82,9 +82,10 @@ class Point:
 def windings(b: Balancer, alpha: Array, psi: Array) -> Array:
     """Windings (B, n) of all springs from rest [rad]."""
     turned = psi - b.rest
-    e = np.diff(turned, axis=-1, prepend=0.0)
+    e = turned.copy()
+    e[..., 1:] -= turned[..., :-1]
     e[..., 0] += alpha
-    return e
+    return np.asarray(e)
 
 
 def bounds(b: Balancer, side: Array) -> Array:

@@ -28,6 +28,7 @@ moment equation, about the frame's origin, is these rows combined, with the same
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,25 +115,31 @@ def flow(
     angle, m0, n, length, stiffness = np.broadcast_arrays(
         np.asarray(angle, float), moment, np.asarray(force, complex), length, stiffness
     )
-    fixed = np.zeros((4, *angle.shape))
-    fixed[0], fixed[1] = m0, 1.0
-    arm = np.zeros((4, *angle.shape), complex)
-    arm[2], arm[3] = 1.0, -1.0j
-    theta, z = np.zeros_like(fixed), np.zeros_like(arm)
+    x, y, theta, lever, other = (np.zeros((4, *angle.shape)) for _ in range(5))
     theta[0] = angle
     count = steps(m0, n, length, stiffness)
     turns = [share * length / (count * stiffness) for share in HINGES]
     moves = [share * length / count for share in SEGMENTS]
     moves.append(np.zeros_like(moves[0]))  # a step ends with its last hinge
-    lever = n.conj()
+    n_x, n_y, (x0, y0, turned) = n.real.copy(), n.imag.copy(), (x[:1], y[:1], theta[:1])
+    moments, by_x, by_y = lever[:2], lever[2:3], lever[3:]
+    fixed = np.stack([m0, np.ones_like(m0)])
+    dx, dy, twist, product = x[1:], y[1:], theta[1:], other[1:]
     for _ in range(count):
         for turn, move in zip(turns, moves, strict=True):
-            theta += turn * ((lever * z + arm * z[0]).imag + fixed)
-            along = np.exp(1j * theta[0]) * move
-            change = 1j * along * theta
-            change[0] = along
-            z += change
-    return z, theta
+            np.multiply(n_x, y, out=lever)
+            lever -= np.multiply(n_y, x, out=other)
+            moments += fixed
+            by_x += y0
+            by_y -= x0
+            lever *= turn
+            theta += lever
+            along, up = move * np.cos(turned), move * np.sin(turned)
+            x0 += along
+            y0 += up
+            dx -= np.multiply(twist, up, out=product)
+            dy += np.multiply(twist, along, out=product)
+    return x + 1j * y, theta
 
 
 def steps(moment: Array, force: Complex, length: Array, stiffness: Array) -> int:
@@ -381,8 +388,32 @@ def sizes(a: Assembly) -> tuple[Array, Array]:
     )
 
 
+class Closed(NamedTuple):
+    """Where Newton's method led.
+
+    Attributes
+    ----------
+    states : RodState (n,)
+        NaN where it did not close.
+    moved : ndarray (n,)
+        Length of the way from the first guess, each column over its size [1]; inf if NaN.
+    side : ndarray (n,)
+        Sign of the determinant of the problem that was solved [1].
+    """
+
+    states: RodState
+    moved: Array
+    side: Array
+
+
 def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodState, Array]:
-    """Close states (n, ...) by some columns of their vectors; and how far each went.
+    """States that are `closed`, and how far each went."""
+    found = closed(s, free, within)
+    return found.states, found.moved
+
+
+def closed(s: RodState, free: Columns, within: ArrayLike = FAR) -> Closed:
+    """Close states (n, ...) by some columns of their vectors.
 
     Steps are halved while they do not lessen the residual.  States that do not close are NaN.
 
@@ -395,14 +426,13 @@ def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodStat
 
     Returns
     -------
-    RodState (n,)
-    moved : ndarray (n,)
-        Length of the way from the first guess, each column over its size [1]; inf if NaN.
+    Closed
     """
     a, scale = s.assembly, sizes(s.assembly)[1]
     at, left = np.full_like(s.vector, np.nan), np.arange(len(s.vector))
+    side = np.full(len(at), np.nan)
     here, part, within = s.vector, np.ones(len(at)), np.broadcast_to(within, len(at))
-    norm, step = _step(a, here, free)
+    norm, step, _ = _step(a, here, free)
     for _ in range(MOST_TRIALS):
         trial = here + part[:, None] * step
         near = np.linalg.norm((trial - s.vector[left]) / scale, axis=-1) <= within[left]
@@ -412,25 +442,25 @@ def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodStat
         )
         if not left.size:
             break
-        now, onward = _step(a, trial, free)
+        now, onward, matrix = _step(a, trial, free)
         good = (now <= norm) | (now < ROUNDING)
         met = good & (np.linalg.norm(step / scale, axis=-1) < SURE)
-        at[left[met]] = trial[met]
+        at[left[met]], side[left[met]] = trial[met], np.sign(determinant(matrix[met]))
         here, step = (np.where(good[:, None], *pair) for pair in ((trial, here), (onward, step)))
         norm, part = np.where(good, now, norm), np.where(good, 1.0, part / 2.0)
         left, here, part, norm, step = (values[~met] for values in (left, here, part, norm, step))
     moved = np.linalg.norm((at - s.vector) / scale, axis=-1)
-    return RodState(a, at), np.where(np.isfinite(moved), moved, np.inf)
+    return Closed(RodState(a, at), np.where(np.isfinite(moved), moved, np.inf), side)
 
 
-def _step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array]:
-    """Norms (n,) of the residuals over their sizes, and Newton's steps (n, columns)."""
+def _step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array, Array]:
+    """Norms (n,) of the residuals over their sizes, Newton's steps (n, columns), and matrices."""
     rows, scale = sizes(a)
     f, jacobian = closure(RodState(a, vector))
     f, jacobian = f / rows, jacobian[..., free] * scale[free] / rows[:, None]
     step = np.zeros_like(vector)
     step[:, free] = solve(jacobian, -f) * scale[free]
-    return np.linalg.norm(f, axis=-1), step
+    return np.linalg.norm(f, axis=-1), step, jacobian
 
 
 def determinant(matrix: Array) -> Array:
@@ -628,8 +658,7 @@ def derivatives(s: RodState) -> Derivatives:
     if k == p:
         held = columns(a, "rods", "inputs")
         back = ratio(jacobian, held, pose)[..., 3 * k :, :]
-        order = np.concatenate([[*rods[3 * i : 3 * i + 3], inputs[i]] for i in range(k)])
-        inverse = determinant(jacobian[..., order])
+        inverse = determinant(jacobian[..., unknowns(a, "inverse")])
     own = jacobian[..., : 3 * k, :]
     carried = ratio(own, rods, pose)
     balance = jacobian[..., 3 * k :, :]
@@ -638,6 +667,14 @@ def derivatives(s: RodState) -> Derivatives:
         [determinant(own[..., 3 * i : 3 * i + 3, 3 * i : 3 * i + 3]) for i in range(k)], -1
     )
     return Derivatives(follow, back, stiffness, determinant(jacobian[..., free]), own, inverse)
+
+
+def unknowns(a: Assembly, which: str) -> Columns:
+    """Columns whose determinant is zero in a "direct" or in an "inverse" singularity."""
+    if which == "direct":
+        return columns(a, "rods", "pose")
+    rods, inputs = columns(a, "rods"), columns(a, "inputs")
+    return np.concatenate([[*rods[3 * i : 3 * i + 3], inputs[i]] for i in range(a.rods)])
 
 
 def ratio(jacobian: Array, unknown: Columns, given: Columns) -> Array:

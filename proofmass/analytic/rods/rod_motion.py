@@ -28,7 +28,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -36,6 +36,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from proofmass.analytic.numerics import Array, Complex, positive
+from proofmass.analytic.remember import nearby
 
 COUNTS = 10, 16, 22
 """Numbers of polynomials, one after the other until the motion no longer changes."""
@@ -197,7 +198,7 @@ class MovingRod:
         moves = np.concatenate([parts[..., :count, :], parts[..., count:, :]], axis=-1)
         start = np.asarray(self.base(t)[2])
         missing = start[..., None] - inward @ form.upto.T - self.gravity
-        weighed = np.tile(self.mass * form.whole, 2) * moves
+        weighed = self.mass * np.concatenate([form.whole, form.whole]) * moves
         mass = weighed @ np.swapaxes(moves, -1, -2)
         lost = np.concatenate([missing.real, missing.imag], axis=-1)
         force = -self.stiffness / size * (a @ form.bend) - (weighed @ lost[..., None])[..., 0]
@@ -390,41 +391,84 @@ class MovingRod:
         }
 
 
-def resolved_motion(
-    rod: MovingRod, t: Array, start: Callable[[int], tuple[Array, Array]]
-) -> dict[str, Array]:
-    """Curves of a motion with as many polynomials as it needs.
+Started = tuple[MovingRod, Callable[[int], tuple[Array, Array]]]
+"""A rod, and coefficients and rates of so many polynomials at the start of its motion."""
 
-    Their number rises until no place changes by more than `ACCURACY` of the rod's length.
+
+class ResolvedMotion(NamedTuple):
+    """A motion with as many polynomials as it needs.
+
+    Attributes
+    ----------
+    asked : tuple
+        What it is the motion of.
+    count : int
+        Number of polynomials.
+    curves : dict of str to ndarray (times,)
+        [SI].
+    """
+
+    asked: tuple[Any, ...]
+    count: int
+    curves: dict[str, Array]
+
+
+def resolved_motion(
+    begins: Callable[..., Started], problem: tuple[float, ...], times: tuple[float, ...]
+) -> dict[str, Array]:
+    """Curves of a motion with as many polynomials as it needs, or as one near it needed.
 
     Parameters
     ----------
-    rod : MovingRod
-    t : ndarray (times,)
-        Times [s], rising, the start first.
-    start : callable
-        Coefficients and rates at the start, of so many polynomials.
+    begins : callable
+        The rod and its start, from the numbers of a problem.
+    problem : tuple of float
+        These numbers [SI].
+    times : tuple of float
+        Rising, the start first [s].
 
     Raises
     ------
     ValueError
         The motion changes with the most polynomials still, or lasts too long.
     """
+    near = resolved(begins, problem, times)
+    if near.asked == (problem, times):
+        return dict(near.curves)
+    rod, start = begins(*problem)
+    return moved(rod, np.array(times), *start(near.count))
+
+
+def moved(rod: MovingRod, t: Array, a: Array, rate: Array) -> dict[str, Array]:
+    """Curves of a motion from coefficients and rates (count,) at the first of its times."""
+    return rod.curves(t, *rod.integrate(t, a, rate, step_of(rod)))
+
+
+def step_of(rod: MovingRod) -> float:
+    """Longest step in time [s] of the motion of a rod."""
+    return 1.0 / float(rod.frequencies(RESOLVED + 4)[RESOLVED - 1])
+
+
+@nearby
+def resolved(
+    begins: Callable[..., Started], problem: tuple[float, ...], times: tuple[float, ...]
+) -> ResolvedMotion:
+    """The motion with more and more polynomials, until no place changes by more than `ACCURACY`."""
     before: Array | None = None
-    count = (t[-1] - t[0]) * rod.frequencies(RESOLVED + 4)[RESOLVED - 1]
-    if count > MOST_STEPS:
+    (rod, start), t = begins(*problem), np.array(times)
+    steps = (t[-1] - t[0]) / step_of(rod)
+    if steps > MOST_STEPS:
         raise ValueError(
-            f"the rod is too stiff to be followed so long: {count:.1g} steps in time; at most "
+            f"the rod is too stiff to be followed so long: {steps:.1g} steps in time; at most "
             f"{MOST_STEPS:g}"
         )
-    step = 1.0 / rod.frequencies(RESOLVED + 4)[RESOLVED - 1]
     for count in COUNTS:
-        found = rod.curves(t, *rod.integrate(t, *start(count), step))
+        found = moved(rod, t, *start(count))
         places = np.stack([found[f"{at}_{axis}"] for at in ("middle", "tip") for axis in "xy"])
         if before is not None:
             change = float(np.abs(places - before).max()) / rod.length
             if change < ACCURACY:
-                return found
+                return ResolvedMotion((problem, times), count, found)
         before = places
     raise ValueError(
         f"the motion of the rod is not resolved: its places change by {change:.1g} of its length "

@@ -5,7 +5,7 @@ Rod from a clamp to a pin, at rest: the shape that a first guess of its force le
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from proofmass.analytic import newton_raphson
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
 from proofmass.analytic.newton_raphson import NewtonLog
 from proofmass.analytic.numerics import TURN, Array, finite
+from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.elastica import bounds, compliant, modulus, of_load, tip
 from proofmass.analytic.rods.equilibrium import flow
 from proofmass.analytic.rods.shooting import ShotRods, integrate
@@ -128,16 +129,19 @@ def pinned(
     )
     target = np.array([x, y, 0.0])
 
+    @lru_cache(1)  # a step ends where the next one asks for the Jacobian
+    def shot(*unknowns: float) -> ShotRods:
+        return shoot(*unknowns, slopes=exact)
+
     def miss(unknowns: Array) -> Array:
-        rod = shoot(*unknowns)
+        rod = shot(*unknowns.tolist())
         return np.array([rod.x[-1], rod.y[-1], rod.m[-1]]) - target
 
     def system(unknowns: Array) -> tuple[Array, Array]:
-        rod = shoot(*unknowns, slopes=True)
-        return (np.array([rod.x[-1], rod.y[-1], rod.m[-1]]) - target, rod.slope[-1][[2, 3, 1], :3])
+        return miss(unknowns), shot(*unknowns.tolist()).slope[-1][[2, 3, 1], :3]
 
     log, size = newton(miss, system if exact else differences(miss), guess, tolerance)
-    return Shot(shoot(*log.root), size, size <= tolerance, log)
+    return Shot(shot(*log.root.tolist()), size, size <= tolerance, log)
 
 
 def differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
@@ -251,7 +255,8 @@ def solve(
         "shear": shear,
         "theta0": theta0,
     }
-    found = pinned(pin_x, pin_y, (force_x, force_y, moment), **made)
+    near = root(pin_x, pin_y, (force_x, force_y, moment), tuple(made.items()))
+    found = pinned(pin_x, pin_y, near, **made)
     if not found.converged:
         raise ValueError(
             f"force_x, force_y, moment = {force_x:g}, {force_y:g}, {moment:g} lead to "
@@ -275,6 +280,17 @@ def solve(
         "force_y": np.full(arc.shape, n.imag),
         "hold": np.full(arc.shape, -found.unknowns[2]),
     }
+
+
+@nearby
+def root(
+    pin_x: float, pin_y: float, guess: tuple[float, ...], made: tuple[tuple[str, float], ...]
+) -> tuple[float, ...]:
+    """The force and the moment (n_x, n_y, m0) [N, N m] that a guess leads to.
+
+    Newton's method goes on from there to problems of more digits, of which sensitivities want many.
+    """
+    return tuple(pinned(pin_x, pin_y, guess, **dict(made)).unknowns.tolist())
 
 
 DOCUMENT: dict[str, Any] = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}

@@ -6,13 +6,11 @@ r"""Straight clamped rod let go under its own weight: a motion of any amplitude 
           |                           gravity along -y
 """
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, finite
-from proofmass.analytic.rods.rod_motion import MovingRod, check_rod, resolved_motion
+from proofmass.analytic.rods.rod_motion import MovingRod, Started, check_rod, resolved_motion
 
 
 def solve(
@@ -75,29 +73,22 @@ def solve(
     if not (t >= 0.0).all():
         raise ValueError(f"time must not be negative: the rod is let go at 0, got {t.min():g} s")
     moments, where = np.unique(np.append(0.0, t), return_inverse=True)
-    found = released(length, stiffness, mass, gravity, theta0, tuple(moments.tolist()))
-    return {name: curve[where[1:]].reshape(t.shape) for name, curve in found.items()}
+    problem = length, stiffness, mass, gravity, theta0
+    found = resolved_motion(released, problem, tuple(moments.tolist()))
+    return {
+        name: curve[where[1:]].reshape(t.shape)
+        for name, curve in found.items()
+        if name not in ("guide_force", "begin_angle")
+    }
 
 
-@lru_cache(maxsize=32)
 def released(
-    length: float,
-    stiffness: float,
-    mass: float,
-    gravity: float,
-    theta0: float,
-    times: tuple[float, ...],
-) -> dict[str, Array]:
-    """What `solve` returns, at rising times (n,) from 0 on; the runs of a case ask for the same.
+    length: float, stiffness: float, mass: float, gravity: float, theta0: float
+) -> Started:
+    """The rod, and its start at rest.
 
-    >>> released(1.0, 1.0, 1.0, 0.0, 0.0, (0.0, 0.1))["tip_x"].tolist()
-    [1.0, 1.0]
+    >>> released(1.0, 1.0, 1.0, 0.0, 0.0)[1](2)
+    (array([0., 0.]), array([0., 0.]))
     """
     rod = MovingRod(length, stiffness, mass, gravity=-1j * gravity, theta0=theta0)
-
-    def start(count: int) -> tuple[Array, Array]:
-        return np.zeros(count), np.zeros(count)
-
-    found = resolved_motion(rod, np.array(times), start)
-    del found["guide_force"], found["begin_angle"]
-    return found
+    return rod, lambda count: (np.zeros(count), np.zeros(count))

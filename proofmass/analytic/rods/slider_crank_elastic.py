@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Complex, finite, not_negative, positive
-from proofmass.analytic.rods.rod_motion import MovingRod, check_rod, resolved_motion
+from proofmass.analytic.rods.rod_motion import MovingRod, Started, check_rod, resolved_motion
 
 SAME = 1e-6  # of the rate: how far a constant one may change
 
@@ -95,22 +95,9 @@ def solve(
     if not np.abs(speeds - speed).max() <= SAME * abs(speed) or not speed:
         raise ValueError("rate must be constant and not zero: the coupler has a motion of its own")
     t, first = (phi - phi[0]) / speed, float(phi[0])
-
-    def begin(t: ArrayLike) -> tuple[Complex, Complex, Complex]:
-        place = crank * np.exp(1j * (first + speed * np.asarray(t)))
-        return place, 1j * speed * place, -(speed**2) * place
-
-    line = -float(np.arcsin(crank * np.sin(first) / coupler))
-    turning = -speed * crank * np.cos(first) / (coupler * np.cos(line))
-    rod = MovingRod(
-        coupler, stiffness, coupler_mass, False, -1j * gravity, line, begin, slider_mass
-    )
-
-    def start(count: int) -> tuple[Array, Array]:
-        return np.zeros(count), turning * np.eye(1, count)[0]
-
-    found = resolved_motion(rod, t, start)
-    end = begin(t)[0]
+    links = crank, coupler, stiffness, coupler_mass, slider_mass, gravity
+    found = resolved_motion(begun, (*links, first, speed), tuple(t.tolist()))
+    end = crank * np.exp(1j * (first + speed * t))
     middle = found["middle_x"] + 1j * found["middle_y"]
     chord = found["tip_x"] + 1j * found["tip_y"] - end
     force = found["force_x"] + 1j * found["force_y"]
@@ -125,3 +112,27 @@ def solve(
     return {
         name: curve.reshape(np.shape(angle)) for name, curve in found.items() if name != "moment"
     }
+
+
+def begun(
+    crank: float,
+    coupler: float,
+    stiffness: float,
+    coupler_mass: float,
+    slider_mass: float,
+    gravity: float,
+    first: float,
+    speed: float,
+) -> Started:
+    """The coupler, and its start: straight, and turning as a rigid one would."""
+
+    def begin(t: ArrayLike) -> tuple[Complex, Complex, Complex]:
+        place = crank * np.exp(1j * (first + speed * np.asarray(t)))
+        return place, 1j * speed * place, -(speed**2) * place
+
+    line = -float(np.arcsin(crank * np.sin(first) / coupler))
+    turning = -speed * crank * np.cos(first) / (coupler * np.cos(line))
+    rod = MovingRod(
+        coupler, stiffness, coupler_mass, False, -1j * gravity, line, begin, slider_mass
+    )
+    return rod, lambda count: (np.zeros(count), turning * np.eye(1, count)[0])

@@ -18,14 +18,15 @@ from proofmass.analytic.rods.equilibrium import (
     Columns,
     RodState,
     clamps,
+    closed,
     closure,
     columns,
     derivatives,
     determinant,
-    newton,
     ratio,
     sizes,
     square,
+    unknowns,
 )
 
 ASIDE = np.array([[0, 1], [0, -1], [1, 0], [-1, 0]])
@@ -185,13 +186,8 @@ def stride(
     way = np.linalg.norm(change / scale, axis=1)
     guess = here.vector + change
     guess[:, at] = goal
-    there, _ = newton(RodState(a, guess), free, STRAY * way)
-    good = np.isfinite(there.vector[:, 0])
-    before, after = (
-        determinant(matrix[..., free]) for matrix in (jacobian[good], closure(there[good])[1])
-    )
-    good[good] = before * after > 0.0
-    return there, good
+    found = closed(RodState(a, guess), free, STRAY * way)
+    return found.states, found.side * np.sign(determinant(jacobian[..., free])) > 0.0
 
 
 def loci(m: Map, which: str, rims: tuple[RodState, Columns] | None = None) -> RodState:
@@ -211,8 +207,10 @@ def loci(m: Map, which: str, rims: tuple[RodState, Columns] | None = None) -> Ro
     if which not in ("direct", "inverse"):
         raise ValueError(f"which must be 'direct' or 'inverse', got {which!r}")
 
+    found = unknowns(m.states.assembly, which)
+
     def sign(s: RodState) -> Array:
-        return np.asarray(np.sign(getattr(derivatives(s), f"{which}_determinant")))
+        return np.asarray(np.sign(determinant(closure(s)[1][..., found])))
 
     low, high = _edges(m)
     if rims is not None:
@@ -222,7 +220,8 @@ def loci(m: Map, which: str, rims: tuple[RodState, Columns] | None = None) -> Ro
             for one, more in ((low, beside), (high, rims[0].vector))
         )
     at = columns(low.assembly, m.name)[list(m.axes)]
-    side, change = sign(low), sign(low) != sign(high)
+    side = sign(low)
+    change = side != sign(high)
     low, high, side = low[change], high[change], side[change]
     for _ in range(BISECTIONS):
         between, good = onward(low, 0.5 * (low.vector + high.vector)[:, at], at, m.name)

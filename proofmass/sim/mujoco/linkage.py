@@ -85,9 +85,12 @@ class Linkage:
         self.shares = self.sizes / self.spans[:, None]
         self.rub = np.zeros(model.nv)
         self.loaded = np.flatnonzero(data.xfrc_applied.any(axis=1))
+        self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
 
     def rubs(self, velocity: Array, fastest: float) -> None:
         """Let joints rub against their motion; those that stand, as when they came there."""
+        if not self.model.dof_frictionloss.any():
+            return
         self.rub = np.where(
             np.abs(velocity) > STANDS * fastest,
             np.sign(velocity) * self.model.dof_frictionloss,
@@ -135,6 +138,8 @@ class Linkage:
                 self.data.qpos[:] = before
             else:
                 tangent = there
+        if not self.controls.size:
+            return tangent
         return np.pad(tangent, ((0, 0), (0, self.controls.size)))  # loads move nothing
 
     def place(self, values: Array) -> Array:
@@ -218,7 +223,7 @@ class Linkage:
         The drives hold every joint, so nothing can give way there; the engine's own limits are
         springs, whose forces would enter the holding moments.
         """
-        for word, kind in LIMITS.items():
+        for word, kind in LIMITS.items() if self.limited else ():
             past = (self.data.efc_type == kind) & (self.data.efc_pos < -TOUCHES)
             if past.any():
                 name = getattr(self.model, word)(self.data.efc_id[past.argmax()]).name
@@ -236,7 +241,7 @@ class Linkage:
 
     def scaled(self, jacobian: Array) -> Array:
         """The loops' rows and, below them, the drives', with all lengths in extents."""
-        return np.vstack([jacobian, self.units]) * self.shares
+        return np.concatenate([jacobian, self.units]) * self.shares
 
     def spoken(self, values: Array) -> str:
         """The driven joints with their values."""

@@ -324,7 +324,15 @@ class Modes:
     def rise(self, links: Links, pose: Array, move: Array) -> Array:
         """By how much a move from the pose makes the energy's slope along each mode larger."""
         there, here = slope(links, np.stack([pose + move, pose]), self.pull, self.stops)
-        return np.tensordot(self.shapes, there - here, 2)
+        return self.of(there - here)
+
+    def of(self, push: Array) -> Array:
+        """Products (n,) of the modes with what acts on the links (links + 1, 3)."""
+        return np.asarray(self.shapes.reshape(len(self.shapes), -1) @ push.ravel())
+
+    def sum(self, parts: Array) -> Array:
+        """Sum (links + 1, 3) of as many parts (n,) of each mode."""
+        return np.asarray(np.einsum("n,nlk->lk", parts, self.shapes))
 
 
 def free_directions(links: Links, rows: Array) -> Array:
@@ -346,11 +354,12 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
     rows, pull = _pull(links, pose, stops)
     moves = free_directions(links, rows)
     rise, size = _rise(links, pose, moves, pull, stops)
-    bend = np.tensordot(rise, moves, ((1, 2), (1, 2))) * size[:, None]
+    flat = moves.reshape(len(moves), -1)
+    bend = rise.reshape(flat.shape) @ flat.T * size[:, None]
     squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
     twist = modes.T @ (bend.T - bend) @ modes / (4 * NUDGE)
     twist *= any(load.follows for load in links.pulls)
-    return Modes(pose, np.tensordot(modes.T, moves, 1), squares, twist, pull, stops)
+    return Modes(pose, (modes.T @ flat).reshape(moves.shape), squares, twist, pull, stops)
 
 
 def bent(links: Links, pose: Array, moves: Array) -> Array:

@@ -25,7 +25,6 @@ from itertools import compress
 import numpy as np
 import pymunk
 from numpy.typing import NDArray
-from pymunk import batch
 
 from proofmass.analytic.friction import (
     DEPENDENT,
@@ -63,18 +62,16 @@ from proofmass.sim.pymunk.model import with_controls
 from proofmass.sim.pymunk.reactions import SampledMotion
 from proofmass.sim.pymunk.read import Level, Sensor, channel, force_curves, kinetic, unwrapped
 from proofmass.sim.pymunk.space import (
-    FIELDS,
     STOPS,
     Friction,
     Motor,
     Settings,
+    StillBodies,
     add_drives,
     add_friction,
     aim,
     build,
     new_drive,
-    put,
-    taken,
 )
 from proofmass.sim.rods import Chain, RodPose, shapes
 
@@ -162,9 +159,9 @@ def toward_rest(
 
 def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -> Array:
     """The move if the joints that the modes hold stay on their stops."""
-    parts = np.tensordot(modes.shapes, links.weights * velocity, 2)
+    parts = modes.of(links.weights * velocity)
     stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
-    closing = dt * (velocity - np.tensordot(parts, modes.shapes, 1))
+    closing = dt * (velocity - modes.sum(parts))
     closing /= max(1.0, float(sizes(links, closing)) / CLOSE)
     pushes = parts / dt - modes.rise(links, pose, closing)
     ways = (
@@ -173,7 +170,7 @@ def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -
         else pushes / stiff
     )
     most = MOVE / sizes(links, modes.shapes)  # of each: soft ones wait, stiff ones do not
-    fall = np.tensordot(np.clip(ways, -most, most), modes.shapes, 1)
+    fall = modes.sum(np.clip(ways, -most, most))
     return closing + fall / max(1.0, _excess(links, pose, fall))
 
 
@@ -244,6 +241,7 @@ class Held:
 
     links: Links
     space: pymunk.Space
+    bodies: StillBodies
     drives: list[Motor]
     stops: Stops
     dt: float
@@ -259,6 +257,7 @@ class Held:
     def carry(self, links: Links, error_bias: float) -> None:
         """Go on in a space whose links have other loads, at the present pose."""
         self.links, self.space = links, space_of(links, self.usual, error_bias)
+        self.bodies = StillBodies(self.space, links)
         self.drives, self.stops = add_drives(self.space, links), find_stops(links, self.space)
 
     @property
@@ -307,11 +306,7 @@ class Held:
 
     def _solve(self) -> None:
         """Let the engine step: the velocity as far as its iterations find it."""
-        put(self.space, self.pose, np.zeros_like(self.pose))
-        self.space.step(self.dt)
-        buffer = batch.Buffer()
-        batch.get_space_bodies(self.space, FIELDS, buffer)
-        _, (self.velocity,) = taken(buffer, self.links)
+        self.velocity = self.bodies.step(self.pose, self.dt)
 
     def settle(self, target: Array, still: float = STILL) -> None:
         """Step until nothing moves and the drives have their values.
@@ -644,6 +639,7 @@ def hold(links: Links, settings: Settings) -> Held:
     return (HeldRubbing if loose and len(moves) else Held)(
         links,
         space,
+        StillBodies(space, links),
         add_drives(space, links),
         find_stops(links, space),
         _step(links, pose),

@@ -17,12 +17,8 @@ from proofmass.sim.pymunk.links import Hold, LinkJoint, Links, Pull
 
 Settings = dict[str, Any]
 """timestep [s], iterations, error_bias."""
-FIELDS = (
-    batch.BodyFields.POSITION
-    | batch.BodyFields.ANGLE
-    | batch.BodyFields.VELOCITY
-    | batch.BodyFields.ANGULAR_VELOCITY
-)
+RATES = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
+FIELDS = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | RATES
 STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
 """Kinds of constraints that stand for a joint's limits, in the order of the joints."""
 REACH = 100.0
@@ -191,6 +187,24 @@ def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
     """
     states = np.frombuffer(bytes(buffer.float_buf())).reshape(-1, len(links.mass) + 1, 6)
     return states[..., :3], states[..., 3:]
+
+
+class StillBodies:
+    """All bodies of a space, put into a pose and read at once; the ground is the last of them."""
+
+    def __init__(self, space: pymunk.Space, links: Links):
+        self.space, self.states = space, np.zeros((len(links.mass) + 1, 6))
+        self.given, self.found = batch.Buffer(), batch.Buffer()
+        self.given.set_float_buf(self.states)
+
+    def step(self, pose: Array, dt: float) -> Array:
+        """The velocity (links + 1, 3) that a step of dt [s] gives to a pose that stands still."""
+        self.states[:, :3] = pose
+        batch.set_space_bodies(self.space, FIELDS, self.given)
+        self.space.step(dt)
+        self.found.clear()
+        batch.get_space_bodies(self.space, RATES, self.found)
+        return np.frombuffer(self.found.float_buf()).reshape(-1, 3).copy()
 
 
 class HingeDrive(pymunk.GearJoint):
