@@ -48,6 +48,7 @@ def engine_names() -> list[str]:
     return list(found())
 
 
+@cache
 def own_engines() -> tuple[str, ...]:
     """The names of the engines of this distribution."""
     return tuple(name for name, entry in found().items() if distribution(entry) == OWN)

@@ -2,9 +2,10 @@
 
 import os
 import re
-import shutil
 import sys
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.worker import ALONE, WITHOUT_WINDOWS
 from tests.long import LONG
-from tests.shipped import MODELS, models_like, written_out
+from tests.shipped import MODELS, every_file
 
 pytest_plugins = ["pytester"]
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
@@ -58,11 +59,10 @@ def models(tmp_path: Path) -> Path:
     """
     folder = tmp_path / "models"
     folder.mkdir()
-    for file in models_like("*.*"):
-        if file.suffix == ".toml":
-            (folder / file.name).write_text(written_out(file), encoding="utf-8")
-        else:
-            shutil.copyfile(file, folder / file.name)
+    for name, content in every_file().items():  # of 156 files for each test: by the system's calls
+        file = os.open(f"{folder}/{name}", os.O_WRONLY | os.O_CREAT, 0o644)
+        os.write(file, content)
+        os.close(file)
     return folder
 
 
@@ -140,13 +140,20 @@ collect_ignore = ["data"]
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what takes seconds and has a faster like of it; all of both must be there."""
-    left = {name: [item for item in items if item.nodeid.startswith(name)] for name in LONG}
+    in_order = sorted(items, key=lambda item: item.nodeid)
+    names = [item.nodeid for item in in_order]
+
+    def begin_with(words: str) -> list[pytest.Item]:
+        first = bisect_left(names, words)
+        return list(takewhile(lambda item: item.nodeid.startswith(words), in_order[first:]))
+
+    left = {name: begin_with(name) for name in LONG}
     for item in {item for found in left.values() for item in found}:
         item.add_marker(pytest.mark.slow)
     if config.args != config.getini("testpaths"):
         return
-    quick = [item.nodeid for item in items if not item.get_closest_marker("slow")]
     for name, like in LONG.items():
-        for words, found in ((name, left[name]), (like, [n for n in quick if n.startswith(like)])):
+        quick = [item for item in begin_with(like) if not item.get_closest_marker("slow")]
+        for words, found in ((name, left[name]), (like, quick)):
             if not found:
                 raise pytest.UsageError(f"tests/long.py: there is no test {words}")

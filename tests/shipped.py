@@ -7,8 +7,11 @@ from pathlib import Path
 from proofmass.sidecar import as_toml, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
+loaded = cache(load_case)
+"""A shipped case by its file, read once in a run of the tests; nobody changes a case."""
 
 
+@cache
 def shipped(name: str) -> Path:
     """The file of that name below `models/`."""
     (file,) = MODELS.rglob(name)
@@ -31,11 +34,20 @@ def models_like(pattern: str = "*.toml") -> list[Path]:
 
 
 @cache
+def every_file() -> dict[str, bytes]:
+    """What the files below `models/` hold, the sidecars with nothing left to defaults."""
+    return {
+        file.name: written_out(file).encode() if file.suffix == ".toml" else file.read_bytes()
+        for file in models_like("*.*")
+    }
+
+
+@cache
 def written_out(file: Path) -> str:
     """The text of a sidecar with all that it leaves to defaults behind its own lines, to edit."""
     text = file.read_text(encoding="utf-8")
     if re.search(r"equals = .*unit = ", text):
         return text
     head = re.split(r"(?m)^\[(?:run\b|channels\])", re.sub(r"(?m)^accuracy\..*\n", "", text))[0]
-    filled = as_toml(load_case(file), every=False)
+    filled = as_toml(loaded(file), every=False)
     return f"{head.rstrip()}\n\n{filled[filled.index('[run.') :]}"

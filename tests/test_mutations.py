@@ -13,7 +13,7 @@ from proofmass.case import Case
 from proofmass.compare import compare
 from proofmass.sidecar import load_case
 from proofmass.solve import solve
-from tests.shipped import fewer_samples, shipped
+from tests.shipped import fewer_samples, loaded, shipped
 
 Place = tuple[str, str, int, float]
 # where each length of the drawing stands in the MJCF: element path, attribute, index, sign
@@ -144,7 +144,6 @@ OTHERS = {  # sidecars that share a model
     "threeprr_second": "threeprr",
 }
 CASES = [(case, key) for case in (*LENGTHS, *OTHERS) for key in LENGTHS[OTHERS.get(case, case)]]
-loaded = cache(load_case)
 
 
 def first_of_each() -> set[str]:

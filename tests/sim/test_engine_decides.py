@@ -13,14 +13,13 @@ from proofmass.engines import computes
 from proofmass.errors import InputError
 from proofmass.outcome import FAILURES
 from proofmass.reference import compiled
-from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.links import LinkJoint
 from proofmass.solve import plan, simulate
-from tests.shipped import fewer_samples, models_like
+from tests.shipped import fewer_samples, loaded, models_like
 
-CASES = {file.stem: load_case(file) for file in models_like()}
+CASES = {file.stem: loaded(file) for file in models_like()}
 RUNS = [
     (name, kind, solver)
     for name, case in CASES.items()

@@ -22,12 +22,12 @@ from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Drive, Run, Unsupported
 from proofmass.solve import plan, run_here, simulate
 from tests.analytic.balancer.balancer_table import parameters, rows
-from tests.shipped import models_like, shipped
+from tests.shipped import loaded, models_like, shipped
 
 ENGINES = ("mujoco", "pymunk")
 SHAFT = load_case(shipped("shaft_pendulum.toml"))
 CRANK = load_case(shipped("slider_crank_friction.toml"))
-RUBBING = [f for f in models_like() if compiled(load_case(f)).dof_frictionloss.any()]
+RUBBING = [f for f in models_like() if compiled(loaded(f)).dof_frictionloss.any()]
 FRICTION = re.compile(r'frictionloss="([^"]+)"')
 
 
@@ -183,7 +183,7 @@ def few(case):
 NUMBERS = [
     (file.stem, k)
     for file in RUBBING
-    for k in range(len(FRICTION.findall(load_case(file).model_path.read_text())))
+    for k in range(len(FRICTION.findall(loaded(file).model_path.read_text())))
 ]
 
 

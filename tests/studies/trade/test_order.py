@@ -14,7 +14,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.trade.orders import expected
 from proofmass.studies.trade.series import order
 from proofmass.studies.trade.varied import list_series
-from tests.shipped import models_like, shipped
+from tests.shipped import loaded, models_like, shipped
 
 # A second-order error e = a h^2 halves to order 2; higher terms and a first-order remainder of a
 # tenth take at most 0.2 away.
@@ -28,7 +28,7 @@ WALL = 2e-7
 SINGULAR = "change_point", "acceleration"
 CASES = {
     case.name: case
-    for case in map(load_case, models_like())
+    for case in map(loaded, models_like())
     if "dynamics" in case.run
     and not case.reference.endswith(".csv")
     and not any(str(c.equals).startswith("drive.") for c in case.channels.values())

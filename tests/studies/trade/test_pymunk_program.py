@@ -38,13 +38,13 @@ from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from proofmass.units import FORCES
-from tests.shipped import models_like, shipped
+from tests.shipped import loaded, models_like, shipped
 from tests.studies.trade.driven import driven
 
 ALL = sorted(
     file.stem
     for file in models_like()
-    if "pymunk" in getattr(load_case(file).run.get("dynamics"), "solvers", ())
+    if "pymunk" in getattr(loaded(file).run.get("dynamics"), "solvers", ())
 )
 QUICK = (
     "pendulum",
