@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
-from proofmass.analytic.planar.branch import SHARE, Branch, Knot
+from proofmass.analytic.planar.branch import SHARE, Branch, Knots
 from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.forces import Forces, kinetic, potential, solve_forces, transmitted
 from proofmass.analytic.planar.kinematics import BodyMotion, Drives, condition, move, rates
@@ -212,10 +212,9 @@ def _on_the_way(
     low = (np.floor(inputs.min(initial=begin) / part - OFF) + OFF) * part
     high = (np.ceil(inputs.max(initial=begin) / part - OFF) + OFF) * part
     branch, knots = _knots(mechanism, joints, float(low), float(high))
-    x, at = inputs[:, 0], np.array([knot.q[place] for knot in knots])
-    start = branch.knot.q[place]
+    x, at, start = inputs[:, 0], knots.q[:, place], branch.knot.q[place]
     k = np.where(x >= start, np.searchsorted(at, x, "right") - 1, np.searchsorted(at, x, "left"))
-    own = [knots[j] for j in k.clip(0, len(knots) - 1)]
+    own = knots[k.clip(0, len(knots) - 1)]
     _, moves, proven = branch.beside(inputs, own)
     return (branch.close(inputs, own), branch.d) if (moves <= REACH * proven).all() else None
 
@@ -223,10 +222,10 @@ def _on_the_way(
 @lru_cache(maxsize=8)
 def _knots(
     mechanism: Mechanism, joints: tuple[str, ...], low: float, high: float
-) -> tuple[Branch, list[Knot]]:
+) -> tuple[Branch, Knots]:
     """A branch at its start pose, and the knots of it between two values of its only drive."""
-    down, up = (Branch(mechanism, joints).reach(end) for end in (low, high))
-    return Branch(mechanism, joints), [*down[:0:-1], *up]
+    down, up = (Branch(mechanism, joints).walk(np.array([[end]]))[0] for end in (low, high))
+    return Branch(mechanism, joints), Knots.joined([down[:0:-1], up])
 
 
 @lru_cache(maxsize=32)

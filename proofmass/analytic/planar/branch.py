@@ -7,22 +7,29 @@ step if
 
     |T Δθ|  <=  1 / (2 β L).
 
-Towards a limit position β grows and the steps shrink in proportion to what is left of the way, so a
-branch ends at its limit position, to rounding.  A change point, where two branches cross, is leapt
-over along the smooth one.
+Poses of the whole way are guessed first, which proves nothing, and then held against the theorem
+all at once: the next pose must be where the tangent of the one before it leads, so that no other
+branch is near.  Where steps are too long, poses are put between.
+
+Towards a limit position β grows and the steps shrink in proportion to what is left of the way.
+There the branch is followed step by step, and ends at its limit position, to rounding.  A change
+point, where two branches cross, is leapt over along the smooth one.
 
 P. Deuflhard, Newton Methods for Nonlinear Problems, Springer 2011, theorem 2.1 and section 5.1.
 """
 
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.planar.kinematics import (
-    BLOCK,
+    CLOSED,
     Drives,
+    approach,
     freedoms,
     lipschitz,
     nearest,
@@ -50,21 +57,75 @@ UNSURE = 1e-5
 """Proven step [rad, or sizes] of a start pose below which its rounding may choose the branch."""
 KINK = 0.05
 """Largest relative change of a velocity over a change point that still counts as smooth."""
+STRIDE = 0.1
+"""Way of the drives [rad, or sizes] between poses that are guessed, before any is proven."""
+SHORTEST = 1e-3
+"""Way between two of them below which no further pose is guessed."""
+STRAY = 0.2
+"""Share of a guessed step by which Newton may correct it: more hints at another branch."""
+TRIED = 5
+"""Newton steps that a guessed pose may take."""
+PARTS = 8
+"""Most steps that an unproven one is divided into at once."""
+ROUNDS = 6
+"""Times that steps are divided."""
+MOST = 20_000
+"""Knots that are found at once; a way that asks for more is followed step by step."""
+WINDOW = 64
+"""Inputs that are looked at for a step."""
 
 
 @dataclass(frozen=True)
-class Knot:
-    """A closed pose, its tangent (joints, drives) in own units, and how far that is proven.
+class Knots:
+    """Closed poses, their tangents in own units, and how far these are proven.
 
     `orientation` is the sign of the Jacobian's determinant, which a branch keeps, and `regular` its
-    size, which falls to zero in a singular pose.
+    size, which falls to zero in a singular pose.  A single pose has no first axis.
     """
 
     q: Array
     tangent: Array
-    radius: float
-    orientation: float
-    regular: float
+    radius: Array
+    orientation: Array
+    regular: Array
+
+    def __getitem__(self, which: int | slice | Index | None) -> Self:
+        return type(self)(*(part[which] for part in vars(self).values()))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @classmethod
+    def joined(cls, some: Sequence[Self]) -> Self:
+        """All of them one after the other."""
+        parts = zip(*(vars(one).values() for one in some), strict=True)
+        return cls(*map(np.concatenate, parts))
+
+
+@dataclass(frozen=True)
+class Way:
+    """The polygon of the drives' values, by its length in own units.
+
+    Attributes
+    ----------
+    at : ndarray (n,)
+        Where each corner is [rad, or sizes], from 0 on.
+    corners : ndarray (n, drives)
+        Values of the drives [rad or m].
+    """
+
+    at: Array
+    corners: Array
+
+    @classmethod
+    def through(cls, corners: Array, scale: Array) -> Self:
+        """The way through values of the drives (n, drives)."""
+        sides = np.linalg.norm(np.diff(corners, axis=0) / scale, axis=1)
+        return cls(np.append(0.0, np.cumsum(sides)), corners)
+
+    def inputs(self, at: Array) -> Array:
+        """Values of the drives (k, drives) at places on it (k,)."""
+        return np.stack([np.interp(at, self.at, values) for values in self.corners.T], axis=1)
 
 
 class Branch:
@@ -91,7 +152,7 @@ class Branch:
                 f"the mechanism has {free} degree(s) of freedom, and {len(names)} driven "
                 f"joint(s): {', '.join(names)}"
             )
-        self.bound = lipschitz(m, q)
+        self.bound = lipschitz(m, q[None])
         self.scale = m.scale[self.d.driven]
         self.knot = self.last = self.at(q)
         if not self.knot.radius > UNSURE:
@@ -110,39 +171,132 @@ class Branch:
         failure : CannotMove or None
             Why it ended.
         """
-        knots, failure = self.walk(inputs)
-        return self.close(inputs[: len(knots)], knots), failure
+        knots, reached_by, failure = self.walk(inputs)
+        return self.close(inputs[: len(reached_by)], knots[reached_by]), failure
 
-    def walk(self, inputs: Array) -> tuple[list[Knot], CannotMove | None]:
-        """A knot that reaches it for each of the inputs (n, drives) that the branch goes to."""
-        knots, failure, leap_at, room = list[Knot](), None, CREEP, 16
-        while (done := len(knots)) < len(inputs):
-            window = inputs[done : done + room]
-            near = self.far(window) <= SHARE * self.knot.radius
-            count = len(near) if near.all() else int(np.argmin(near))
-            room = min(max(16, 2 * count), BLOCK)  # one step reaches about as far as the last
-            knots += [self.knot] * count
+    def walk(self, inputs: Array) -> tuple[Knots, Index, CannotMove | None]:
+        """Knots on the way over inputs (n, drives), the first of them where the branch stands.
+
+        And for each of the inputs that the branch goes to the number of the knot that reaches it,
+        and why it ended.  Its knots are found all at once, and behind a change point again; from
+        where that cannot be proven on, one after the other.
+        """
+        found, numbers, count, done = list[Knots](), list[Index](), 0, 0
+        leap_at, at_once, failure = CREEP, True, None
+        while True:
+            rest = inputs[done:]
+            knots, by = self.trace(rest) if at_once else self.reached(rest[:WINDOW])
+            found.append(knots)
+            numbers.append(by + count)
+            count, done = count + len(knots), done + len(by)
+            if done == len(inputs):
+                break
+            last_reaches = len(by) and by[-1] == len(knots) - 1
+            side = self.knot.orientation
             try:
-                leap_at = self.advance(window[count - 1] if count else inputs[done], leap_at)
+                leap_at = self.advance(inputs[done - 1 if last_reaches else done], leap_at)
             except CannotMove as error:
                 failure = error
                 break
-        return knots, failure
+            at_once = bool(self.knot.orientation != side)
+        return Knots.joined(found), np.concatenate(numbers), failure
 
-    def reach(self, end: float) -> list[Knot]:
-        """The knots on the way to a value of the only drive, as far as the branch goes."""
-        knots, leap_at, target = [self.knot], CREEP, np.array([end])
-        with suppress(CannotMove):
-            while self.knot.q[self.d.driven] != target:
-                leap_at = self.advance(target, leap_at)
-                if self.knot is not knots[-1]:
-                    knots.append(self.knot)
-        return knots
+    def trace(self, inputs: Array) -> tuple[Knots, Index]:
+        """Knots from the present one on, and the number of the one that reaches each of the inputs.
 
-    def close(self, inputs: Array, knots: list[Knot]) -> Array:
+        As far as all of them are proven; the last one is then the present knot.
+        """
+        try:
+            way = Way.through(np.vstack([self.knot.q[self.d.driven], inputs]), self.scale)
+            at, q = self.guess(way)
+            knots = self.known(q)
+            for _ in range(ROUNDS):
+                parts, by, near = self.parts(way, at, knots)
+                if (parts <= 1).all() or len(at) > MOST:
+                    break
+                between, q = self.divide(way, at, knots, parts)
+                order = np.argsort(np.append(at, between), kind="stable")
+                at = np.append(at, between)[order]
+                knots = Knots.joined([knots, self.known(q)])[order]
+            else:
+                parts, by, near = self.parts(way, at, knots)
+        except CannotMove:
+            return self.reached(inputs)
+        last = int(np.argmin(np.append(parts <= 1, False)))
+        fits = np.append(near & (by <= last), False)
+        self.last, self.knot = knots[max(last - 1, 0)], knots[last]
+        return knots[: last + 1], by[: int(np.argmin(fits))]
+
+    def guess(self, way: Way) -> tuple[Array, Array]:
+        """Places on the way (k,) and closed poses there (k, joints), as far as Newton finds any.
+
+        In all likelihood they are on the branch: Newton hardly moves what the curvature predicts.
+        """
+        m, d, q, room = self.m, self.d, self.knot.q[None], 4
+        at = np.linspace(0.0, way.at[-1], int(np.ceil(way.at[-1] / STRIDE)) + 1)
+        while (done := len(q)) < len(at):
+            ahead = self.curved(q[-1], way.inputs(at[done : done + room]))
+            there = ahead.copy()
+            with np.errstate(all="ignore"):  # of a pose that runs away
+                closed = approach(m, there, d, TRIED) < CLOSED
+                stray = np.linalg.norm((there - ahead) / m.scale, axis=1)
+                fine = closed & (stray <= STRAY * np.linalg.norm((ahead - q[-1]) / m.scale, axis=1))
+            count = int(np.argmin(np.append(fine, False)))
+            q, room = np.concatenate([q, there[:count]]), 2 * count + 2
+            if not count:
+                if at[done] - at[done - 1] < SHORTEST:
+                    break
+                at = np.insert(at, done, at[done - 1 : done + 1].mean())
+        return at[: len(q)], q
+
+    def curved(self, q: Array, inputs: Array) -> Array:
+        """Poses (n, joints) that tangent and curvature at a closed pose predict at inputs."""
+        ahead = inputs - q[self.d.driven]
+        v, a = rates(self.m, np.repeat(q[None], len(ahead), axis=0), self.d, ahead, 0.0 * ahead)
+        found = q + v + 0.5 * a
+        found[:, self.d.driven] = inputs
+        return np.asarray(found)
+
+    def parts(self, way: Way, at: Array, knots: Knots) -> tuple[Array, Index, NDArray[np.bool_]]:
+        """Into how many steps the one between each knot and the next must be divided; 1: proven.
+
+        And of the corners of the way but the first: the number of the last knot before each, and
+        whether that one reaches it.
+        """
+        by = np.searchsorted(at, way.at[1:], "right") - 1
+        _, moves, radius = self.beside(way.corners[1:], knots[by])
+        corners = moves / (SHARE * radius)
+        ahead, moves, radius = self.beside(way.inputs(at[1:]), knots[:-1])
+        parts = np.append(moves / (SHARE * radius), 0.0)
+        np.maximum.at(parts, by, corners)
+        off = np.linalg.norm((knots.q[1:] - ahead) / self.m.scale, axis=1)
+        other = (off > NEAR * radius) | (np.diff(knots.orientation) != 0)
+        return np.ceil(np.where(other, np.maximum(parts[:-1], 2.0), parts[:-1])), by, corners <= 1.0
+
+    def divide(self, way: Way, at: Array, knots: Knots, parts: Array) -> tuple[Array, Array]:
+        """Places (k,) that divide steps into so many parts, and closed poses there (k, joints)."""
+        count = np.minimum(np.maximum(parts, 1.0), PARTS).astype(int) - 1
+        step = np.repeat(np.arange(len(count)), count)
+        first = np.repeat(np.cumsum(count) - count, count)
+        share = ((np.arange(len(step)) - first + 1) / (count[step] + 1))[:, None]
+        between = at[step] + share[:, 0] * (at[step + 1] - at[step])
+        ends = way.inputs(at)
+        ahead = (ends[step + 1] - ends[step]) / self.scale
+        begin, end = (
+            np.einsum("njd,nd->nj", knots.tangent[k], ahead) * self.m.scale
+            for k in (step, step + 1)
+        )
+        q = cubic(share, knots.q[step], knots.q[step + 1], begin, end)
+        q[:, self.d.driven] = way.inputs(between)
+        return between, newton(self.m, q, self.d)
+
+    def reached(self, inputs: Array) -> tuple[Knots, Index]:
+        """The present knot, and its number 0 for each of the first inputs that it reaches."""
+        near = np.append(self.far(inputs) <= SHARE * self.knot.radius, False)
+        return self.knot[None], np.zeros(int(np.argmin(near)), np.intp)
+
+    def close(self, inputs: Array, knots: Knots) -> Array:
         """Closed poses (n, joints) at inputs (n, drives), each from a knot that reaches it."""
-        if not knots:
-            return np.empty((0, len(self.m.joints)))
         guess, _, proven = self.beside(inputs, knots)
         q = newton(self.m, guess, self.d)
         moved = np.linalg.norm((q - guess) / self.m.scale, axis=1)
@@ -151,39 +305,43 @@ class Branch:
             raise Mirrored(f"mirrored at {self.spoken(inputs[bad])}")
         return q
 
-    def beside(self, inputs: Array, knots: list[Knot]) -> tuple[Array, Array, Array]:
+    def beside(self, inputs: Array, knots: Knots) -> tuple[Array, Array, Array]:
         """Poses (n, joints) that the knots' tangents predict at inputs (n, drives).
 
         And the lengths of these moves, in own units (n,), and how far each is proven (n,).
         """
-        at, tangent, proven = (
-            np.array([getattr(knot, name) for knot in knots]) for name in ("q", "tangent", "radius")
-        )
-        ahead = (inputs - at[:, self.d.driven]) / self.scale
-        move = np.einsum("njd,nd->nj", tangent, ahead)
-        guess = at + move * self.m.scale
+        ahead = (inputs - knots.q[:, self.d.driven]) / self.scale
+        move = np.einsum("njd,nd->nj", knots.tangent, ahead)
+        guess = knots.q + move * self.m.scale
         guess[:, self.d.driven] = inputs
-        return guess, np.linalg.norm(move, axis=1), proven
+        return guess, np.linalg.norm(move, axis=1), knots.radius
 
-    def at(self, q: Array) -> Knot:
+    def at(self, q: Array) -> Knots:
         """What is known at a closed pose (joints,)."""
+        return self.known(q[None])[0]
+
+    def known(self, q: Array) -> Knots:
+        """What is known at closed poses (n, joints).
+
+        Raises
+        ------
+        SingularHere
+            One of them is singular.
+        """
         m, d = self.m, self.d
-        matrix = scaled_jacobian(m, q[None])[0]
-        values = np.linalg.svd(matrix[:, d.following], compute_uv=False)
-        least = float(values.min(initial=1.0))
-        tangent = np.eye(len(m.joints))[:, d.driven]
-        if not least > 1e-14:
-            raise SingularHere(f"singular at {self.spoken(q[d.driven])}")
-        tangent[d.following] = -np.linalg.solve(matrix[:, d.following], matrix[:, d.driven])
+        matrix = scaled_jacobian(m, q)
+        square = matrix[..., d.following]
+        least = np.linalg.svd(square, compute_uv=False).min(axis=-1, initial=1.0)
+        if not (least > 1e-14).all():
+            raise SingularHere(f"singular at {self.spoken(q[np.argmin(least), d.driven])}")
+        tangent = np.zeros((*q.shape, d.driven.size))
+        tangent[:, d.driven] = np.eye(d.driven.size)
+        tangent[:, d.following] = -np.linalg.solve(square, matrix[..., d.driven])
         bound = self.bound if m.hinges.all() else lipschitz(m, q)
-        sign, logarithm = np.linalg.slogdet(matrix[:, d.following])
-        return Knot(
-            q,
-            tangent,
-            0.5 * least / bound if bound else np.inf,
-            float(sign),
-            float(np.exp(logarithm)),
-        )
+        with np.errstate(divide="ignore"):  # of an open chain, which every step is proven in
+            radius = 0.5 * least / bound
+        sign, logarithm = np.linalg.slogdet(square)
+        return Knots(q, tangent, radius, sign, np.exp(logarithm))
 
     def predict(self, inputs: Array) -> Array:
         """Poses (n, joints) that the tangent predicts at inputs (n, drives)."""
@@ -202,7 +360,7 @@ class Branch:
         way = float(np.linalg.norm((inputs - here) / self.scale))
         if way == 0.0:
             return leap_at
-        part = min(1.0, SHARE * self.knot.radius / float(self.far(inputs[None])[0] or way))
+        part = min(1.0, SHARE * float(self.knot.radius) / float(self.far(inputs[None])[0] or way))
         if part < 1.0 and part * way < leap_at:
             if self.leap(inputs, way):
                 return CREEP
@@ -232,10 +390,11 @@ class Branch:
         the determinant has changed its sign, it was one.
         """
         here, before = self.knot.q[self.d.driven], self.last.q[self.d.driven]
-        lost = self.last.regular - self.knot.regular
+        left = float(self.knot.regular)
+        lost = float(self.last.regular) - left
         if lost <= 0.0:
             return False
-        ahead = 2 * self.knot.regular * float(np.linalg.norm((here - before) / self.scale)) / lost
+        ahead = 2 * left * float(np.linalg.norm((here - before) / self.scale)) / lost
         along = (inputs - here) / way * min(ahead, way)
         one = self.knot.q[None]
         v, a = rates(self.m, one, self.d, along[None], np.zeros((1, along.size)))
@@ -258,3 +417,13 @@ class Branch:
         """The driven joints with their values."""
         names = [self.m.joints[j].name for j in self.d.driven]
         return ", ".join(f"{n} = {v:.9g}" for n, v in zip(names, inputs, strict=True))
+
+
+def cubic(share: Array, begin: Array, end: Array, slope: Array, end_slope: Array) -> Array:
+    """Hermite's cubic between values, with slopes at both ends over the whole way."""
+    s, rest = share, 1.0 - share
+    return np.asarray(
+        rest**2 * (1 + 2 * s) * begin
+        + s**2 * (1 + 2 * rest) * end
+        + s * rest * (rest * slope - s * end_slope)
+    )

@@ -142,21 +142,22 @@ def gap(m: Mechanism, q: Array) -> tuple[float, str]:
     return float(open_by[worst]), m.loop_names[worst]
 
 
-def lipschitz(m: Mechanism, q: Array) -> float:
-    """A bound of the change of the Jacobian with the joints near q, in units of `Mechanism.scale`.
+def lipschitz(m: Mechanism, q: Array) -> Array:
+    """Bounds (n,) of the change of the Jacobian with the joints near poses q (n, joints).
 
-    The second derivative of a point by two hinges is its distance from the outer one, by a hinge
-    and a slide further out 1, by two slides 0; slides may move by half the mechanism's size.
+    In units of `Mechanism.scale`.  The second derivative of a point by two hinges is its distance
+    from the outer one, by a hinge and a slide further out 1, by two slides 0; slides may move by
+    half the mechanism's size.
     """
-    total = 0.0
+    total = np.zeros(len(q))
     out = q + np.where(m.hinges, 0.0, 0.5 * m.size * np.where(q < m.zeros, -1.0, 1.0))
     for p in m.pins:
         for body, point in ((p.one, p.on_one), (p.two, p.on_two)):
-            chain, reach = m.chain(body), m.reach(body, point, out)[:-1] / m.size
+            chain, reach = m.chain(body), m.reach(body, point, out)[..., :-1] / m.size
             hinge, order = m.hinges[chain], np.arange(len(chain))
-            both = np.outer(hinge, hinge) * reach[np.maximum.outer(order, order)]
+            both = np.outer(hinge, hinge) * reach[..., np.maximum.outer(order, order)]
             mixed = hinge[:, None] & ~hinge & (order[:, None] < order)
-            total += float(np.linalg.norm(both + mixed + mixed.T, 2)) if chain else 0.0
+            total += np.linalg.norm(both + mixed + mixed.T, 2, axis=(1, 2)) if chain else 0.0
     for c in m.couplings:
         total += float(np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum())
     return total
@@ -232,12 +233,17 @@ def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
     """
     q = q.copy()
     for k in range(0, len(q), BLOCK):
-        _close(m, q[k : k + BLOCK], d, steps)
+        block = q[k : k + BLOCK]
+        left = approach(m, block, d, steps)
+        if not left.max(initial=0.0) < CLOSED:
+            worst = int(np.argmax(np.where(np.isfinite(left), left, np.inf)))
+            open_by, name = gap(m, block[worst])
+            raise CannotAssemble(f"loop {name!r} stays open by {open_by:.3g} m")
     return q
 
 
-def _close(m: Mechanism, q: Array, d: Drives, steps: int) -> None:
-    """Newton's method on poses (n, joints), in place."""
+def approach(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
+    """Newton's method on poses (n, joints), in place; how far they stay open (n,), in sizes."""
     for _ in range(steps):
         motion = move(m, q)
         matrix = (loop_jacobian(m, motion, q) * m.scale)[..., d.following]
@@ -248,10 +254,7 @@ def _close(m: Mechanism, q: Array, d: Drives, steps: int) -> None:
         q[:, d.following] -= step * m.scale[d.following]
         if not np.abs(step).max(initial=0.0) > 1e-8:
             break
-    left = np.abs(residual(m, move(m, q), q)).max(axis=-1, initial=0.0) / m.size
-    if not left.max(initial=0.0) < CLOSED:
-        open_by, name = gap(m, q[int(np.argmax(np.where(np.isfinite(left), left, np.inf)))])
-        raise CannotAssemble(f"loop {name!r} stays open by {open_by:.3g} m")
+    return np.asarray(np.abs(residual(m, move(m, q), q)).max(axis=-1, initial=0.0) / m.size)
 
 
 def nearest(m: Mechanism, q: Array) -> Array:

@@ -204,18 +204,18 @@ class Mechanism:
         return order
 
     def reach(self, body: int, point: complex, q: Array | None = None) -> Array:
-        """Longest distance from each joint of a body's chain to a point on it [m] (chain + 1,).
+        """Longest distance from each joint of a body's chain to a point on it [m] (..., chain + 1).
 
-        The sum of the lengths between, with slides as far out as in q (the start); the last is 0.
+        The sum of the lengths between, with slides as far out as in q (..., joints), by default
+        the start; the last is 0.
         """
-        chain, q = self.chain(body), self.start if q is None else q
-        hinges = [j for j in chain if self.joints[j].hinge]
-        places = np.array([*(self.joints[j].place for j in hinges), point])
-        legs = dict(zip(hinges, np.abs(np.diff(places)), strict=True))
-        for j in chain:
-            if not self.joints[j].hinge:
-                legs[j] = abs(q[j] - self.joints[j].zero)
-        return np.append(np.cumsum([legs[j] for j in chain][::-1])[::-1], 0.0)
+        chain, q = np.array(self.chain(body), np.intp), self.start if q is None else q
+        hinge = self.hinges[chain]
+        places = np.array([*(self.joints[j].place for j in chain[hinge]), point])
+        legs = np.abs(q[..., chain] - self.zeros[chain])
+        legs[..., hinge] = np.abs(np.diff(places))
+        sums = np.cumsum(legs[..., ::-1], axis=-1)[..., ::-1]
+        return np.concatenate([sums, np.zeros((*legs.shape[:-1], 1))], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

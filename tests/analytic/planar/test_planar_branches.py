@@ -1,6 +1,7 @@
 """The general planar solver where it must stop, pass, or refuse."""
 
 import contextlib
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -198,10 +199,36 @@ def test_a_step_to_the_mirrored_pose_is_refused():
     follower.predict = lambda inputs: np.repeat(other.q[None], len(inputs), axis=0)
     with pytest.raises(Mirrored, match="mirrored at crank = 0"):
         follower.step(np.array([0.0]))
-    follower.far = lambda inputs: np.zeros(len(inputs))
-    follower.beside = lambda inputs, knots: (other.q[None] + 0.3, np.zeros(1), np.ones(1))
-    with pytest.raises((Mirrored, CannotAssemble)):
-        follower.follow(np.zeros((1, 1)))
+    away = replace(other[None], q=other.q[None] + [0.0, 0.3, 0.3], radius=np.full(1, 0.1))
+    with pytest.raises(Mirrored, match="mirrored at crank = 0"):
+        follower.close(np.zeros((1, 1)), away)
+
+
+def test_a_guess_of_the_mirrored_branch_is_not_believed(monkeypatch):
+    """Guesses from some place on are closed poses of the other branch."""
+    x = np.linspace(0.0, 2 * np.pi, 91)
+    truth = fourbar.solve(x, crank=1, coupler=2, rocker=2.5, ground=3)
+    guess = Branch.guess
+
+    def astray(self, way):
+        at, q = guess(self, way)
+        _, other = guess(branch(four_bar(1, 2, 2.5, 3, mode=-1)), way)
+        return at, np.where(at[:, None] > 2.0, other, q)
+
+    monkeypatch.setattr(Branch, "guess", astray)
+    found, failure = branch(four_bar(1, 2, 2.5, 3)).follow(x[:, None])
+    assert failure is None
+    assert np.abs(found[:, 2] - truth["rocker_angle"]).max() < 1e-13
+
+
+def test_poses_that_nobody_guesses_are_found_step_by_step(monkeypatch):
+    """The same way, without a knot that is found at once, is the same to rounding."""
+    x = np.linspace(0.0, 6.0, 61)[:, None]
+    q, _ = branch(four_bar(1, 2, 2.5, 3)).follow(x)
+    monkeypatch.setattr(Branch, "trace", Branch.reached)
+    steps, failure = branch(four_bar(1, 2, 2.5, 3)).follow(x)
+    assert failure is None
+    assert np.abs(steps - q).max() < 1e-14
 
 
 @settings(RELAXED, max_examples=10)
