@@ -4,11 +4,12 @@
 
 Writes docs/limits.md.  For each limit of a dynamics run the case is changed as `proofmass stress`
 changes it, to 2 % before the printed limit and to 2 % beyond it, and both are written as programs
-and run in interpreters without proofmass.  With --only it prints the page of these cases alone.
+and run in interpreters without proofmass.  Where a first and a last boundary are printed, both are
+run as well.  With --only the rows of all other cases stay as they are.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
 from proofmass.studies.stress.extremes import extremes
-from proofmass.studies.stress.limit_search import LimitSearch
+from proofmass.studies.stress.limit_search import LimitSearch, beside
 from proofmass.studies.trade.program import LATE, imposed, tried
 from proofmass.studies.trade.verify import as_used
 
@@ -32,6 +33,7 @@ LONGEST = 120.0
 """Wall time after which a program is ended [s]."""
 JOBS = 2
 CONFIRMED = "confirmed"
+WIDTH = 7  # cells of a row
 UNSTABLE, INACCURATE = str(BoundaryKind.UNSTABLE), str(BoundaryKind.INACCURATE)
 HEAD = """# Limits in bare engines
 
@@ -41,9 +43,11 @@ limit and to 2 % beyond it, written as two programs, and these were run with `py
 there is no proofmass.
 
 A limit is *confirmed* where the program before it is right to a tenth of the range in all
-positions, and the one beyond it fails, or is further off. Limits of sweeps are not among them: a
-sweep has no time steps, its poses are found by proofmass with what the engine computes. Limits of
-energy are confirmed by scripts (`tests/studies/stress/bare/`).
+positions, and the one beyond it fails, or is further off. Where a first and a last boundary are
+stated, {several} of them, two more programs are run, at these values: the first fails, the last
+holds, 2 % before the first holds, and 2 % beyond the last fails. Limits of sweeps are not among
+these: a sweep has no time steps, its poses are found by proofmass with what the engine computes.
+Limits of energy are confirmed by scripts (`tests/studies/stress/bare/`).
 
 | result | limits |
 |---|---|
@@ -65,6 +69,12 @@ class PrintedLimit:
     setting: str
     value: float
     words: str
+    again: float = float("nan")
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Case, solver and parameter, as a row of docs/limits.md begins."""
+        return self.case, f"{self.engine}, {self.setting}", self.parameter
 
 
 @dataclass(frozen=True)
@@ -91,12 +101,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     limits = [one for one in printed_limits(text) if one.case in (given.only or [one.case])]
     if given.quick:
         limits = [one for one in limits if one.case == "pendulum"][:1]
+    file = ROOT / "docs" / "limits.md"
+    kept = dict(rows_of(file.read_text(encoding="utf-8"))) if given.only else {}
     with folders(given.quick, given.folder) as (folder, docs):
         found = confirm(limits, Store(folder / "runs"))
-        if given.only:
-            print(page(found))
-        else:
-            (docs / "limits.md").write_text(page(found), encoding="utf-8")
+        fresh = {each.limit.key: cells(each) for each in found}
+        every = printed_limits(text) if given.only else limits
+        rows = [row for one in every if (row := fresh.get(one.key) or kept_cells(one, kept))]
+        (docs / "limits.md").write_text(page(rows), encoding="utf-8")
 
 
 def printed_limits(text: str) -> Iterator[PrintedLimit]:
@@ -115,9 +127,32 @@ def printed_limits(text: str) -> Iterator[PrintedLimit]:
         if len(cells) != 6 or not cells[5].startswith((UNSTABLE, INACCURATE)):
             continue
         engine, _, setting = cells[2].partition(", ")
-        first = cells[3].split()[0]
+        first, *more = cells[3].split()
         if first != "nowhere" and setting != "sweep":
-            yield PrintedLimit(case, cells[0], engine, setting, float(first), cells[3])
+            again = float(more[1]) if more[:1] == ["to"] else float("nan")
+            yield PrintedLimit(case, cells[0], engine, setting, float(first), cells[3], again)
+
+
+def rows_of(text: str) -> Iterator[tuple[tuple[str, ...], list[str]]]:
+    """The rows of docs/limits.md, by case, solver and parameter."""
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) == WIDTH and cells[0] not in ("case", "---"):
+            yield tuple(cells[:3]), cells
+
+
+def kept_cells(one: PrintedLimit, kept: Mapping[tuple[str, ...], list[str]]) -> list[str]:
+    """The row of a limit that is not run again, if there is one and it is of the limit as printed.
+
+    Raises
+    ------
+    SystemExit
+        Another limit is printed now.
+    """
+    cells = kept.get(one.key, [])
+    if cells and cells[3] != one.words:
+        raise SystemExit(f"{', '.join(one.key)}: {one.words}, of which {cells[3]} was confirmed")
+    return cells
 
 
 def confirm(limits: Sequence[PrintedLimit], store: Store) -> list[BareLimit]:
@@ -164,29 +199,42 @@ def run_program(task: StudyRun, store: Store) -> Measurement:
 
 def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
     """Run what is tried before and beyond a limit."""
-    away = 1.0 + AGREE if search.reach > search.start else 1.0 / (1.0 + AGREE)
-    try:
-        failures = [
-            search.trial(value).failure for value in (limit.value / away, limit.value * away)
+    up = search.reach > search.start
+    away = 1.0 + AGREE if up else 1.0 / (1.0 + AGREE)
+    values = [limit.value / away, limit.value * away]
+    if limit.again == limit.again:
+        values = [
+            beside(limit.value, 1.0 + AGREE, search.start, not up),
+            beside(limit.again, 1.0 + AGREE, search.reach, up),
+            limit.value,
+            limit.again,
         ]
+    try:
+        before, beyond, *ends = (search.trial(value).failure for value in values)
     except NoProgram as why:
         return BareLimit(limit, "", "", f"no program: {why}")
-    before, beyond = failures
-    return BareLimit(limit, *map(words, failures), judge(before, beyond))
+    return BareLimit(limit, words(before), words(beyond), judge(before, beyond, *ends))
 
 
-def judge(before: Failure | None, beyond: Failure | None) -> str:
-    """What two sides say of a limit.
+def judge(before: Failure | None, beyond: Failure | None, *ends: Failure | None) -> str:
+    """What two sides say of a limit, and its ends if it has two.
 
     >>> lost = Failure("", BoundaryKind.UNSTABLE)
     >>> judge(None, lost), judge(lost, lost), judge(None, None)
     ('confirmed', 'fails before it', 'holds beyond it')
+    >>> judge(None, lost, lost, None), judge(None, lost, lost, lost), judge(None, lost, None, None)
+    ('confirmed', 'fails at its last value', 'holds at its first value')
     """
-    if any(one and one.limit == BoundaryKind.OURS for one in (before, beyond)):
+    if any(one and one.limit == BoundaryKind.OURS for one in (before, beyond, *ends)):
         return "a program took too long"
     if before:
         return "fails before it"
-    return CONFIRMED if beyond else "holds beyond it"
+    if not beyond:
+        return "holds beyond it"
+    first, last = ends or (beyond, None)
+    if not first:
+        return "holds at its first value"
+    return "fails at its last value" if last else CONFIRMED
 
 
 def words(failure: Failure | None) -> str:
@@ -194,21 +242,20 @@ def words(failure: Failure | None) -> str:
     return failure.message.replace("|", "¦") if failure else "holds"
 
 
-def page(found: Sequence[BareLimit]) -> str:
-    """The document."""
-    counts = Counter(each.result for each in found)
+def page(rows: Sequence[Sequence[str]]) -> str:
+    """The document, of the cells of all rows."""
+    counts = Counter(cells[-1] for cells in rows)
     return HEAD.format(
-        count=len(found),
+        count=len(rows),
+        several=sum(" to " in cells[3] for cells in rows),
         results="\n".join(f"| {result} | {count} |" for result, count in counts.most_common()),
-        rows="\n".join(map(row, found)),
+        rows="\n".join(f"| {' | '.join(cells)} |" for cells in rows),
     )
 
 
-def row(each: BareLimit) -> str:
-    """A line of the table of limits."""
-    one = each.limit
-    cells = [one.case, f"{one.engine}, {one.setting}", one.parameter, one.words]
-    return f"| {' | '.join([*cells, each.before, each.beyond, each.result])} |"
+def cells(each: BareLimit) -> list[str]:
+    """A row of the table of limits."""
+    return [*each.limit.key, each.limit.words, each.before, each.beyond, each.result]
 
 
 if __name__ == "__main__":

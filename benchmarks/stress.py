@@ -1,9 +1,11 @@
 """Where engines break: small models beside the limits that theory knows, and extremes of cases.
 
-    python -m benchmarks.stress [folder] [--quick]
+    python -m benchmarks.stress [folder] [--only CASE ...] [--parameter TEXT ...] [--quick]
 
 Writes docs/stress.md and docs/stress.png.  Runs are kept in the folder (reports/stress), so that a
-call goes on where another was interrupted.
+call goes on where another was interrupted.  With --only the limits of these cases are searched
+again, with --parameter those of parameters whose names contain a text, and all other rows of
+docs/stress.md stay as they are.
 """
 
 from collections.abc import Iterator, Sequence
@@ -119,7 +121,12 @@ theory, the furthest at a ratio of {furthest}.
 def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "stress")
+    parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
+    parser.add_argument("--parameter", nargs="+", metavar="TEXT", default=[""])
     given = parser.parse_args(argv)
+    if given.only:
+        renew(given.only, given.parameter, given.folder)
+        return
     most = 1 if given.quick else None  # boundaries, of small models and of each case
     with folders(given.quick, given.folder) as (folder, docs):
         store = Store(folder / "runs")
@@ -142,6 +149,48 @@ def main(argv: Sequence[str] | None = None) -> None:
         for name, (_, skipped) in cases.items():
             lines += of_case(name, [one for one in turned if one.what == name], skipped)
         (docs / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None:
+    """Search limits of some cases again, and write their rows into docs/stress.md."""
+    file, store = ROOT / "docs" / "stress.md", Store(folder / "runs")
+    for name in names:
+        searches, _ = extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
+        asked = [one for one in searches if any(text in one.parameter for text in parameters)]
+        with pool() as workers:
+            found = stress(asked, workers)
+        text = file.read_text(encoding="utf-8")
+        file.write_text(with_rows(text, name, found), encoding="utf-8")
+
+
+def with_rows(text: str, name: str, found: Sequence[Boundary]) -> str:
+    """The document with new rows of a case.
+
+    >>> one = Boundary("a", "b", "c", "time step", "s", 1.0, 9.0, 1.96, 2.0)
+    >>> print(with_rows("## a\\n| time step | 1 | b, c | 3 s |  | off |", "a", [one]))
+    ## a
+    | time step | 1 | b, c | 1.98 s |  |  |
+
+    Raises
+    ------
+    SystemExit
+        The document has no such row.
+    """
+    fresh = {key_of_row(row): row for row in map(row_of, found)}
+    case, lines = "", text.split("\n")
+    for k, line in enumerate(lines):
+        case = line.removeprefix("## ") if line.startswith("## ") else case
+        if case == name and line.startswith("|"):
+            lines[k] = fresh.pop(key_of_row(line), line)
+    if fresh:
+        raise SystemExit(f"docs/stress.md has no row of {name} for {', '.join(map(str, fresh))}")
+    return "\n".join(lines)
+
+
+def key_of_row(row: str) -> tuple[str, ...]:
+    """Parameter and solver of a row of a case."""
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    return cells[0], *cells[2:3]
 
 
 def kinds() -> str:
@@ -174,13 +223,17 @@ def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Ite
     yield f"\n## {name}\n"
     yield "| parameter | from | solver | boundary | theory | how it breaks |"
     yield "|---|---|---|---|---|---|"
-    for one in found:
-        theory = number(one.theory) if one.theory == one.theory else ""
-        yield (
-            f"| {one.parameter} | {number(one.start)} | {one.engine}, {one.setting} | "
-            f"{reached(one)} | {theory} | {one.ending.replace('|', '¦')} |"
-        )
+    yield from map(row_of, found)
     yield f"\nNot turned: {'; '.join(skipped)}."
+
+
+def row_of(one: Boundary) -> str:
+    """A row of the table of a case."""
+    theory = number(one.theory) if one.theory == one.theory else ""
+    return (
+        f"| {one.parameter} | {number(one.start)} | {one.engine}, {one.setting} | "
+        f"{reached(one)} | {theory} | {one.ending.replace('|', '¦')} |"
+    )
 
 
 if __name__ == "__main__":

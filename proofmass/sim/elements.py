@@ -301,13 +301,16 @@ def weigh(
     model: mujoco.MjModel, element: Element, b: int, by: Mapping[tuple[str, int], float]
 ) -> None:
     """Write mass, centre and inertia of a body, which the file may leave to its geoms."""
+    stated = "pos" in element.attrib
     for key in (*ORIENTATIONS, "fullinertia"):
         element.attrib.pop(key, None)
-    centre = np.array(model.body_ipos[b])
+    centre, frame = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    if stated or model.body_mass[b]:  # of a body without either the compiled centre is no centre
+        centre, frame = np.array(model.body_ipos[b]), model.body_iquat[b]
     for k in range(3):
         centre[k] += by.get(("pos", k), 0.0)
     element.set("pos", told(centre))
-    element.set("quat", told(model.body_iquat[b]))
+    element.set("quat", told(frame))
     element.set("mass", told([model.body_mass[b] + by.get(("mass", 0), 0.0)]))
     factor = 1.0 + by.get(("inertia", 0), 0.0)
     element.set("diaginertia", told(model.body_inertia[b] * factor))

@@ -150,7 +150,7 @@ def of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
         )
         yield measured("inertia", name, 1.0, Place("inertial", b, "inertia"), 1.0)
         for k in source.parts(source.frame(b)):
-            value = float(model.body_ipos[b, k])
+            value = float(model.body_ipos[b, k]) if model.body_mass[b] else 0.0
             yield measured(
                 "centre of mass",
                 f"{name} {'xyz'[k]}",

@@ -137,6 +137,28 @@ def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
                 np.testing.assert_allclose(getattr(model, key), expected, atol=1e-15, err_msg=name)
 
 
+MASSLESS = """<mujoco><worldbody><body name="link" pos="1 0 0"><joint axis="0 0 1"/>
+<inertial pos=".3 0 0" mass="1" diaginertia="1 1 1"/>
+<body name="pin" pos="2 0 0" euler="0 0 30"><site name="at"/></body>
+<body name="said" pos="2 0 0"><inertial pos=".5 0 0" mass="0" diaginertia="0 0 0"/></body>
+</body></worldbody></mujoco>"""
+
+
+def test_a_body_without_mass_gets_it_at_its_own_origin(tmp_path):
+    """MuJoCo compiles the place of such a body as its centre."""
+    file, other = tmp_path / "massless.xml", tmp_path / "changed.xml"
+    file.write_text(MASSLESS)
+    source = source_of(file, "start")
+    assert source.full.body_ipos[2, 0] == 2.0
+    there = {one.name: one for one in numbers_of(source, SIZES)}
+    assert there["centre of mass of pin x"].value == 0.0
+    other.write_text(written(source, [(there["mass of pin"], 0.1), (there["mass of said"], 0.1)]))
+    changed = compile_model(other)
+    np.testing.assert_array_equal(changed.body_ipos[2:, 0], [0.0, 0.5])
+    np.testing.assert_array_equal(changed.body_iquat[2], [1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(changed.body_mass[2:], [0.1, 0.1])
+
+
 def test_numbers_of_rods_are_keys_of_the_sidecar():
     source, there = listed("rfr2_natural")
     by_name = {number.name: number for number in there}

@@ -6,6 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from proofmass.wording import number
+
+DIGITS = 4
+"""Digits of values beside a boundary, so that what is printed is what was tried."""
 NAN = float("nan")
 
 
@@ -99,8 +103,11 @@ class Boundary(VariedRange):
     Attributes
     ----------
     holds, breaks : float
-        The furthest value that held, and the next value, which failed [its unit].  `breaks` is NaN
-        if all values up to `reach` held; both are NaN if `start` failed.
+        The furthest value before which all held, and the next value, which failed [its unit].
+        `breaks` is NaN if all values up to `reach` held; both are NaN if `start` failed.
+    again : float
+        The furthest value beyond `breaks` that held again [its unit]: between the two some values
+        hold and others do not.  NaN where all values that were tried beyond `breaks` failed.
     step : float
         Time step that the engine took at `holds` [s]; NaN where nothing was stepped.
     theory : float
@@ -118,6 +125,7 @@ class Boundary(VariedRange):
 
     holds: float = NAN
     breaks: float = NAN
+    again: float = NAN
     step: float = NAN
     theory: float = NAN
     law: str = ""
@@ -129,6 +137,23 @@ class Boundary(VariedRange):
     def found(self) -> bool:
         """Whether there is a boundary of the engine between `start` and `reach`."""
         return bool(np.isfinite(self.breaks)) and not self.unknown
+
+    @property
+    def several(self) -> bool:
+        """Whether there are several boundaries, since a value beyond the first one holds again."""
+        return self.again == self.again
+
+    def format_measured(self, digits: int = 3) -> str:
+        """The boundary in words, without its unit; of several the first and the last.
+
+        >>> Boundary("", "", "", "", "", 1.0, 9.0, 1.96, 2.0).format_measured()
+        '1.98'
+        >>> Boundary("", "", "", "", "", 1.0, 9.0, 1.96, 2.0, again=2.5).format_measured()
+        '2 to 2.5'
+        """
+        if self.several:
+            return f"{number(self.breaks, DIGITS)} to {number(self.again, DIGITS)}"
+        return number(self.measured, digits)
 
     @property
     def unknown(self) -> bool:

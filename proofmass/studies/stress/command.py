@@ -99,7 +99,7 @@ def reached(one: Boundary) -> str:
     """
     unit = "" if one.unit == "1" else f" {one.unit}"
     if one.found:
-        return f"{number(one.measured)}{unit}"
+        return f"{one.format_measured()}{unit}"
     if one.holds != one.holds:
         return "not known" if one.unknown else "nowhere"
     if one.unknown:

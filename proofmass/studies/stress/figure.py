@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from proofmass.report.style import Look, hatches, looks
 from proofmass.studies.stress.boundary import Boundary
-from proofmass.wording import number, spoken
+from proofmass.wording import spoken
 
 INK = "#333333"
 ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] a boundary, the figure, what stands above and below
@@ -117,7 +117,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
     if not known and one.found:
         unit = {"times": "×", "1": ""}.get(one.unit, one.unit)
         ax.annotate(
-            f"{number(one.measured)} {unit}",
+            f"{one.format_measured()} {unit}",
             (high, y),
             xytext=(6, 0),
             fontsize=6.5,

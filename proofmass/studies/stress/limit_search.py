@@ -8,7 +8,7 @@ the engine does not see.  Where proofmass itself gives up, the limit is not the 
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cache, partial
 from math import isclose, isnan
 from pathlib import Path
 from typing import Any, cast
@@ -28,6 +28,7 @@ from proofmass.studies.measure import Measurement, StudyRun, measure, observe, s
 from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import Store, key_of
 from proofmass.studies.stress.boundary import (
+    DIGITS,
     NAN,
     Boundary,
     BoundaryKind,
@@ -37,6 +38,7 @@ from proofmass.studies.stress.boundary import (
     is_engine_warning,
 )
 from proofmass.studies.variants import READS, with_whole_steps
+from proofmass.wording import number
 from proofmass.worker import KILLED, isolated
 
 WITHIN = 0.01
@@ -45,6 +47,9 @@ COARSE = 0.1
 """The same where nothing is known beyond, nor by theory: that value is no property of an engine."""
 STRIDE = 4.0
 """Factor from one value to the next on the way to the extreme."""
+BESIDE = 1.02, 1.05, 1.1, 1.2, 1.35, 1.6
+"""Factors to both sides of a boundary at which it is checked: all before it must hold, all beyond
+it must fail.  Bisection alone finds one of several boundaries, and a stride is a factor of 4."""
 
 
 LOST = 0.1
@@ -81,13 +86,14 @@ class LimitSearch(VariedRange):
     law: str = ""
 
     def find(self, within: float = WITHIN) -> Boundary:
-        """Bisect the boundary to a share of its value.
+        """Bisect the boundary to a share of its value, and look whether there are several.
 
         Where theory has one, the search is as close where proofmass itself gives up: a boundary may
         be just before it, as of an engine that leaves its reference behind.
         """
         steps = dict[float, float]()
 
+        @cache
         def test(value: float) -> Failure | None:
             failure, steps[value] = self.trial(value)
             return failure
@@ -95,12 +101,19 @@ class LimitSearch(VariedRange):
         expected = np.isfinite(self.theory) and self.theory > 0
         coarse = within if expected else COARSE
         holds, breaks, failure = bisect(test, self.start, self.reach, within, coarse)
+        again = NAN
+        near = max(holds / breaks, breaks / holds) < BESIDE[0]
+        if near and is_lost(failure):
+            holds, breaks, failure, again = find_several(
+                test, self.start, self.reach, holds, breaks, failure
+            )
         known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
         message, limit, silent = failure or ("", BoundaryKind.HOLDS, False)
         return Boundary(
             **known,
             holds=holds,
             breaks=breaks,
+            again=again,
             step=steps.get(holds, NAN),
             limit=limit,
             failure=message,
@@ -118,8 +131,9 @@ def bisect(
     """Vary a parameter from `start` towards `reach`, and close in on the first value that fails.
 
     Strides are geometric, so all values are positive.  A boundary is the first one that a stride
-    meets; an island of failure between two strides is not seen.  Where nothing is known beyond,
-    the two are closed in to `coarse` alone.
+    meets; an island of failure between two strides is not seen, and of several boundaries one is
+    found: see `find_several`.  Where nothing is known beyond, the two are closed in to `coarse`
+    alone.
 
     Returns
     -------
@@ -158,6 +172,102 @@ def bisect(
         else:
             holds = middle
     return holds, breaks, failure
+
+
+def find_several(
+    test: Callable[[float], Failure | None],
+    start: float,
+    reach: float,
+    holds: float,
+    breaks: float,
+    failure: Failure | None,
+) -> tuple[float, float, Failure | None, float]:
+    """Look beside a boundary for values before it that fail, and for values beyond that hold.
+
+    A run through a singular pose fails where one of its steps comes near to it, and an error that
+    goes up and down with the parameter passes its limit several times.  Then the first boundary and
+    the last are looked for, each until the values at all factors of `BESIDE` before the one hold,
+    and those beyond the other fail.  Values have as many digits as are printed.
+
+    Parameters
+    ----------
+    test : callable
+        Why a value fails, or None.
+    start, reach : float
+        First and last value that may be tried [its unit].
+    holds, breaks : float
+        What `bisect` found [its unit].
+    failure : Failure or None
+        Why `breaks` failed.
+
+    Returns
+    -------
+    holds, breaks : float
+        The same if there is one boundary; otherwise the first value that failed, and the value just
+        before it, which held [its unit].
+    failure : Failure or None
+        Why `breaks` failed.
+    again : float
+        The last value that held again [its unit]; NaN if there is one boundary.
+
+    Examples
+    --------
+    >>> lost = Failure("beyond", BoundaryKind.UNSTABLE)
+    >>> def test(x):  # fails from 2.2 to 2.3, and from 2.5 on
+    ...     return lost if 2.2 <= x < 2.3 or x >= 2.5 else None
+    >>> holds, breaks, _, again = find_several(test, 1.0, 9.0, 2.48, 2.5, lost)
+    >>> holds < 2.2 <= breaks < 2.25, 2.45 < again < 2.5
+    (True, True)
+    >>> find_several(lambda x: lost if x >= 2 else None, 1.0, 9.0, 1.99, 2.0, lost)[-1]
+    nan
+    """
+    up = reach > start
+
+    def is_lost_at(value: float) -> bool:
+        return is_lost(test(value))
+
+    def holds_at(value: float) -> bool:
+        return test(value) is None
+
+    one_before, one_beyond = rounded(holds), rounded(breaks)
+    if holds_at(one_before) and is_lost_at(one_beyond):
+        first = find_last(is_lost_at, one_beyond, start, not up)
+        last = find_last(holds_at, one_before, reach, up)
+    else:  # they change places within the last digit
+        first = find_last(is_lost_at, breaks, start, not up)
+        last = find_last(holds_at, holds, reach, up)
+    if first in (breaks, one_beyond) and last in (holds, one_before):
+        return holds, breaks, failure, NAN
+    return beside(first, BESIDE[0], start, not up), first, test(first), last
+
+
+def find_last(meets: Callable[[float], bool], edge: float, end: float, up: bool) -> float:
+    """The furthest value that meets a condition, from an edge on to an end; the edge if none does.
+
+    From the furthest value that is known, those at all factors of `BESIDE` are tried.
+    """
+    found = edge
+    while True:
+        tried = [beside(found, factor, end, up) for factor in BESIDE]
+        met = [value for value in tried if value != found and meets(value)]
+        if not met:
+            return found
+        found = met[-1]
+
+
+def rounded(value: float) -> float:
+    """A value with the digits that are printed."""
+    return float(number(value, DIGITS))
+
+
+def beside(value: float, factor: float, end: float, up: bool) -> float:
+    """A value at a factor from another, up or down to an end, with the digits that are printed.
+
+    >>> beside(0.05, 1.02, 1.0, up=True), beside(0.05, 1.02, 0.04901, up=False)
+    (0.051, 0.04902)
+    """
+    there = rounded(value * factor if up else value / factor)
+    return min(there, end) if up else max(there, end)
 
 
 @dataclass(frozen=True)
@@ -319,6 +429,11 @@ def find_failure(found: Measurement, run: Kind) -> Failure | None:
                 silent=True,
             )
     return None
+
+
+def is_lost(failure: Failure | None) -> bool:
+    """Whether a value fails for a reason of the engine's."""
+    return failure is not None and failure.limit != BoundaryKind.OURS
 
 
 def limit_kind(found: Measurement) -> BoundaryKind:

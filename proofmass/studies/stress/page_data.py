@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from proofmass.report.case_data import finite
 from proofmass.report.marks import MARKS, Tone
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
+from proofmass.studies.stress.boundary import DIGITS, Boundary, BoundaryKind
 from proofmass.wording import number, pretty, spoken
 
 
@@ -103,7 +103,7 @@ def measured(one: Boundary) -> str:
     """A boundary in words, with its unit."""
     unit = "" if one.unit == "1" else f" {pretty(one.unit)}"
     if one.found:
-        return f"{number(one.measured, 4)}{unit}"
+        return f"{one.format_measured(4)}{unit}"
     if one.unknown:
         known = one.holds == one.holds
         return f"not known beyond {number(one.holds)}{unit}" if known else "not known"
@@ -127,6 +127,9 @@ def sentence(one: Boundary) -> str:
             f"Holds {way} to {with_unit(one, one.holds)} and fails at "
             f"{with_unit(one, one.breaks)}: {one.ending}."
         )
+        if one.several:
+            last = with_unit(one, one.again, DIGITS)
+            words += f" Beyond, some values hold and others do not, up to {last}."
     elif one.unknown:
         words = f"Held {way} to {with_unit(one, one.holds)}; not known beyond: {one.why}."
     else:

@@ -36,8 +36,10 @@ COLUMNS = {
     "start": "its first value",
     "reach": "its last value, if no run fails before",
     "holds": "the furthest value that held; empty if even `start` did not",
-    "breaks": "the next that did not, at most 1 % further, 10 % if `limit` is ours; empty if all "
-    "held",
+    "breaks": "the next that did not, at most 1 % further, 2 % if there is `again`, 10 % if "
+    "`limit` is ours; empty if all held",
+    "again": "the furthest beyond `breaks` that held again: some values between hold, others do "
+    "not; empty if all that were tried beyond failed",
     "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
     "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
     "law": "what theory says, in words",

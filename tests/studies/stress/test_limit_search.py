@@ -17,7 +17,9 @@ from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress import limit_search
 from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult
-from proofmass.studies.stress.limit_search import StressedCase
+from proofmass.studies.stress.command import reached
+from proofmass.studies.stress.limit_search import LimitSearch, StressedCase, find_several, rounded
+from proofmass.studies.stress.page_data import sentence
 from tests.shipped import shipped
 
 PENDULUM = load_case(shipped("pendulum.toml"))  # 10 s in 1001 samples, in steps of 1 ms
@@ -139,3 +141,72 @@ def test_what_is_not_in_the_store_is_run(own, monkeypatch):
     assert (
         limit_search.measure_once(replace(task, study="x"), own.store).steps == 3
     )  # nobody asks which study
+
+
+GONE = Failure("gone", BoundaryKind.UNSTABLE)
+LATE = Failure("late", BoundaryKind.OURS)
+
+
+def search(test, start: float, reach: float) -> LimitSearch:
+    """A search among values that a function judges."""
+    return LimitSearch("", "", "", "step", "s", start, reach, lambda x: TrialResult(test(x)))
+
+
+@pytest.mark.parametrize("up", [True, False])
+@pytest.mark.parametrize(
+    ("fails", "first", "last"),
+    [
+        (((2.0, 2.2), (2.5, inf)), 2.0, 2.5),  # before the one that bisection finds, or beyond it
+        (((2.0, 2.05), (2.1, 2.2), (2.3, 2.6), (3.0, inf)), 2.0, 3.0),
+        (((5.0, 5.3), (7.0, inf)), 5.0, 7.0),
+        (((3.9, 4.3),), 3.9, 16.0),  # an island that a stride meets: the last value held
+    ],
+)
+def test_of_several_boundaries_the_first_and_the_last_are_found(fails, first, last, up):
+    def test(x: float) -> Failure | None:
+        x = x if up else 1.0 / x
+        return GONE if any(low <= x < high for low, high in fails) else None
+
+    own = search(test, *((1.0, 16.0) if up else (1.0, 1 / 16.0)))
+    found = own.find()
+    breaks, again = (found.breaks, found.again) if up else (1 / found.breaks, 1 / found.again)
+    assert found.several
+    assert first <= breaks < 1.05 * first
+    assert last / 1.05 < again <= last
+    assert test(found.holds) is None
+    assert test(found.breaks) == GONE
+    assert test(found.again) is None
+    assert 1.019 < max(found.breaks / found.holds, found.holds / found.breaks) < 1.021
+    words = reached(found).split()  # what is printed was run
+    assert (float(words[0]), float(words[2])) == (found.breaks, found.again)
+    assert "some values hold and others do not, up to" in sentence(found)
+
+
+@pytest.mark.parametrize("within", [0.01, 1e-6, 0.5])
+@pytest.mark.parametrize("edge", [2.345678, 9.9999, 10.0])
+def test_one_boundary_stays_as_it_was_bisected(edge, within):
+    found = search(lambda x: GONE if x >= edge else None, 1.0, 64.0).find(within)
+    assert found.holds < edge <= found.breaks <= (1.0 + within) * found.holds
+    assert not found.several
+    assert found.format_measured() == reached(found).removesuffix(" s")
+
+
+def test_what_is_not_known_beside_a_boundary_makes_no_second():
+    """Neither before it nor beyond does it tell anything of the engine."""
+
+    def test(x: float) -> Failure | None:
+        return LATE if 1.7 < x < 1.95 or x > 2.2 else GONE if x >= 2.0 else None
+
+    assert not search(test, 1.0, 16.0).find().several
+
+
+def test_values_beside_a_boundary_have_four_digits_and_stay_between_the_ends():
+    seen = []
+
+    def test(x: float) -> Failure | None:
+        seen.append(x)
+        return GONE if x >= 2.0 else None
+
+    find_several(test, 1.5, 2.4, 1.9876543, 2.0012345, GONE)
+    assert all(x == rounded(x) for x in seen)
+    assert (min(seen), max(seen)) == (1.5, 2.4)

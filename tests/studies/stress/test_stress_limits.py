@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.limits import CONFIRMED, confirm, printed_limits
+from benchmarks import ROOT
+from benchmarks.limits import CONFIRMED, confirm, kept_cells, printed_limits, rows_of
 from proofmass.studies.store import Store
 
 PAGE = """
@@ -17,11 +18,14 @@ PAGE = """
 | spring in rocker | 1 | pymunk, as in the model | nowhere |  | inaccurate: at 1 already |
 | steps | 1 | pymunk, as in the model | not known beyond 9 |  | ours: timed out |
 | drive's way | 1 | mujoco, sweep | 3 rad |  | inaccurate: off |
+| time step | 1 | mujoco, RK4 | 0.25 to 0.3 s |  | inaccurate: off |
 """
 
 
 def test_limits_of_runs_in_time_are_read_and_no_others():
-    (one,) = printed_limits(PAGE)
+    one, several = printed_limits(PAGE)
+    assert one.again != one.again
+    assert (several.value, several.again) == (0.25, 0.3)
     assert (one.case, one.engine, one.setting, one.value) == ("pendulum", "mujoco", "Euler", 0.14)
 
 
@@ -30,6 +34,44 @@ def test_limits_of_runs_in_time_are_read_and_no_others():
     [(1.0, CONFIRMED), (0.95, "holds beyond it"), (1.05, "fails before it")],
 )
 def test_a_limit_that_is_5_percent_off_is_found(factor, result, tmp_path):
-    (one,) = printed_limits(PAGE)
+    one, _ = printed_limits(PAGE)
     (found,) = confirm([replace(one, value=factor * one.value)], Store(tmp_path))
     assert found.result == result
+
+
+@pytest.mark.parametrize(
+    ("factors", "result"),
+    [
+        ((1.015, 1.1), "fails at its last value"),
+        ((0.985, 1.015), "holds at its first value"),
+        ((0.9, 0.95), "holds beyond it"),
+        ((1.05, 1.1), "fails before it"),
+    ],
+)
+def test_several_boundaries_that_are_wrong_are_found(factors, result, tmp_path):
+    """The pendulum has one: no value holds again."""
+    one, _ = printed_limits(PAGE)
+    first, last = (factor * one.value for factor in factors)
+    (found,) = confirm([replace(one, value=first, again=last)], Store(tmp_path))
+    assert found.result == result
+
+
+def test_the_rows_are_of_the_limits_that_are_printed_now():
+    """Limits of energy and of runs without a program have none."""
+    stress, limits = (
+        (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("stress.md", "limits.md")
+    )
+    rows, printed = dict(rows_of(limits)), list(printed_limits(stress))
+    there = [cells for one in printed if (cells := kept_cells(one, rows))]
+    assert there == list(rows.values())
+    assert {one.parameter for one in printed if one.key not in rows} == {
+        "steps until the energy is off by 1 %"
+    }
+
+
+def test_a_row_of_another_limit_is_not_kept():
+    one, _ = printed_limits(PAGE)
+    cells = [*one.key, "0.15 s", "holds", "off", CONFIRMED]
+    with pytest.raises(SystemExit, match=r"0\.14 s, of which 0\.15 s was confirmed"):
+        kept_cells(one, {one.key: cells})
+    assert kept_cells(one, {}) == []
