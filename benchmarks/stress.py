@@ -52,6 +52,12 @@ nothing of it. The kinds of limits are:
 
 {limits}
 
+Two values, such as *2 to 2.5*, are the first and the last of several boundaries. At the first a run
+fails, and 2 % before it none does; the last holds, and 2 % beyond it none does; between them some
+values hold and others fail. Beside each boundary that bisection found, values are tried that are
+1.02 to 1.6 times away, to both sides: where one before it fails, or one beyond it holds, the first
+and the last are looked for. Boundaries that all these values miss are not seen.
+
 Where nothing is known beyond, the last value that held is given. It depends on the machine where
 time ran out: a run has 60 s.
 
@@ -159,8 +165,9 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
         asked = [one for one in searches if any(text in one.parameter for text in parameters)]
         with pool() as workers:
             found = stress(asked, workers)
-        text = file.read_text(encoding="utf-8")
-        file.write_text(with_rows(text, name, found), encoding="utf-8")
+        head, known, rest = file.read_text(encoding="utf-8").partition("\n## Beside theory")
+        head = HEAD.format(limits=kinds())
+        file.write_text(head + known + with_rows(rest, name, found), encoding="utf-8")
 
 
 def with_rows(text: str, name: str, found: Sequence[Boundary]) -> str:
