@@ -1,11 +1,14 @@
 """The scripts in examples/: each runs by itself, and what it prints obeys a law or a printed value.
 
-They are run by hand as well, so they are started as a user starts them, in an empty folder: one
-writes nothing there.
+They are run by hand as well: in an empty folder, where one writes nothing.  One is started as a
+user starts it; the others run in this process, which has loaded already what each of them loads.
 """
 
 import ast
+import contextlib
+import io
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -20,17 +23,28 @@ NUMBER = r"(-?[\d.]+(?:e[+-]?\d+)?)"
 
 
 def printed(name: str, folder: Path, *args: str) -> str:
-    """Standard output of a script."""
+    """Standard output of a script that runs in this process."""
+    script, said = str(EXAMPLES / f"{name}.py"), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(said):
+        patch.chdir(folder)
+        patch.setattr(sys, "argv", [script, *args])
+        runpy.run_path(script, run_name="__main__")
+    if not args:
+        assert not list(folder.iterdir())
+    return said.getvalue()
+
+
+def started(name: str, folder: Path) -> str:
+    """Standard output of a script that is a process of its own."""
     done = subprocess.run(
-        [sys.executable, str(EXAMPLES / f"{name}.py"), *args],
+        [sys.executable, str(EXAMPLES / f"{name}.py")],
         cwd=folder,
         text=True,
         capture_output=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    if not args:
-        assert not list(folder.iterdir())
+    assert not list(folder.iterdir())
     return done.stdout
 
 
@@ -64,7 +78,7 @@ def test_every_script_is_listed_and_shown() -> None:
 
 
 def test_check_a_model(tmp_path: Path) -> None:
-    text = printed("check_a_model", tmp_path)
+    text = started("check_a_model", tmp_path)
     assert len(re.findall(r"^\w+ +\w+ +agrees: ", text, re.MULTILINE)) == 4  # 2 runs, 2 engines
     assert "mujoco:default  is shown, not checked" in text
     assert "a rocker longer by" in text

@@ -1,6 +1,5 @@
 """The pages of cases in a browser: what they show, and that they fetch nothing."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -150,10 +149,12 @@ INK_AT_THE_END = """() => {
 }"""
 
 
-@pytest.fixture
-def snap_page(edit: Callable[..., Path], tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def snap_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of the rod that snaps, with few links, in pymunk one sample after the reference."""
-    case = load_case(edit("rod_snap.toml", "segments = 40", "segments = 10"))
+    case, out = load_case(shipped("rod_snap.toml")), tmp_path_factory.mktemp("snap")
+    rods = {"rod": case.rod["rod"].model_copy(update={"segments": 10})}
+    case = case.model_copy(update={"rod": rods})
     result = whole_result(case, off=1e-4)
     key = (case.name, "sweep", "pymunk")
     late = {}
@@ -161,8 +162,8 @@ def snap_page(edit: Callable[..., Path], tmp_path: Path) -> Path:
         late[name] = curve.copy()
         late[name][BEYOND] = curve[BEYOND - 1]
     curves = {**result.curves, key: replace(result.curves[key], channels=late)}
-    write_report(replace(result, curves=curves), tmp_path / "report")
-    return tmp_path / "report" / "rod_snap.html"
+    write_report(replace(result, curves=curves), out)
+    return out / "rod_snap.html"
 
 
 BEYOND = 16  # the first sample after a snap
@@ -380,8 +381,10 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
 @pytest.mark.parametrize(
     ("name", "scheme"),
     [
-        ("fourbar", "light"),
-        ("rod_cantilever", "dark"),
+        ("rod_cantilever", "light"),
+        ("fourbar", "dark"),
+        pytest.param("fourbar", "light", marks=pytest.mark.slow),
+        pytest.param("rod_cantilever", "dark", marks=pytest.mark.slow),
         pytest.param("slider_crank", "dark", marks=pytest.mark.slow),
         pytest.param("pendulum", "light", marks=pytest.mark.slow),
     ],
@@ -389,9 +392,10 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
 def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / f"{name}.html", color_scheme=scheme) as visit:
         visit.run("findAll('.more > details').forEach((one) => one.setAttribute('open', ''))")
-        wrong, met = visit.axe()
+        dark = scheme == "dark"  # only colours differ
+        wrong, met = visit.axe(options="{runOnly: ['color-contrast']}" if dark else "{}")
         assert wrong == []
-        assert met > 15
+        assert met > (0 if dark else 15)
 
 
 def test_dark_pages_are_dark_and_their_curves_light(folder: Path, browser: Any) -> None:

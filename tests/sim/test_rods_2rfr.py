@@ -9,10 +9,14 @@ import pytest
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.equilibrium import RodState
+from proofmass.compare import compare
+from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Drive, Run
+from proofmass.solve import run_here
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
 from tests.analytic.rods.rod_chain_cases import STABLE, tangent, two_rods
 from tests.independent.rods.chain_assembly import Standing, settle
+from tests.shipped import shipped
 from tests.sim.rod_models import CLAMPS, ENGINES, PAIR, constant, held, rest
 from tests.sim.rod_models import pair as rods
 from tests.verdicts import verdicts
@@ -172,6 +176,17 @@ def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
     np.testing.assert_allclose([placed[name][0] for name in PIN], pin[-1], rtol=0, atol=1e-10)
     last = turned(-0.4).pose
     assert np.hypot(*(pin[-2] - last)) < 0.2 < np.hypot(*(pin[-1] - last))
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("rfr2_circles", 8.0), ("rfr2_rectangles", 12.0)])
+def test_the_pin_begins_the_documents_circles_and_rectangles(name, seconds):
+    """Their first five places in MuJoCo, with the tolerances of the whole way."""
+    case = load_case(shipped(f"{name}.toml"))
+    drives = tuple(drive.model_copy(update={"until": seconds}) for drive in case.drive)
+    runs = {"sweep": case.run["sweep"].model_copy(update={"n": 5})}
+    case = case.model_copy(update={"drive": drives, "run": runs})
+    found = compare(case, "sweep", "mujoco", run_here(case, "sweep", "mujoco"), detectable=False)
+    assert {c.outcome for c in found} == {"agrees"}
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,11 @@ from scipy.integrate import solve_ivp
 
 from proofmass.check import check
 from proofmass.compare import compare
+from proofmass.refined import errors
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadRod, Drive, Rod, Run
-from proofmass.solve import solve
+from proofmass.solve import run_here, solve
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES
 
@@ -56,6 +57,22 @@ def test_another_rod_is_noticed(name, old, new, edit):
     curves = solve(case, "dynamics", "mujoco")
     found = compare(case, "dynamics", "mujoco", curves, detectable=False)
     assert "differs" in {c.outcome for c in found}
+
+
+def test_an_elastic_coupler_in_pymunk_is_off_by_the_square_of_its_links():
+    """An eighth of a turn with 6 and 12 links, on which the errors of [refine] show their order."""
+    case = load_case(shipped(f"{CRANK}.toml"))
+    runs = {"dynamics": case.run["dynamics"].model_copy(update={"n": 10})}
+    drives = (case.drive[0].model_copy(update={"to": np.pi / 4}),)
+    off = []
+    for segments in (6, 12):
+        rods = {"coupler": case.rod["coupler"].model_copy(update={"segments": segments})}
+        brief = case.model_copy(update={"rod": rods, "run": runs, "drive": drives})
+        found = errors(brief, "dynamics", "pymunk", run_here(brief, "dynamics", "pymunk"))
+        off.append({c.channel: c.error_max for c in found})
+    orders = {name: np.log2(off[0][name] / off[1][name]) for name in off[0]}
+    print(orders, off)
+    assert orders == pytest.approx(dict.fromkeys(orders, 2.0), abs=0.3)
 
 
 def test_a_motion_that_is_not_resolved_is_an_error_of_its_parameters(edit):
