@@ -258,6 +258,7 @@ def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline)
     curves = run_here(changed, kind, solver)
     if curves.stopped:
         raise InputError(changed.file, "drive", f"it ends early: {curves.stopped}")
+    truth: Curves
     if reads_model(case):
         truth = evaluate(changed, kind, curves.x, curves.drive)
     else:

@@ -13,6 +13,8 @@ from functools import partial
 from math import ceil, floor, inf, isfinite, isnan, log10, pi
 from pathlib import Path
 
+import numpy as np
+
 from proofmass.analytic.planar import Branch, read
 from proofmass.analytic.planar.kinematics import freedoms, nearest
 from proofmass.check import read as read_sidecar
@@ -142,7 +144,7 @@ def look_at(path: Path) -> Look:
         low, high = joint.range
         try:
             below, above = (
-                float(Branch(mechanism, (joint.name,)).reach(end)[-1].q[j])
+                float(Branch(mechanism, (joint.name,)).walk(np.array([[end]]))[0].q[-1, j])
                 for end in (max(at - unit, low), min(at + unit, high))
             )
         except ValueError:  # the others do not follow it

@@ -402,14 +402,13 @@ class ResolvedMotion(NamedTuple):
     ----------
     asked : tuple
         What it is the motion of.
-    count : int
-        Number of polynomials.
+    polynomials : int
     curves : dict of str to ndarray (times,)
         [SI].
     """
 
     asked: tuple[Any, ...]
-    count: int
+    polynomials: int
     curves: dict[str, Array]
 
 
@@ -436,7 +435,7 @@ def resolved_motion(
     if near.asked == (problem, times):
         return dict(near.curves)
     rod, start = begins(*problem)
-    return moved(rod, np.array(times), *start(near.count))
+    return moved(rod, np.array(times), *start(near.polynomials))
 
 
 def moved(rod: MovingRod, t: Array, a: Array, rate: Array) -> dict[str, Array]:

@@ -284,7 +284,7 @@ def solve(
 
 @nearby
 def root(
-    pin_x: float, pin_y: float, guess: tuple[float, ...], made: tuple[tuple[str, float], ...]
+    pin_x: float, pin_y: float, guess: tuple[float, ...], made: tuple[tuple[str, Any], ...]
 ) -> tuple[float, ...]:
     """The force and the moment (n_x, n_y, m0) [N, N m] that a guess leads to.
 
