@@ -66,12 +66,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def page(rows: Sequence[str], count: int) -> str:
-    """The sentences and the table, of the rows of so many cases as there are.
-
-    >>> print(page(["| a | 9 | 7 | 4 | 2 | 1 | masses of b and c: why |"], 3).split(". ")[1])
-    Of 9 numbers of their models
-    7 are noticed, or the run is refused with them
-    """
+    """The sentences and the table, of the rows of so many cases as there are."""
     numbers, noticed, some, seen, unexplained = (
         sum(int(cells_of(one)[k]) for one in rows) for k in range(1, WIDTH - 1)
     )

@@ -4,8 +4,8 @@
 
 Writes docs/stress.md and docs/stress.png.  Runs are kept in the folder (reports/stress), so that a
 call goes on where another was interrupted.  With --only the limits of these cases are searched
-again, with --parameter those of parameters whose names contain a text, and all other rows of
-docs/stress.md stay as they are.
+again, with --parameter those whose parameter and solver contain a text, such as "time step,
+mujoco", and all other rows of docs/stress.md stay as they are.
 """
 
 from collections.abc import Iterator, Sequence
@@ -162,7 +162,11 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
     file, store = ROOT / "docs" / "stress.md", Store(folder / "runs")
     for name in names:
         searches, _ = extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
-        asked = [one for one in searches if any(text in one.parameter for text in parameters)]
+        asked = [
+            one
+            for one in searches
+            if any(text in f"{one.parameter}, {one.engine}, {one.setting}" for text in parameters)
+        ]
         with pool() as workers:
             found = stress(asked, workers)
         head, known, rest = file.read_text(encoding="utf-8").partition("\n## Beside theory")
@@ -172,11 +176,6 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
 
 def with_rows(text: str, name: str, found: Sequence[Boundary]) -> str:
     """The document with new rows of a case.
-
-    >>> one = Boundary("a", "b", "c", "time step", "s", 1.0, 9.0, 1.96, 2.0)
-    >>> print(with_rows("## a\\n| time step | 1 | b, c | 3 s |  | off |", "a", [one]))
-    ## a
-    | time step | 1 | b, c | 1.98 s |  |  |
 
     Raises
     ------

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.coverage import page, row, rows_of
 from proofmass import coverage as coverage_module
 from proofmass.case import Case
 from proofmass.changed import baseline, limit, numbers, stride_of, thinned
@@ -487,3 +488,28 @@ def test_words_for_one_number_and_for_several():
     assert phrase("mass", some[:1]) == "mass of a"
     assert phrase("mass", some) == "masses of a, b and c"
     assert phrase("gear", some[:2]) == "gears of a and b"
+
+
+def test_the_table_of_all_cases_counts_its_rows():
+    case = load_case(shipped("balancer_sine.toml"))
+    some = [
+        Finding(kind, of, "1", 1.0, 0.1, noticed)
+        for kind, of, noticed in (
+            ("mass", "a", True),
+            ("mass", "b", False),
+            ("stiffness", "c", False),
+            ("place", "d", False),
+        )
+    ]
+    runs = (CheckedRun("sweep", "mujoco", 1, 1, units=("N m",)),)
+    line = row(case, Coverage(case.name, "", runs, tuple(some), ()))
+    assert line.startswith("| balancer_sine | 4 | 1 | 3 | 1 | 1 | mass of b: there is no gravity")
+    assert line.endswith("; stiffness of c: no reason is known |")
+    table = page([line, line.replace("balancer_sine", "other")], 3)
+    assert "asked 2 of 3 cases. Of 8 numbers of their models\n2 are noticed" in table
+    assert "Of 6 masses" in table
+    assert "friction 4 are noticed by no run; 2 of these have a reason" in table
+    assert rows_of(table) == {
+        "balancer_sine": line,
+        "other": line.replace("balancer_sine", "other"),
+    }

@@ -6,7 +6,9 @@ import pytest
 
 from benchmarks import ROOT
 from benchmarks.limits import CONFIRMED, confirm, kept_cells, printed_limits, rows_of
+from benchmarks.stress import with_rows
 from proofmass.studies.store import Store
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 
 PAGE = """
 ## pendulum
@@ -75,3 +77,19 @@ def test_a_row_of_another_limit_is_not_kept():
     with pytest.raises(SystemExit, match=r"0\.14 s, of which 0\.15 s was confirmed"):
         kept_cells(one, {one.key: cells})
     assert kept_cells(one, {}) == []
+
+
+def test_new_rows_of_a_case_take_the_place_of_its_own_and_of_no_other():
+    (row,) = (line for line in PAGE.splitlines() if line.startswith("| time step | 1e-3"))
+    steps = Boundary(
+        "pendulum", "mujoco", "Euler", "time step", "s", 1e-3, 1.0, 0.196, 0.2, again=0.25,
+        limit=BoundaryKind.UNSTABLE, failure="gone",
+    )  # fmt: skip
+    new = "| time step | 1e-3 | mujoco, Euler | 0.2 to 0.25 s |  | unstable: gone |"
+    assert with_rows(PAGE, "pendulum", [steps]) == PAGE.replace(row, new)
+    other = PAGE.replace("pendulum", "fourbar") + PAGE
+    assert with_rows(other, "pendulum", [steps]).count(new) == 1
+    with pytest.raises(SystemExit, match=r"no row of pendulum for \('time step', 'mujoco, discr"):
+        with_rows(PAGE, "pendulum", [replace(steps, setting="discrete")])
+    (several, _) = printed_limits(with_rows(PAGE, "pendulum", [steps]))
+    assert (several.value, several.again) == (0.2, 0.25)
