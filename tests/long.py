@@ -9,12 +9,22 @@ representatives in their own files.
 PLANE = "models/linkages"
 BALANCERS = "models/balancers"
 RODS = "models/rods"
+FOUR = f"{BALANCERS}/balancer4_sam_prescribed.toml::pymunk"
+MUTATIONS = "tests/test_mutations.py::test_a_wrong"
+LENGTHS = (
+    "tests/test_mutations.py::test_a_length_wrong_by_three_times_its_detectable_change_differs"
+)
+SNAPS = "tests/sim/test_rod_snap_engines.py::test_engines_snap_where_their_chain_does"
+FIRST_PLACES = (
+    "tests/sim/test_rods_2rfr.py::test_the_pin_begins_the_documents_circles_and_rectangles"
+)
 LONG = {
     # pymunk finds each pose of a sweep by itself: one linkage of a kind, MuJoCo runs them all
     f"{PLANE}/fivebar.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
     f"{PLANE}/fivebar_down.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
     f"{PLANE}/fivebar_equal.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
-    f"{PLANE}/fivebar_rectangle.toml::pymunk": f"{PLANE}/fivebar_circle.toml::pymunk",
+    f"{PLANE}/fivebar_circle.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
+    f"{PLANE}/fivebar_rectangle.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
     f"{PLANE}/double_crank_crossed.toml::pymunk": f"{PLANE}/double_crank.toml::pymunk",
     f"{PLANE}/double_rocker.toml::pymunk": f"{PLANE}/triple_rocker.toml::pymunk",
     f"{PLANE}/fourbar_crossed.toml::pymunk": f"{PLANE}/fourbar.toml::pymunk",
@@ -30,13 +40,25 @@ LONG = {
     f"{PLANE}/slider_crank_mirrored.toml::pymunk": f"{PLANE}/slider_crank.toml::pymunk",
     f"{PLANE}/slider_crank_inclined.toml::pymunk": f"{PLANE}/slider_crank_offset.toml::pymunk",
     f"{PLANE}/hacksaw_sampled.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
-    f"{PLANE}/hacksaw_inventor_shaped.toml::pymunk": f"{PLANE}/hacksaw_recorded.toml::pymunk",
+    f"{PLANE}/hacksaw_inventor_shaped.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
+    f"{PLANE}/hacksaw_recorded.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
+    # each asks that nothing else of the case differs
+    f"{PLANE}/hacksaw_cutting.toml::pymunk": (
+        f"{MUTATIONS}_load_on_the_slider_turns_the_holding_moment_alone[hacksaw_cutting"
+    ),
+    f"{PLANE}/inverted_slider_crank_forces.toml::pymunk": (
+        f"{MUTATIONS}_mass_turns_what_knows_it_and_nothing_else[inverted_slider_crank_forces"
+    ),
+    f"{PLANE}/inverted_slider_crank_classic.toml::pymunk": (
+        f"{PLANE}/inverted_slider_crank.toml::pymunk"
+    ),
     f"{PLANE}/threeprr_second.toml::pymunk": f"{PLANE}/threeprr.toml::pymunk",
     f"{PLANE}/chebyshev_lambda.toml::pymunk": f"{PLANE}/watt.toml::pymunk",
     f"{PLANE}/stephenson.toml::pymunk": f"{PLANE}/watt.toml::pymunk",
     # balancers of one template
-    f"{BALANCERS}/balancer4_sam_shaped.toml::pymunk": f"{BALANCERS}/balancer4_sine.toml::pymunk",
-    f"{BALANCERS}/balancer4_sam.toml::pymunk": f"{BALANCERS}/balancer4_sine.toml::pymunk",
+    f"{BALANCERS}/balancer4_sam_shaped.toml::pymunk": FOUR,
+    f"{BALANCERS}/balancer4_sam.toml::pymunk": FOUR,
+    f"{BALANCERS}/balancer4_sine.toml::pymunk": FOUR,
     f"{BALANCERS}/balancer4_sine.toml::mujoco:settled": (
         f"{BALANCERS}/balancer_sine_free_preload.toml::mujoco:settled"
     ),
@@ -49,7 +71,9 @@ LONG = {
     f"{BALANCERS}/balancer_progressive_locked.toml::pymunk": (
         f"{BALANCERS}/balancer_progressive_contact.toml::pymunk"
     ),
-    f"{BALANCERS}/balancer_prototype.toml::pymunk": f"{PLANE}/shaft_pendulum.toml::pymunk",
+    f"{BALANCERS}/balancer_prototype.toml::pymunk": (
+        "tests/sim/test_friction.py::test_the_built_balancer_rubs_in_pymunk_as_in_its_reference"
+    ),
     f"{BALANCERS}/balancer_sine180.toml::pymunk": f"{BALANCERS}/balancer_sine.toml::pymunk",
     f"{BALANCERS}/balancer_sine_free.toml::pymunk": (
         f"{BALANCERS}/balancer_sine_free_preload.toml::pymunk"
@@ -61,17 +85,61 @@ LONG = {
         f"{BALANCERS}/balancer_third_preload.toml::pymunk"
     ),
     # rods
-    f"{RODS}/rfr2_circles.toml": f"{RODS}/rfr2_driven.toml",
-    f"{RODS}/rfr2_rectangles.toml": f"{RODS}/rfr2_driven.toml",
-    f"{RODS}/pfr3.toml::pymunk": f"{RODS}/rfr2_driven.toml::pymunk",
+    f"{RODS}/rfr2_circles.toml": f"{FIRST_PLACES}[rfr2_circles",
+    f"{RODS}/rfr2_rectangles.toml": f"{FIRST_PLACES}[rfr2_rectangles",
+    f"{RODS}/rfr2_driven.toml::pymunk": (
+        "tests/sim/test_rods_2rfr.py::test_a_motion_of_both_motors_is_that_of_the_chains[pymunk"
+    ),
+    f"{RODS}/pfr3.toml::pymunk": f"{RODS}/rfr2_load_path.toml::pymunk",
     f"{RODS}/rfr2_missed.toml::pymunk": f"{RODS}/rfr2_natural.toml::pymunk",
     f"{RODS}/rod_into_circle.toml::pymunk": f"{RODS}/rod_cantilever.toml::pymunk",
     f"{RODS}/rod_wind.toml::pymunk": f"{RODS}/rod_cantilever.toml::pymunk",
-    f"{RODS}/rod_sheared.toml::pymunk": f"{RODS}/rod_taut.toml::pymunk",
-    f"{RODS}/rod_snap.toml::pymunk": f"{RODS}/rod_snap.toml::mujoco:settled",
-    f"{RODS}/slider_crank_elastic.toml::pymunk": f"{RODS}/rod_released.toml::pymunk",
+    f"{RODS}/rod_sheared.toml::pymunk": (
+        "tests/sim/test_rods_strained.py::test_a_strained_cantilever_rests_where_its_chain_does"
+        "[half-both-pymunk"
+    ),
+    f"{RODS}/rod_taut.toml::pymunk": (
+        "tests/sim/test_rods_taut.py::test_both_engines_sag_alike_and_symmetrically"
+    ),
+    f"{RODS}/rod_snap.toml::pymunk": f"{SNAPS}[pymunk",
+    f"{RODS}/slider_crank_elastic.toml::pymunk": (
+        "tests/sim/test_rods_in_motion.py::test_an_elastic_coupler_in_pymunk_is_off_by_the_square"
+    ),
     "tests/sim/test_rods_in_motion.py::test_another_rod_is_noticed[slider_crank_elastic": (
         "tests/sim/test_rods_in_motion.py::test_another_rod_is_noticed[rod_released"
+    ),
+    "tests/sim/test_rods_2rfr.py::test_motors_lead_the_pin_along_the_documents_paths": (
+        f"{FIRST_PLACES}[rfr2_circles"
+    ),
+    "tests/sim/test_rods_2rfr.py::test_beyond_its_fold_the_pair_snaps": f"{SNAPS}[pymunk",
+    "tests/sim/test_rods_driven.py::test_a_motor_bends_a_pair_of_rods": (
+        "tests/sim/test_rods_2rfr.py::test_a_motion_of_both_motors_is_that_of_the_chains[mujoco"
+    ),
+    "tests/sim/test_rod_flex.py::test_another_rod_is_found_out": (
+        "tests/sim/test_engine_decides.py::test_springs_1_percent_stiffer_differ[rod_flex"
+    ),
+    "tests/sim/test_rods.py::test_orders_and_the_limit_of_a_cantilever[5-pymunk": (
+        "tests/sim/test_rods.py::test_orders_and_the_limit_of_a_cantilever[2-pymunk"
+    ),
+    "tests/sim/test_rods.py::test_orders_and_the_limit_of_a_cantilever[10-pymunk": (
+        "tests/sim/test_rods.py::test_orders_and_the_limit_of_a_cantilever[2-pymunk"
+    ),
+    "tests/sim/test_rods.py::test_all_stable_equilibria_of_a_pair[S1-pymunk": (
+        "tests/sim/test_rods.py::test_all_stable_equilibria_of_a_pair[S2-pymunk"
+    ),
+    "tests/sim/test_rods.py::test_all_stable_equilibria_of_a_pair[S3-pymunk": (
+        "tests/sim/test_rods.py::test_all_stable_equilibria_of_a_pair[S2-pymunk"
+    ),
+    "tests/sim/test_changing_loads.py::test_a_load_along_a_path_is_the_load_of_each_place"
+    "[rod_platform_driven": (
+        "tests/sim/test_changing_loads.py::test_a_load_along_a_path_is_the_load_of_each_place"
+        "[rod_pair_driven"
+    ),
+    "tests/sim/test_rods_strained.py::test_order_under_its_own_weight[both-pymunk": (
+        "tests/sim/test_rods_strained.py::test_order_under_its_own_weight[axial-pymunk"
+    ),
+    "tests/sim/test_changing_loads.py::test_a_platform_carries_a_load_that_grows": (
+        f"{RODS}/rfr2_load_path.toml::mujoco"
     ),
     "tests/sim/test_rods_2rfr.py::test_a_wrong_pair_is_found": (
         "tests/sim/test_engine_decides.py::test_springs_1_percent_stiffer_differ[rfr2_natural"
@@ -84,6 +152,34 @@ LONG = {
         "tests/sim/test_rods_2rfr.py::test_a_sweep_ends_at_the_fold_of_its_chains"
     ),
     "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
+    "[shaft_pendulum-1-pymunk": (
+        "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
+        "[shaft_pendulum-0-pymunk"
+    ),
+    "tests/sim/test_friction.py::test_a_cycle_of_the_shaft_loses_its_closed_area[pymunk": (
+        "tests/sim/test_friction.py::test_stick_and_slip_change_in_the_sample_of_the_closed_form"
+        "[pymunk"
+    ),
+    f"{MUTATIONS}_number_turns_the_motion_of_the_parallelograms[pos": (
+        f"{MUTATIONS}_number_turns_the_motion_of_the_parallelograms[qpos"
+    ),
+    f"{LENGTHS}[shaft_pendulum-length-pymunk": (
+        "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
+        "[shaft_pendulum-0-pymunk"
+    ),
+    f"{LENGTHS}[fivebar-left_crank-pymunk": f"{LENGTHS}[fourbar-crank-pymunk",
+    f"{LENGTHS}[hacksaw-crank-pymunk": f"{LENGTHS}[slider_crank-crank-pymunk",
+    f"{LENGTHS}[inverted_slider_crank_classic-crank-pymunk": (
+        f"{LENGTHS}[inverted_slider_crank-crank-pymunk"
+    ),
+    f"{LENGTHS}[balancer_sine_free_preload-pendulum-pymunk": (
+        f"{LENGTHS}[balancer4_sam_prescribed-pendulum-pymunk"
+    ),
+    f"{LENGTHS}[balancer4_sine-pendulum-mujoco": (
+        f"{LENGTHS}[balancer4_sam_prescribed-pendulum-mujoco"
+    ),
+    f"{LENGTHS}[hacksaw_recorded-crank-mujoco": f"{LENGTHS}[hacksaw-crank-mujoco",
+    "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
     "[balancer_prototype-1-mujoco": (
         "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
         "[balancer_prototype-0-mujoco"
@@ -94,6 +190,9 @@ LONG = {
     ),
     "tests/test_worker.py::test_a_reference_that_takes_too_long_costs_itself_only": (
         "tests/test_worker.py::test_a_model_that_is_too_large_costs_itself_only"
+    ),
+    "tests/test_same_digits.py::test_check_gives_the_same_digits": (
+        "tests/test_same_digits.py::test_workers_solve_equations_to_the_same_bits"
     ),
     "tests/test_diagnosis.py::test_a_number_of_the_model_is_named_where_the_reference_has_none": (
         "tests/test_diagnosis.py::test_a_longer_rocker_whose_centre_of_mass_stays_is_named"
@@ -116,6 +215,12 @@ LONG = {
     "tests/report/test_report.py::test_drawing_has_the_names_of_the_mjcf[hacksaw": (
         "tests/report/test_report.py::test_drawing_has_the_names_of_the_mjcf[fivebar"
     ),
+    "tests/studies/trade/test_trade_floor.py::test_a_bias_is_found_by_taking_it_away": (
+        "tests/studies/trade/test_trade_floor.py::test_a_bias_is_found"
+    ),
+    "tests/studies/trade/test_trade_floor.py::test_segments_of_a_rod_in_motion_are_found": (
+        "tests/studies/trade/test_trade_floor.py::test_segments_of_a_rod_are_found"
+    ),
     "tests/studies/diet/test_diet_bare.py::test_a_step_as_long_as_the_error_allows": (
         "tests/studies/diet/test_diet_models.py::test_a_longer_step_is_held_against_the_reference"
     ),
@@ -131,6 +236,10 @@ LONG = {
     ),
     "tests/studies/stress/test_stress_chart.py::test_axe_finds_nothing[dark": (
         "tests/studies/stress/test_stress_chart.py::test_axe_finds_nothing[light"
+    ),
+    "tests/studies/test_study_pages_browser.py::test_axe_finds_nothing[trade/fourbar-dynamics"
+    "-trade.html-dark": (
+        "tests/studies/test_study_pages_browser.py::test_axe_finds_nothing[stress/index.html-dark"
     ),
     # references of rods
     "tests/analytic/rods/test_rod_pair_driven.py::test_four_rectangles_of_the_document": (

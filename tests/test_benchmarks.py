@@ -24,6 +24,7 @@ LONG = (
     "accuracy",
     "balancer_fronts",
     "choose",
+    "coverage",
     "design_balancer",
     "diagnosis",
     "diet",

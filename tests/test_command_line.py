@@ -46,7 +46,8 @@ def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):
     ]
 
 
-def test_exit_1_where_something_differs(models, edit):
+def test_exit_1_where_something_differs(models, edit, keep_solver):
+    keep_solver("pendulum.toml", "mujoco")
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
     answer = run("check", models / "pendulum.toml")
     assert answer.exit_code == 1
@@ -95,7 +96,9 @@ def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
     assert pages == {"index.html", "pendulum.html"}
 
 
-def test_report_prints_a_link_to_each_row_that_differs(models, edit, tmp_path):
+def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver, tmp_path):
+    keep_solver("pendulum.toml", "mujoco")
+    edit("pendulum.toml", r"until = .*", "until = 1.0")
     edit("pendulum.toml", r"(?m)^relative_to_range = .*", "relative_to_range = 1e-30")
     answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     lines = [line.strip() for line in answer.output.splitlines()]
@@ -134,6 +137,7 @@ def test_sidecars_are_pytest_items(models, pytester):
 
 
 def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
+    edit("pendulum.toml", r"until = .*", "until = 1.0")
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
     result = pytester.runpytest_inprocess(
         f"{models / 'pendulum.toml'}::mujoco", "-p", "no:cacheprovider"

@@ -60,7 +60,7 @@ def test_another_rod_is_noticed(name, old, new, edit):
 
 
 def test_an_elastic_coupler_in_pymunk_is_off_by_the_square_of_its_links():
-    """An eighth of a turn with 6 and 12 links, on which the errors of [refine] show their order."""
+    """An eighth of a turn with 6 and 12 links; moments and energies begin at zero and are left."""
     case = load_case(shipped(f"{CRANK}.toml"))
     runs = {"dynamics": case.run["dynamics"].model_copy(update={"n": 10})}
     drives = (case.drive[0].model_copy(update={"to": np.pi / 4}),)
@@ -69,10 +69,10 @@ def test_an_elastic_coupler_in_pymunk_is_off_by_the_square_of_its_links():
         rods = {"coupler": case.rod["coupler"].model_copy(update={"segments": segments})}
         brief = case.model_copy(update={"rod": rods, "run": runs, "drive": drives})
         found = errors(brief, "dynamics", "pymunk", run_here(brief, "dynamics", "pymunk"))
-        off.append({c.channel: c.error_max for c in found})
+        off.append({c.channel: c.error_max for c in found if c.unit not in ("J", "N m")})
     orders = {name: np.log2(off[0][name] / off[1][name]) for name in off[0]}
-    print(orders, off)
-    assert orders == pytest.approx(dict.fromkeys(orders, 2.0), abs=0.3)
+    assert len(orders) == 7
+    assert orders == pytest.approx(dict.fromkeys(orders, 2.0), abs=0.15)  # [refine] allows as much
 
 
 def test_a_motion_that_is_not_resolved_is_an_error_of_its_parameters(edit):
