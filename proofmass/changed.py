@@ -258,11 +258,11 @@ def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline)
     curves = run_here(changed, kind, solver)
     if curves.stopped:
         raise InputError(changed.file, "drive", f"it ends early: {curves.stopped}")
-    truth: Curves
-    if reads_model(case):
-        truth = evaluate(changed, kind, curves.x, curves.drive)
-    else:
-        truth = run_reference(case, kind, curves).as_driven(curves.drive)
+    truth = (
+        evaluate(changed, kind, curves.x, curves.drive)
+        if reads_model(case)
+        else run_reference(case, kind, curves).as_driven(curves.drive)
+    )
     check_branch(case, kind, curves, truth)
     missing = [name for name in own.errors if name not in curves.channels]
     if missing:

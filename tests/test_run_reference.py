@@ -3,14 +3,18 @@
 import os
 import sys
 from dataclasses import replace
+from functools import wraps
 
 import numpy as np
 import pytest
 
-from proofmass.analytic.remember import in_use
-from proofmass.compare import RunReference, last_used, run_reference
+from proofmass.analytic import balancer, rods
+from proofmass.analytic.remember import answers, in_use
+from proofmass.compare import RunReference, compare, last_used, run_reference, with_reference
 from proofmass.errors import InputError
 from proofmass.reference import evaluate, identity
+from proofmass.refined import errors, refinements
+from proofmass.seen import seen
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
@@ -146,3 +150,40 @@ def test_what_a_reference_does_not_depend_on_makes_no_other_case():
     update = {"tolerance": (), "settings": {"mujoco": {"timestep": 1e-4}}}
     assert identity(FOURBAR.model_copy(update=update)) == identity(FOURBAR)
     assert identity(FOURBAR.model_copy(update={"start": "other"})) != identity(FOURBAR)
+
+
+def test_views_show_the_reference_that_was_compared(monkeypatch):
+    """Its quantities beside the channels come with the curves, and are not asked for again."""
+    case = load_case(shipped("balancer_weight.toml"))
+    x = plan(case, "sweep", "mujoco").x[::30]
+    state = plan(case, "sweep", "mujoco").motion(x)
+    truth = evaluate(case, "sweep", x, state)
+    assert truth.shown.keys() == {"energy1", "energy2", "energy3", "weight_energy"}
+    curves = Curves(x, truth.channels, drive=state)
+    asked = []
+    solve = balancer.solve
+    monkeypatch.setattr(
+        balancer, "solve", wraps(solve)(lambda *a, **k: asked.append(k) or solve(*a, **k))
+    )
+    answers.clear()
+    compare(case, "sweep", "mujoco", curves, detectable=False)
+    assert len(asked) == 1
+    own = with_reference(case, "sweep", curves)
+    for view in case.view:
+        found = seen(case, view, own, truth=Curves(x, own.reference)).values
+        assert found.keys() == {view.x, *view.y, *view.stack, *view.dashed}
+    assert len(asked) == 1
+
+
+def test_a_refinement_asks_for_its_reference_once(monkeypatch):
+    """The rods of its runs have other numbers of segments, of which a closed form knows nothing."""
+    case = load_case(shipped("rod_cantilever.toml"))
+    x = np.linspace(0.0, case.rods[0].length, 5)
+    asked, solve = [], rods.solve
+    monkeypatch.setattr(
+        rods, "solve", wraps(solve)(lambda *a, **k: asked.append(k) or solve(*a, **k))
+    )
+    answers.clear()
+    found = [errors(task.case, task.kind, task.solver, Curves(x, {})) for task in refinements(case)]
+    assert len(found) > 2
+    assert len(asked) == 1

@@ -6,6 +6,7 @@ what a balancer's parameters amount to, where its stops switch, and what is wron
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations, product
 from typing import Any, NamedTuple
 
@@ -466,8 +467,7 @@ def flags(to: float = np.pi / 2, **parameters: float) -> list[str]:
     ...       stiffness2=1.5643, stiffness3=2.5515, preload2=0.944, low2=0.0)
     ['joint 2 never leaves its preload: M1 = k1 alpha as far as it is locked']
     """
-    b = balancer(**parameters)
-    trail = follow(b, to)
+    b, trail = followed(tuple(parameters.items()), to)
     found = [trail.why[0]] if trail.why[0] else []
     if trail.reach[0] == 0.0:
         return found
@@ -541,6 +541,21 @@ def chain_of(parameters: dict[str, Any]) -> Balancer:
     return balancer(**without_friction(parameters))
 
 
+Numbers = tuple[tuple[str, float], ...]
+
+
+@lru_cache(8)
+def followed(parameters: Numbers, to: float) -> tuple[Balancer, BalancerPaths]:
+    """The balancer of these parameters and its way to an angle, which several functions ask for."""
+    b = balancer(**dict(parameters))
+    return b, follow(b, to)
+
+
+def whole_way(parameters: dict[str, Any], to: float = ALL) -> tuple[Balancer, BalancerPaths]:
+    """The balancer alone, as `chain_of` has it, and its way."""
+    return followed(tuple(without_friction(parameters).items()), to)
+
+
 def without_friction(parameters: dict[str, Any]) -> dict[str, Any]:
     """The parameters of the chain alone."""
     return {
@@ -558,7 +573,7 @@ def marks(**parameters: Any) -> dict[str, float]:
     >>> {name: round(float(np.degrees(angle)), 4) for name, angle in found.items()}
     {'joint 2 released': 46.6595}
     """
-    trail = follow(chain_of(parameters), ALL)
+    _, trail = whole_way(parameters)
     words = {0: "released", -1: "back on its stop", 1: "on its stop"}
     return {f"joint {joint} {words[side]}": angle for _, joint, angle, side in trail.switches}
 
@@ -574,8 +589,7 @@ def facts(**parameters: Any) -> dict[str, str]:
     ...       target="sine")["work reduction"]
     '99.30 % against the sine'
     """
-    b = chain_of(parameters)
-    trail = follow(b, ALL)
+    b, trail = whole_way(parameters)
     found = {
         "rest posture": ", ".join(f"{np.degrees(a):.1f}°" for a in b.rest[0])
         + " from the upright, clockwise"
@@ -583,7 +597,9 @@ def facts(**parameters: Any) -> dict[str, str]:
     found |= {name: f"{np.degrees(angle):.2f}°" for name, angle in marks(**parameters).items()}
     if not trail.why[0]:
         found |= measured(
-            b, str(parameters.get("target", "")), float(parameters.get("target_moment", 1.0))
+            *whole_way(parameters, ALL + 1e-9),
+            str(parameters.get("target", "")),
+            float(parameters.get("target_moment", 1.0)),
         )
     if "expected" in parameters:
         found |= looped(b, parameters)
@@ -611,10 +627,10 @@ def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def measured(b: Balancer, target: str, scale: float) -> dict[str, str]:
+def measured(b: Balancer, trail: BalancerPaths, target: str, scale: float) -> dict[str, str]:
     """Largest winding, and how a target is met."""
     angle = precision_points(90 if b.segments == 3 else 15)
-    path = along(b, follow(b, ALL + 1e-9), angle)
+    path = along(b, trail, angle)
     moment, energy = balancing_moment(b, path)[0], path.energy[0]
     far = np.degrees(np.abs(path.winding[0]).max(axis=0))
     found = {"springs wound by": ", ".join(f"{w:.0f}°" for w in far) + " at most"}

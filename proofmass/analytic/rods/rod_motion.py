@@ -403,6 +403,7 @@ class ResolvedMotion(NamedTuple):
     asked : tuple
         What it is the motion of.
     polynomials : int
+        Their number.
     curves : dict of str to ndarray (times,)
         [SI].
     """

@@ -145,12 +145,12 @@ class Links:
         """Ids of the joints with dry friction."""
         return tuple(j for j, joint in enumerate(self.joints) if joint.friction)
 
-    @property
+    @cached_property
     def drives(self) -> tuple[LinkJoint, ...]:
         """The joints with a prescribed motion."""
         return tuple(self.joints[j] for j in self.driven)
 
-    @property
+    @cached_property
     def holds(self) -> tuple[Hold, ...]:
         """All holds: those of the joints, then the loops."""
         return (*(joint.hold for joint in self.joints), *self.loops)

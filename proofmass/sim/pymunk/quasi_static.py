@@ -426,8 +426,15 @@ class Held:
         """
         here = values(self.links.drives, self.pose)
         self.step(here)
-        size = self.impulses() / self.dt
-        return -size * np.sign([self._fall(k, here)[k] for k in range(self.driving)])
+        size, fall = self.impulses() / self.dt, np.empty(self.driving)
+        for k, drive in enumerate(self.drives[: self.driving]):
+            if k:
+                self.step(here)
+            drive.max_force = 0.0
+            self.step(here)
+            drive.max_force = float("inf")
+            fall[k] = along(lambda p: values(self.links.drives, p), self.pose, self.velocity)[k]
+        return -size * np.sign(fall)
 
     def impulses(self) -> Array:
         """Impulses of the drives in the step, which motors of friction let converge slowly."""
@@ -439,14 +446,6 @@ class Held:
             if np.abs(size - last).max() <= CONVERGED * np.abs(size).max():
                 break
         return size
-
-    def _fall(self, k: int, here: Array) -> Array:
-        """Rates of the driven joints after a step without the k-th drive."""
-        self.step(here)
-        self.drives[k].max_force = 0.0
-        self.step(here)
-        self.drives[k].max_force = float("inf")
-        return along(lambda p: values(self.links.drives, p), self.pose, self.velocity)
 
     def rates(self, rate: Array) -> Array:
         """The engine's velocities (links + 1, 3) for rates of the drives, in a pose at rest."""

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from proofmass.analytic.linkages import slider_crank
+from proofmass.analytic.remember import memory_in_use
 from proofmass.analytic.rods import rod_motion, rod_released, slider_crank_elastic
 from proofmass.analytic.rods import solve as rod_at_rest
 from proofmass.analytic.rods.rod_motion import MovingRod
@@ -191,3 +192,21 @@ def test_bad_input_of_an_elastic_coupler(change, rate, words):
     angle = np.linspace(0.0, 1.0, 3)
     with pytest.raises(ValueError, match=words):
         slider_crank_elastic.solve(angle, rate + 0.0 * angle, 0.0 * angle, **(LINKS | change))
+
+
+def test_neighbours_have_as_many_polynomials(monkeypatch):
+    """A mass changed by 1e-6 takes the number that the motion itself was found to need."""
+    counts, moved = [], rod_motion.moved
+    monkeypatch.setattr(
+        rod_motion, "moved", lambda rod, t, a, rate: counts.append(a.size) or moved(rod, t, a, rate)
+    )
+    t, numbers, memory = np.linspace(0.0, 0.1, 3), ROD | {"mass": 0.101}, {}
+    with memory_in_use(memory, more=True):
+        own = rod_released.solve(t, **numbers)
+    assert counts == list(rod_motion.COUNTS[: len(counts)])
+    needed = counts[-1]
+    counts.clear()
+    with memory_in_use(memory, more=False):
+        near = rod_released.solve(t, **numbers | {"mass": 0.101 * (1.0 + 1e-6)})
+    assert counts == [needed]
+    assert 0.0 < np.abs(near["tip_y"] - own["tip_y"]).max() < 1e-6

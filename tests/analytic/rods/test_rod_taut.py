@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from proofmass.analytic.remember import memory_in_use
+from proofmass.analytic.rods import rod_pinned
 from proofmass.analytic.rods.rod_pinned import pinned, solve
 from tests.independent.rods.cosserat import Section
 from tests.independent.rods.cosserat import pinned as collocated
@@ -67,3 +69,27 @@ def test_bad_values_are_named(given, message):
     with pytest.raises(ValueError, match=message):
         solve(0.5, **TAUT | GUESS | given)
     assert pinned(1.0, 0.0, (1.0, 0.0, 0.0), length=0.98, axial=50.0).converged
+
+
+def test_neighbours_share_a_search(monkeypatch):
+    """A parameter changed by 1e-6 needs a step or two from the root that is known."""
+    steps, newton = [], rod_pinned.newton
+
+    def counted(*given):
+        log, size = newton(*given)
+        steps.append(log.iterations)
+        return log, size
+
+    monkeypatch.setattr(rod_pinned, "newton", counted)
+    numbers, memory = TAUT | GUESS | {"weight_y": -1.01}, {}
+    with memory_in_use(memory, more=True):
+        solve(0.5, **numbers)
+    searched = steps[0]
+    steps.clear()
+    with memory_in_use(memory, more=False):
+        up, down, wide, narrow = (
+            solve(0.5, **numbers | {"weight_y": -1.01 + h})["y"] for h in (1e-6, -1e-6, 4e-6, -4e-6)
+        )
+    assert searched > 4 > max(steps)
+    # what is left of Newton's last step over 1e-6
+    assert (up - down) / 2e-6 == pytest.approx((wide - narrow) / 8e-6, rel=1e-4)
