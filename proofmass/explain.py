@@ -14,7 +14,7 @@ from proofmass.check import load
 from proofmass.command import answering, counting, errors, one_case
 from proofmass.coverage import Coverage, coverage_of
 from proofmass.coverage_search import Finding
-from proofmass.reference import compiled
+from proofmass.reference import compiled, facts
 from proofmass.sim.numbers import SHARE
 from proofmass.solve import with_computing_solvers
 from proofmass.terminal import console, finite, not_checked, own_numbers
@@ -87,6 +87,8 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
     yield ""
     yield "What the reference reads"
     yield from wrapped(told_of_reference(case, found), "  ")
+    for name, value in facts(case).items() if found.reads_model else ():
+        yield from wrapped(f"{name}: {value}", "  ")
     noticing = [one for one in found.parameters if one.noticed and not one.refused]
     if noticing:
         yield ""

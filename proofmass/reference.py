@@ -24,6 +24,7 @@ from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.contents import joints
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, BadRod, Curves
+from proofmass.sim.smooth import SmoothTerms
 from proofmass.strict import Kind
 from proofmass.units import same_quantity, si_unit
 
@@ -34,6 +35,7 @@ CONTROLS = "1", "N", "N m"
 """What the control of a motor may be measured in."""
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
+smooth_terms = lru_cache(8)(SmoothTerms)
 read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
 
 
@@ -348,7 +350,8 @@ def call(
     One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
     One that asks for ``inertia`` is told whether moments and forces are those of a motion, one that
-    asks for ``only`` which of its quantities are used, None for all.
+    asks for ``only`` which of its quantities are used, None for all, one that asks for
+    ``terms`` is given those of the equations of motion as MuJoCo computes them.
     """
     known = [
         p.name
@@ -361,6 +364,7 @@ def call(
         "joints": lambda: tuple(d.joint for d in case.drive),
         "inertia": lambda: case.has_inertia(kind),
         "only": lambda: only,
+        "terms": lambda: smooth_terms(compiled(case), case.start),
         "controls": lambda: {
             load.actuator: law(np.asarray(x, float))[0]
             for load, law in zip(case.load, load_laws(case, kind), strict=True)
@@ -434,9 +438,16 @@ def under_loads(
 def facts(case: Case, beside: str | None = None) -> dict[str, str]:
     """What the closed form says of the mechanism as a whole: class, limits, stroke; or nothing."""
     tell = getattr(module_of(case), "facts", None)
+    if tell is None:
+        return {}
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
+    own: dict[str, Any] = {}
+    if "terms" in inspect.signature(tell).parameters:  # of a motion of the model itself
+        model, kind = compiled(case), next(iter(case.run))
+        terms = smooth_terms(model, case.start)
+        own = {"model": model, "start": case.start, "terms": terms, "times": grid(case, kind)}
     try:
-        return tell(**parameters) if tell else {}
+        return tell(**own, **parameters)
     except (TypeError, ValueError):  # the parameters are at fault, which the runs have said
         return {}
 

@@ -37,6 +37,7 @@ OWN = (
     "inertia",
     "only",
     "controls",
+    "terms",
     "load_rates",
 )  # what a reference is given of the case itself
 

@@ -6,7 +6,8 @@ sweep, which is the last axis. Modules beside them hold what belongs to a mechan
 motion: Grashof's classes, workspaces, all poses of a platform.
 
 Closed forms are formulas only, so what is left is rounding, and need no more than numpy and scipy.
-`planar` solves any planar linkage of an MJCF by iteration and integration.
+`planar` solves any planar linkage of an MJCF by iteration and integration, `spatial` integrates any
+mechanism in space whose equalities are exact.
 """
 
 REFERENCES = {
@@ -25,6 +26,7 @@ REFERENCES = {
         )
     },
     "planar": "proofmass.analytic.planar",
+    "spatial": "proofmass.analytic.spatial",
     "balancer": "proofmass.analytic.balancer",
     "balancer_posture": "proofmass.analytic.balancer.posture",
     "spring_release": "proofmass.analytic.balancer.spring_release",

@@ -82,6 +82,20 @@ def unwrapped(angle: Array) -> Array:
     return np.asarray(angle - TURN * np.cumsum(turns, axis=-1))
 
 
+def unwrapped_quaternion(quaternion: Array) -> Array:
+    """Quaternions (n, 4) [1], of which q and -q are the same turn, with signs that do not jump.
+
+    The largest part of the first is positive.
+
+    >>> unwrapped_quaternion(np.array([[-0.8, 0.0, 0.6, 0.0], [0.6, 0.0, -0.8, 0.0]])).tolist()
+    [[0.8, 0.0, -0.6, 0.0], [0.6, 0.0, -0.8, 0.0]]
+    """
+    first = quaternion[0, np.abs(quaternion[0]).round(6).argmax()]
+    flips = np.where((quaternion[1:] * quaternion[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+    signs = np.cumprod([-1.0 if first < 0 else 1.0, *flips])
+    return np.asarray(quaternion * signs[:, None])
+
+
 STANDS = 1e-9  # of the fastest drive: a joint that is slower stands, to rounding
 
 

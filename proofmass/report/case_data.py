@@ -24,6 +24,7 @@ from proofmass.report.style import Look
 from proofmass.report.tables import plain
 from proofmass.report.words import RUNS, kind_of
 from proofmass.sim.motion import Motion
+from proofmass.sim.picture import Picture
 from proofmass.wording import is_variant, pretty, spoken
 
 ROOM = 340_000  # characters of a page for curves: with the rest of it at most 700 kB
@@ -260,9 +261,13 @@ def motion_data(motion: Motion) -> dict[str, Any]:
         if spot.body in in_rods:  # a place of a rod's link is a line of one point
             one["rod"] = len(spots)
         spots.append(one)
+    projected = list[dict[str, Any]]()
+    if motion.along:
+        projected, spots = projected_data(picture)
     return {
         "x": packed(picture.x, "<f8"),
         "axes": list(picture.axes),
+        "along": motion.along,
         "stopped": picture.stopped,
         "used": list(motion.used),
         "unfit": motion.unfit,
@@ -282,6 +287,7 @@ def motion_data(motion: Motion) -> dict[str, Any]:
             }
             for name, links in motion.rods.items()
         ]
+        + projected
         + [
             {"spot": i, **line(motion, [(spot.body, spot.at)])}
             for i, spot in enumerate(motion.spots)
@@ -292,6 +298,34 @@ def motion_data(motion: Motion) -> dict[str, Any]:
         "limits": {name: np.flatnonzero(on).tolist() for name, on in motion.at_limit.items()},
         "jumps": list(motion.jumps),
     }
+
+
+def projected_data(picture: Picture) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Lines and spots of a mechanism in space: their points in the drawing at all poses."""
+    lines = list[dict[str, Any]]()
+    for link in picture.links:
+        for outline in link.outlines:
+            closed = np.concatenate([outline, outline[:, :1]], axis=1)
+            shape = closed if outline.shape[1] > 2 else outline
+            lines.append({"name": link.name, "points": whole(shape), "away": {}})
+    spots = list[dict[str, Any]]()
+    for mark in picture.marks:
+        number = len(spots)
+        spots.append(
+            {
+                "name": mark.name,
+                "kind": mark.kind,
+                "body": -1,
+                "at": [0.0, 0.0],
+                "to": None,
+                "driven": mark.driven,
+                "ground": mark.ground,
+                "spring": False,
+                "rod": number,
+            }
+        )
+        lines.append({"spot": number, "points": whole(mark.at[:, None]), "away": {}})
+    return lines, spots
 
 
 def vertices(motion: Motion, links: tuple[int, ...]) -> list[tuple[int, Array]]:

@@ -142,8 +142,13 @@ INK, SOFT, BODY, TRACK, COIL = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0", "#007
 WIDE, HIGH = 430.0, 300.0  # [pt] room for the drawing itself
 MARGIN = 46.0  # [pt] left and below it, for the axes' names
 COLOURS = {"joint": INK, "link": BODY, "path": TRACK}
-SIGNS = {"hinge": "o", "slide": "s", "pin": "o"}
-WORDS = {"hinge": "hinge", "slide": "slide, dashed: its guide", "pin": "loop (connect)"}
+SIGNS = {"hinge": "o", "ball": "o", "slide": "s", "pin": "o"}
+WORDS = {
+    "hinge": "hinge",
+    "ball": "ball joint",
+    "slide": "slide, dashed: its guide",
+    "pin": "loop (connect)",
+}
 TURN = np.linspace(0.0, 5 * np.pi, 60)
 FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] where a pivot stands on the ground
 Tracks = Mapping[str, Array]
@@ -267,7 +272,7 @@ def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0
             guide(ax, mark.guide[main], mark.ground, scale, size)
         elif mark.ground:
             support(ax, mark.at[main], scale, size)
-    order = {"slide": 0, "pin": 1, "hinge": 2}
+    order = {"slide": 0, "pin": 1, "ball": 2, "hinge": 2}
     joints = [m for m in picture.marks if m.kind in order]
     for mark in sorted(joints, key=lambda m: (m.driven, order[m.kind])):
         sign(ax, mark.kind, mark.driven, mark.at[main], size)

@@ -20,6 +20,9 @@ UNITS = {
     S.mjSENS_FRAMELINACC: "m/s^2",
     S.mjSENS_FRAMEANGVEL: "rad/s",
     S.mjSENS_FRAMEANGACC: "rad/s^2",
+    S.mjSENS_FRAMEQUAT: "1",
+    S.mjSENS_BALLQUAT: "1",
+    S.mjSENS_BALLANGVEL: "rad/s",
     S.mjSENS_FRAMEXAXIS: "1",
     S.mjSENS_FRAMEYAXIS: "1",
     S.mjSENS_FRAMEZAXIS: "1",
@@ -66,24 +69,36 @@ def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
     """The channels of each sensor that tell of a motion in the plane of a planar mechanism.
 
     Of an x axis that is its angle, of a linear vector the parts in the plane, if that is one of two
-    axes of the world, and of an angular vector the part normal to it.
+    axes of the world, and of an angular vector the part normal to it.  Of a quaternion, and of all
+    vectors of a mechanism that leaves a plane, these are all parts.
     """
     found, across = {}, normal_part(model, key)
     for s, name in enumerate(sensors(model)):
         kind = S(int(model.sensor_type[s]))
-        if kind == S.mjSENS_FRAMEXAXIS:
+        if kind == S.mjSENS_FRAMEXAXIS and across is not None:
             found[name] = [f"{name}.angle"]
         elif model.sensor_dim[s] == 3:
-            parts = {"linear": "xyz".replace(across, ""), "angular": across or "xyz"}
+            parts = {"linear": "xyz".replace(across or "-", ""), "angular": across or "xyz"}
             turns = UNITS.get(kind, "").startswith("rad") or kind == S.mjSENS_TORQUE
             found[name] = [f"{name}.{part}" for part in parts["angular" if turns else "linear"]]
         else:
-            found[name] = [name] if model.sensor_dim[s] == 1 else []
+            found[name] = [f"{name}.{part}".rstrip(".") for part in parts_of(model, s)]
     return found
 
 
-def normal_part(model: mujoco.MjModel, key: str) -> str:
-    """The part of a vector that is normal to the plane of a mechanism; empty if there is none."""
+def parts_of(model: mujoco.MjModel, s: int) -> tuple[str, ...]:
+    """The parts of what sensor number s shows: of a vector, of a quaternion, or one without name.
+
+    A sensor of more numbers has none.
+    """
+    return {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}.get(int(model.sensor_dim[s]), ())
+
+
+def normal_part(model: mujoco.MjModel, key: str) -> str | None:
+    """The part of a vector that is normal to the plane of a mechanism.
+
+    Empty if the plane is inclined, None if the mechanism leaves every plane.
+    """
     data = mujoco.MjData(model)
     if key in keys(model):
         mujoco.mj_resetDataKeyframe(model, data, keys(model).index(key))
@@ -91,7 +106,7 @@ def normal_part(model: mujoco.MjModel, key: str) -> str:
     try:
         normal = np.abs(find_plane(model, data).normal) if model.njnt else np.zeros(3)
     except Unsupported:
-        return ""
+        return None
     return "xyz"[int(normal.argmax())] if normal.max() > 1 - PARALLEL else ""
 
 
@@ -125,11 +140,20 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
     if s < 0:
         raise KeyError(name)
     kind = S(int(model.sensor_type[s]))
-    wide, directed = model.sensor_dim[s] > 1, kind == S.mjSENS_FRAMEXAXIS
-    if part not in (("x", "y", "z", *["angle"] * directed) if wide else ("",)):
-        right = f"{name}.x, .y or .z" + ", or .angle" * directed if wide else name
-        raise BadModel(f"the sensor has no such part; use {right}")
+    directed = kind == S.mjSENS_FRAMEXAXIS
+    if part not in (*parts_of(model, s), *["angle"] * directed):
+        raise BadModel(f"the sensor has no such part; use {spoken_parts(model, s)}")
     return "rad" if part == "angle" else UNITS.get(kind) or of_joint(model, s, kind)
+
+
+def spoken_parts(model: mujoco.MjModel, s: int) -> str:
+    """The channels of sensor number s in words."""
+    name, parts = model.sensor(s).name, parts_of(model, s)
+    if len(parts) < 2:
+        return str(name)
+    angle = ", or .angle" * (S(int(model.sensor_type[s])) == S.mjSENS_FRAMEXAXIS)
+    first = ", ".join([f"{name}.{parts[0]}", *(f".{part}" for part in parts[1:-1])])
+    return f"{first} or .{parts[-1]}{angle}"
 
 
 def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:

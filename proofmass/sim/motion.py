@@ -9,6 +9,9 @@ measured: a change dq of the joints changes the measured positions and angles s 
 so that a loop that a solver leaves open is drawn open.  What is too large for that, as where a
 solver jumps to another equilibrium at another place than the model, is fitted by Newton's method
 from the pose that is nearest in what is measured.
+
+A mechanism that leaves every plane is projected, and drawn as the model moves it, without what
+curves say.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -141,6 +144,9 @@ class Motion:
         size [1].
     jumps : tuple of int
         Poses that are reached by a jump to another equilibrium from the pose before.
+    along : str
+        The axis of the world that a mechanism in space is seen along; empty of a planar one. The
+        picture has its bodies then, which are no rigid outlines, and `bodies` is empty.
     """
 
     picture: Picture
@@ -154,6 +160,7 @@ class Motion:
     used: tuple[str, ...]
     unfit: float
     jumps: tuple[int, ...] = ()
+    along: str = ""
 
 
 def motion(
@@ -200,6 +207,11 @@ def motion(
         inputs=run.motion(x)[0],
         stopped=stopped,
     )
+    if scene.along:
+        empty = np.empty((len(index), 0, 3))
+        return Motion(
+            drawn, index, (), (), empty, {}, {}, scene.limits(poses), (), 0.0, along=scene.along
+        )
     scene.before = poses["xmat"][0].reshape(-1, 3, 3)
     places, away, used, unfit = scene.placed_by(poses, measured, index)
     return Motion(
@@ -225,12 +237,14 @@ class MovingScene(PictureScene):
         self.run = run
         self.roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
         self.number = {root: k for k, root in enumerate(self.roots)}
+        self.rods: dict[str, tuple[int, ...]] = {}
+        if self.along:
+            return
         self.across = np.cross(*self.basis)
         self.before = np.empty(0)
         self.plane = find_plane(model, self.data)
         self.name_of_rod = {link: rod.name for rod in run.rods for link in chain(rod).bodies}
         self.hidden = {name for rod in run.rods for name in joints_of(chain(rod))}
-        self.rods: dict[str, tuple[int, ...]] = {}
         for k, root in enumerate(self.roots):
             rod = self.name_of_rod.get(model.body(root).name)
             if rod:

@@ -1,4 +1,6 @@
-"""What a planar mechanism looks like at some poses of a run: lines, polygons and joints.
+"""What a mechanism looks like at some poses of a run: lines, polygons and joints.
+
+A mechanism that leaves every plane is projected: see `side_view`.
 
 The poses are the engine's own.  Bodies are their geoms, or lines between their joints and loops
 where a geom does not reach these.
@@ -35,7 +37,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Mark:
-    """A joint or a loop: `kind` is hinge, slide, pin or clamp; `at` is where, (poses, 2) [m].
+    """A joint or a loop: `kind` is hinge, ball, slide, pin or clamp; `at` is where, (poses, 2) [m].
 
     A slide also has its guide's ends, (poses, 2, 2): as far as it is travelled during the run; a
     clamp has itself and a point ahead on the rod.
@@ -107,18 +109,19 @@ class PictureScene:
         self.model, self.data = model, mujoco.MjData(model)
         self.data.qpos[:] = start
         mujoco.mj_kinematics(model, self.data)
-        for j in range(model.njnt):
-            if J(model.jnt_type[j]) not in (J.mjJNT_HINGE, J.mjJNT_SLIDE):
-                raise Unsupported(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
         if not model.njnt:
             raise Unsupported("the model has no joint")
-        plane = find_plane(model, self.data)
+        self.size, self.along = float(model.stat.extent), ""
+        try:
+            plane = find_plane(model, self.data)
+        except Unsupported:
+            self.along, self.axes, self.basis = side_view(model, self.data)
+            return
         normal = int(np.abs(plane.normal).argmax())
         self.axes, self.basis = ("", ""), np.stack([plane.e1, plane.e2])
         if abs(plane.normal[normal]) > 1 - 1e-12:
             shown = [k for k in range(3) if k != normal]
             self.axes, self.basis = ("xyz"[shown[0]], "xyz"[shown[1]]), np.eye(3)[shown]
-        self.size = float(model.stat.extent)
 
     def drawn(self, rows: dict[str, Array], run: Run) -> Picture:
         """Everything there is to draw, at all poses of `rows`."""
@@ -140,7 +143,9 @@ class PictureScene:
             else:
                 fixed.append(self.placed(b, p, rows))
         marks = [
-            self.joint(j, rows, run) for j in range(model.njnt) if model.joint(j).name not in rod_of
+            self.joint(j, rows, run)
+            for j in range(model.njnt)
+            if model.joint(j).name not in rod_of and model.jnt_type[j] != J.mjJNT_FREE
         ]
         marks += [self.pin(i, rows) for i in connects(model)]
         marks += [self.clamp(rod, rows) for rod in run.rods if self.walled(rod)]
@@ -193,7 +198,7 @@ class PictureScene:
             child = int(model.jnt_bodyid[j])
             first = model.body_jntadr[child] == j  # else another joint lies between it and parent
             parent = int(model.body_weldid[model.body_parentid[child]]) if first else -1
-            if model.jnt_type[j] == J.mjJNT_HINGE and root in (child, parent):
+            if J(model.jnt_type[j]) in (J.mjJNT_HINGE, J.mjJNT_BALL) and root in (child, parent):
                 found.append(data.xanchor[j])
         for i in connects(model):
             for body, place in zip(
@@ -230,6 +235,8 @@ class PictureScene:
     def silhouette(self, g: int, turn: Array, size: Array) -> Array | None:
         """Outline (points, 3) of a geom about its centre; None for what has none, like a plane."""
         kind, axis = G(self.model.geom_type[g]), turn[:, 2]
+        if self.along and kind in (G.mjGEOM_BOX, G.mjGEOM_CYLINDER):
+            return solid(kind, size) @ turn.T
         level = np.linalg.norm(self.flat(axis)) > 1e-6
         if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER) and level:
             return np.array([-axis, axis]) * size[1]
@@ -256,8 +263,9 @@ class PictureScene:
         ground = bool(first and model.body_weldid[model.body_parentid[body]] == 0)
         at, name = rows["xanchor"][:, j], model.joint(j).name
         driven = name in [d.joint for d in run.drives]
-        if model.jnt_type[j] == J.mjJNT_HINGE:
-            return Mark(name, "hinge", self.flat(at), driven, ground)
+        if model.jnt_type[j] != J.mjJNT_SLIDE:
+            kind = "hinge" if model.jnt_type[j] == J.mjJNT_HINGE else "ball"
+            return Mark(name, kind, self.flat(at), driven, ground)
         way = rows["qpos"][:, model.jnt_qposadr[j]] - model.qpos0[model.jnt_qposadr[j]]
         axis = rows["xaxis"][:, j]
         from_zero = [] if ground else [0.0]  # on a moving body: from where it hangs on that
@@ -287,6 +295,40 @@ class PictureScene:
         return Mark("", "clamp", ends[:, 0], ground=True, guide=ends)
 
 
+EDGES = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4]
+"""A closed way along all edges of a box; its corners by the signs of x, y and z, -1 first."""
+
+
+def solid(kind: mujoco.mjtGeom, size: Array) -> Array:
+    """A closed line (points, 3) in the axes of a box or cylinder that shows it from any side."""
+    if kind == G.mjGEOM_BOX:
+        return (size * np.array(list(product((-1, 1), repeat=3))))[EDGES]
+    rim = size[0] * np.column_stack([np.cos(ROUND), np.sin(ROUND)])
+    rim = np.vstack([rim, rim[:1]])
+    ends = [np.column_stack([rim, np.full(len(rim), end)]) for end in (-size[1], size[1])]
+    return np.vstack(ends)
+
+
+def side_view(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, tuple[str, str], Array]:
+    """How a mechanism that leaves every plane is seen: from a side.
+
+    Up is what gravity pulls down, or z; across is the other axis of the world that the start pose
+    reaches further along, or x.
+
+    Returns
+    -------
+    str, tuple of str, ndarray (2, 3)
+        The axis that it is seen along, those across and up, and the latter two as vectors [1].
+    """
+    gravity = np.abs(model.opt.gravity)
+    up = int(gravity.argmax()) if gravity.any() else 2
+    reach = np.ptp(np.vstack([data.xanchor, data.site_xpos, data.xipos[1:]]), axis=0)
+    flat = [k for k in range(3) if k != up]
+    across = max(flat, key=lambda k: (round(float(reach[k]), 9), -k))
+    (along,) = (k for k in flat if k != across)
+    return "xyz"[along], ("xyz"[across], "xyz"[up]), np.eye(3)[[across, up]]
+
+
 def distance(point: Array, outline: Array) -> float:
     """From a point to a closed polygon or a line (points, 2); zero inside [m]."""
     start, end = outline, np.roll(outline, -1, axis=0)
@@ -309,7 +351,7 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
     Raises
     ------
     Unsupported
-        The model has no joint, or does not move in a plane; the message names what leaves it.
+        The model has no joint.
     BadModel
         It does not compile.
     """

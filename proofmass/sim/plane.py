@@ -8,6 +8,7 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Unsupported
 
+BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 PARALLEL = 1e-9
 """Largest sine [-] of the angle at which two directions of an MJCF still count as parallel."""
 
@@ -56,6 +57,9 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
     Unsupported
         A joint leaves the plane; the message names it.
     """
+    for joint in np.flatnonzero(np.isin(model.jnt_type, (BALL, FREE))).tolist():
+        kind = "ball" if model.jnt_type[joint] == BALL else "free"
+        raise Unsupported(f"{kind} joint '{model.joint(joint).name}' leaves every plane")
     hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     axes = data.xaxis
     normal = axes[hinges][0] if hinges.any() else _across(axes)

@@ -183,6 +183,12 @@ function ghostWords(own) {
   if (own.curves && own.has(state.solver)) {
     return "Pale: the rods of the reference. Lines: the engine's." + stopped;
   }
+  if (motion.along) {
+    return (
+      `The mechanism moves in space and is seen along ${motion.along}, as MuJoCo moves it. ` +
+      "Differences of curves are not drawn here." + stopped
+    );
+  }
   if (!own.has(state.solver)) {
     return (
       "The model as MuJoCo poses it at these values of its drives. This run compares no positions " +

@@ -197,7 +197,7 @@ class Mechanism {
         dot: this.curves ? this.add("circle", { r: 5, class: "m-dot" }, this.layer.drawn) : null,
       });
     }
-    const order = { guide: 0, clamp: 1, slide: 2, pin: 3, hinge: 4 };
+    const order = { guide: 0, clamp: 1, slide: 2, pin: 3, ball: 4, hinge: 4 };
     this.spots = this.motion.spots
       .map((spot, number) => ({ spot, number }))
       .sort((a, b) => order[a.spot.kind] - order[b.spot.kind])

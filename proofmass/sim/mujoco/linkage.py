@@ -72,20 +72,38 @@ class Linkage:
         spans = list[float]()
         for i in range(model.neq):
             kind = EQ(model.eq_type[i])
-            if kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_JOINT):
+            if joints and kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_JOINT):
                 word = f"{kind.name[5:].lower()} {model.equality(i).name!r}"
-                raise Unsupported(f"equality <{word}> in a sweep; connect and joint are covered")
-            if data.eq_active[i]:
-                spans += (
-                    [model.stat.extent] * 3
-                    if kind == EQ.mjEQ_CONNECT
-                    else [self.sizes[model.jnt_dofadr[model.eq_obj1id[i]]]]
+                raise Unsupported(
+                    f"equality <{word}> with driven joints; connect and joint are covered"
                 )
+            if data.eq_active[i]:
+                spans += self.span(i, kind)
         self.spans = np.array([*spans, *self.sizes[self.dofs]])
         self.shares = self.sizes / self.spans[:, None]
         self.rub = np.zeros(model.nv)
         self.loaded = np.flatnonzero(data.xfrc_applied.any(axis=1))
         self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
+
+    def span(self, i: int, kind: mujoco.mjtEq) -> list[float]:
+        """What the rows of equality number i are measured in [m or 1].
+
+        Raises
+        ------
+        Unsupported
+            It is of a kind that is not covered.
+        """
+        extent = self.model.stat.extent
+        if kind == EQ.mjEQ_JOINT:
+            return [float(self.sizes[self.model.jnt_dofadr[self.model.eq_obj1id[i]]])]
+        rows = {
+            EQ.mjEQ_CONNECT: [extent] * 3,
+            EQ.mjEQ_WELD: [extent] * 3 + [1.0] * 3,
+            EQ.mjEQ_TENDON: [extent],
+        }
+        if kind not in rows:
+            raise Unsupported(f"equality <{kind.name[5:].lower()} {self.model.equality(i).name!r}>")
+        return rows[kind]
 
     def rubs(self, velocity: Array, fastest: float) -> None:
         """Let joints rub against their motion; those that stand, as when they came there."""

@@ -5,8 +5,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import anchors, connects, joint_of, pose_of
+from proofmass.analytic.numerics import Array, unwrapped_quaternion
+from proofmass.sim.contents import (
+    anchors,
+    connects,
+    joint_of,
+    parts_of,
+    pose_of,
+    spoken_parts,
+)
 from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.plane import find_plane
@@ -146,9 +153,9 @@ class Recorder:
     def _resolve(self, channel: str) -> tuple[int, str]:
         name, _, part = channel.partition(".")
         index = named(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
-        wide = self.model.sensor_dim[index] > 1
-        if part not in (("x", "y", "z", "angle") if wide else ("",)):
-            right = f"{name}.x, .y or .z, or .angle for a framexaxis" if wide else name
+        angle = ("angle",) if self.model.sensor_dim[index] == 3 else ()
+        if part not in (*parts_of(self.model, index), *angle):
+            right = spoken_parts(self.model, index)
             raise BadModel(f"channel {channel!r}: no such part of sensor {name!r}; use {right}")
         return index, part
 
@@ -217,4 +224,6 @@ class Recorder:
         if part == "angle" and self.plane:
             x, y = self.plane.flat(block).T
             return np.unwrap(np.arctan2(y, x))
-        return block[:, "xyz".index(part) if part else 0]
+        if kind in (S.mjSENS_FRAMEQUAT, S.mjSENS_BALLQUAT):
+            block = unwrapped_quaternion(block)
+        return block[:, parts_of(model, index).index(part)]

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import gear_of_force, joint_of
+from proofmass.sim.contents import gear_of_force, joint_of, parts_of, spoken_parts
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.kinematics import along, joint_value, turned
@@ -179,12 +179,10 @@ def channel(links: Links, name: str) -> Sensor | str:
             f"no sensor '{sensor}' for channel '{name}'; the model has {', '.join(names) or 'none'}"
         )
     s = names.index(sensor)
-    kind, wide = S(int(model.sensor_type[s])), model.sensor_dim[s] > 1
-    if part not in (("x", "y", "z", "angle") if wide else ("",)) or (
-        part == "angle" and kind != S.mjSENS_FRAMEXAXIS
-    ):
-        parts = f"{sensor}.x, .y, .z, or .angle of a framexaxis" if wide else sensor
-        raise BadModel(f"no channel '{name}'; use {parts}")
+    kind = S(int(model.sensor_type[s]))
+    angle = ("angle",) if kind == S.mjSENS_FRAMEXAXIS else ()
+    if part not in (*parts_of(model, s), *angle):
+        raise BadModel(f"no channel '{name}'; use {spoken_parts(model, s)}")
     if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
         return "a sensor with a reference frame is not rebuilt for pymunk"
     if kind in ORDER:

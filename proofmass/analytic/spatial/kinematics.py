@@ -1,0 +1,224 @@
+"""Places, turns and their two time derivatives of all bodies of a tree, by the chain of its joints.
+
+Everything has the poses along its first axis. Vectors are in the axes of the world.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, TreeJoint, product
+
+
+@dataclass(frozen=True)
+class TreeMotion:
+    """All bodies at n poses.
+
+    Attributes
+    ----------
+    at, velocity, acceleration : ndarray (n, bodies, 3)
+        Of the origins of the bodies [m, m/s, m/s^2].
+    quaternion, turn : ndarray (n, bodies, 4), (n, bodies, 3, 3)
+        The axes of the bodies [1].
+    spin, spin_rate : ndarray (n, bodies, 3)
+        Angular velocity and acceleration [rad/s, rad/s^2].
+    axes, anchors : ndarray (n, rates, 3)
+        Direction of each rate [1], and a point of the axis of each angular one [m].
+    """
+
+    at: Array
+    velocity: Array
+    acceleration: Array
+    quaternion: Array
+    turn: Array
+    spin: Array
+    spin_rate: Array
+    axes: Array
+    anchors: Array
+
+    def point(self, body: int, local: Array) -> Array:
+        """Place of a point of a body (n, 3) [m]."""
+        return np.asarray(self.at[:, body] + self.turn[:, body] @ local)
+
+    def point_velocity(self, body: int, local: Array) -> Array:
+        """Its velocity (n, 3) [m/s]."""
+        arm = self.turn[:, body] @ local
+        return np.asarray(self.velocity[:, body] + cross3(self.spin[:, body], arm))
+
+    def point_acceleration(self, body: int, local: Array) -> Array:
+        """Its acceleration (n, 3) [m/s^2]."""
+        arm, spin = self.turn[:, body] @ local, self.spin[:, body]
+        return np.asarray(
+            self.acceleration[:, body]
+            + cross3(self.spin_rate[:, body], arm)
+            + cross3(spin, cross3(spin, arm))
+        )
+
+
+@dataclass
+class Frame:
+    """The frame that a chain of joints has moved so far: `n` poses of one body."""
+
+    at: Array
+    velocity: Array
+    acceleration: Array
+    quaternion: Array
+    spin: Array
+    spin_rate: Array
+
+    def carried(self, arm: Array) -> None:
+        """Move the origin by an arm that is fixed in the frame (n, 3) [m]."""
+        self.at = self.at + arm
+        self.velocity = self.velocity + cross3(self.spin, arm)
+        self.acceleration = (
+            self.acceleration
+            + cross3(self.spin_rate, arm)
+            + cross3(self.spin, cross3(self.spin, arm))
+        )
+
+    def slid(self, axis: Array, value: Array, rate: Array, acceleration: Array) -> None:
+        """Move it along an axis that is fixed in the frame (n, 3)."""
+        value, rate, acceleration = (part[:, None] for part in (value, rate, acceleration))
+        self.carried(axis * value)
+        self.velocity = self.velocity + axis * rate
+        self.acceleration = (
+            self.acceleration + 2.0 * cross3(self.spin, axis * rate) + axis * acceleration
+        )
+
+    def turned(self, quaternion: Array, rate: Array, acceleration: Array) -> None:
+        """Turn it by a quaternion; `rate`, `acceleration` (n, 3) are those against it, in space."""
+        self.quaternion = product(self.quaternion, quaternion)
+        self.spin_rate = self.spin_rate + cross3(self.spin, rate) + acceleration
+        self.spin = self.spin + rate
+
+
+def cross3(one: Array, two: Array) -> Array:
+    """Vector product (..., 3)."""
+    return np.asarray(
+        one[..., [1, 2, 0]] * two[..., [2, 0, 1]] - one[..., [2, 0, 1]] * two[..., [1, 2, 0]]
+    )
+
+
+def matrices(quaternion: Array) -> Array:
+    """Rotation matrices (..., 3, 3) [1] of unit quaternions."""
+    w, x, y, z = (quaternion[..., k] for k in range(4))
+    found = np.empty((*w.shape, 3, 3))
+    found[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    found[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    found[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    found[..., 0, 1], found[..., 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    found[..., 0, 2], found[..., 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    found[..., 1, 2], found[..., 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+    return found
+
+
+def turn_about(axis: Array, angle: Array) -> Array:
+    """Quaternions (n, 4) [1] of turns by angles (n,) about an axis (3,)."""
+    half = 0.5 * angle[:, None]
+    return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
+
+
+def turn_vector(quaternion: Array) -> Array:
+    """Axis times angle (n, 3) [rad] of quaternions, the angle at most pi."""
+    sign = np.where(quaternion[:, :1] < 0, -1.0, 1.0)
+    scalar, vector = sign * quaternion[:, :1], sign * quaternion[:, 1:]
+    sine = np.linalg.norm(vector, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, scalar)
+    return np.asarray(vector * np.where(sine > 0, angle / np.where(sine > 0, sine, 1.0), 2.0))
+
+
+def unit(quaternion: Array) -> Array:
+    """Quaternions of length 1 (..., 4)."""
+    return np.asarray(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))
+
+
+def move_tree(tree: Tree, q: Array, v: Array, a: Array) -> TreeMotion:
+    """All bodies in the motion of poses q (n, poses), rates v and accelerations a (n, rates)."""
+    n, count = len(q), len(tree.bodies)
+    axes, anchors = np.zeros((n, v.shape[1], 3)), np.zeros((n, v.shape[1], 3))
+    still = np.zeros((n, 3))
+    frames = [Frame(still, still, still, np.tile(NO_TURN, (n, 1)), still, still)]
+    turns = [np.tile(np.eye(3), (n, 1, 1))]
+    for body in tree.bodies[1:]:
+        parent = frames[body.parent]
+        frame = Frame(**vars(parent))
+        frame.carried(turns[body.parent] @ body.place)
+        frame.quaternion = product(frame.quaternion, body.turn)
+        for j in body.joints:
+            pass_joint(tree.joints[j], frame, q, v, a, axes, anchors)
+        frames.append(frame)
+        turns.append(matrices(frame.quaternion))
+    parts = {
+        name: np.stack([getattr(frame, name) for frame in frames], axis=1)
+        for name in ("at", "velocity", "acceleration", "quaternion", "spin", "spin_rate")
+    }
+    assert parts["at"].shape[1] == count
+    return TreeMotion(**parts, turn=np.stack(turns, axis=1), axes=axes, anchors=anchors)
+
+
+def pass_joint(
+    joint: TreeJoint, frame: Frame, q: Array, v: Array, a: Array, axes: Array, anchors: Array
+) -> None:
+    """Move a frame by one joint, and note the directions of the joint's rates."""
+    at, dof = joint.pose, joint.rate
+    if joint.kind == "slide":
+        axis = matrices(frame.quaternion) @ joint.axis
+        axes[:, dof] = axis
+        frame.slid(axis, q[:, at] - joint.zero, v[:, dof], a[:, dof])
+        return
+    if joint.kind == "free":
+        frame.at, frame.velocity = q[:, at : at + 3], v[:, dof : dof + 3]
+        frame.acceleration = a[:, dof : dof + 3]
+        frame.quaternion = np.tile(NO_TURN, (len(q), 1))
+        frame.spin = frame.spin_rate = np.zeros((len(q), 3))
+        axes[:, dof : dof + 3] = np.eye(3)
+        at, dof = at + 3, dof + 3
+    place = np.zeros(3) if joint.kind == "free" else joint.place
+    frame.carried(matrices(frame.quaternion) @ place)
+    if joint.kind == "hinge":
+        axis = matrices(frame.quaternion) @ joint.axis
+        axes[:, dof], anchors[:, dof] = axis, frame.at
+        frame.turned(
+            turn_about(joint.axis, q[:, at] - joint.zero),
+            axis * v[:, dof, None],
+            axis * a[:, dof, None],
+        )
+    else:
+        own = unit(q[:, at : at + 4])
+        turn = matrices(product(frame.quaternion, own))
+        axes[:, dof : dof + 3] = np.swapaxes(turn, 1, 2)
+        anchors[:, dof : dof + 3] = frame.at[:, None]
+        rate, acceleration = ((turn @ part[:, dof : dof + 3, None])[..., 0] for part in (v, a))
+        frame.turned(own, rate, acceleration)
+    frame.carried(-(matrices(frame.quaternion) @ place))
+
+
+def advance(tree: Tree, q: Array, step: Array) -> Array:
+    """The pose (poses,) that is reached from q by rates that act for a unit of time (rates,)."""
+    found = q.copy()
+    places, rates = tree.scalars
+    found[places] += step[rates]
+    for at, dof in tree.quaternions:
+        angle = float(np.linalg.norm(step[dof : dof + 3]))
+        axis = step[dof : dof + 3] / angle if angle else np.zeros(3)
+        half = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+        found[at : at + 4] = unit(product(unit(q[at : at + 4]), half))
+    return found
+
+
+def pose_rate(tree: Tree, q: Array, v: Array) -> Array:
+    """Time derivative (poses,) of a pose."""
+    found = np.empty(q.size)
+    places, rates = tree.scalars
+    found[places] = v[rates]
+    for at, dof in tree.quaternions:
+        w, x, y, z = q[at : at + 4].tolist()
+        a, b, c = v[dof : dof + 3].tolist()
+        found[at : at + 4] = (
+            -0.5 * (x * a + y * b + z * c),
+            0.5 * (w * a + y * c - z * b),
+            0.5 * (w * b + z * a - x * c),
+            0.5 * (w * c + x * b - y * a),
+        )
+    return found

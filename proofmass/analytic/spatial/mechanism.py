@@ -1,0 +1,572 @@
+"""A spatial mechanism as numbers: rigid bodies in a tree of joints, and what acts between them.
+
+`read_tree` makes a `Tree` from the numbers of a compiled MJCF; MuJoCo's kinematics is not used. A
+pose is a row as in ``qpos``, and rates are a row as in ``qvel``: of a ball the angular velocity in
+the axes of its body, of a free joint the velocity of its body's origin in the world and then the
+angular velocity in the axes of the body.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.numerics import Array, Index, NotCovered
+from proofmass.analytic.planar.mechanism import disabled, joined, refuse_contacts, rotation
+
+OFF, EQ, TRN = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
+KINDS = {
+    mujoco.mjtJoint.mjJNT_HINGE: "hinge",
+    mujoco.mjtJoint.mjJNT_SLIDE: "slide",
+    mujoco.mjtJoint.mjJNT_BALL: "ball",
+    mujoco.mjtJoint.mjJNT_FREE: "free",
+}
+WIDTHS = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
+"""Numbers of a joint in a pose, and in its rates."""
+NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class TreeJoint:
+    """A joint of a body, in the body's axes.
+
+    Attributes
+    ----------
+    name, kind : str
+        Kind is hinge, slide, ball or free.
+    pose, rate : int
+        Where its numbers begin in a pose and in the rates.
+    place, axis : ndarray (3,)
+        Where it is [m], and its direction [1].
+    zero : float
+        Value of a hinge or slide at which the body is as the MJCF places it [rad or m].
+    stiffness : tuple of float
+        Coefficients of the spring, lowest first [SI].
+    rest : ndarray
+        The pose's numbers of the joint at which the spring is slack [SI].
+    range : tuple of float
+        Smallest and largest value of a hinge or slide [rad or m].
+    """
+
+    name: str
+    kind: str
+    pose: int
+    rate: int
+    place: Array
+    axis: Array
+    zero: float
+    stiffness: tuple[float, ...]
+    rest: Array
+    range: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class TreeBody:
+    """A rigid body.
+
+    Attributes
+    ----------
+    name : str
+    parent : int
+    place, turn : ndarray (3,), (4,)
+        In the parent's frame [m], and the quaternion of its axes there [1].
+    joints : tuple of int
+        The joints between the two, in their order.
+    mass : float
+        [kg].
+    centre : ndarray (3,)
+        Centre of mass in its own frame [m].
+    inertia : ndarray (3, 3)
+        About the centre, in its own axes [kg m^2].
+    """
+
+    name: str
+    parent: int
+    place: Array
+    turn: Array
+    joints: tuple[int, ...]
+    mass: float
+    centre: Array
+    inertia: Array
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """A fixed tendon, or a straight one from site to site.
+
+    Attributes
+    ----------
+    name : str
+    terms : tuple of (int, int, float)
+        Of a fixed tendon: place in a pose, place in the rates, coefficient [1].
+    points : tuple of (int, ndarray)
+        Of a straight one: bodies, and points in their frames [m].
+    zero : float
+        Length in the reference pose [m or rad].
+    slack : tuple of float
+        Shortest and longest length without a force of the spring [m or rad].
+    stiffness, damping : tuple of float
+        Coefficients, lowest first [SI].
+    """
+
+    name: str
+    terms: tuple[tuple[int, int, float], ...]
+    points: tuple[tuple[int, Array], ...]
+    zero: float
+    slack: tuple[float, float]
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class AffineActuator:
+    """An actuator whose force is linear in length and rate of what it acts on.
+
+    Attributes
+    ----------
+    name : str
+    tendon : int
+        Number of its tendon; -1 if it acts on a joint.
+    pose, rate : int
+        Where its joint stands in a pose and in the rates.
+    gear : float
+        Length of the actuator for a unit of what it acts on [SI].
+    force : float
+        Part of the force that does not change [N or N m].
+    by_length, by_rate : float
+        Force for a unit of length, and of its rate [SI].
+    """
+
+    name: str
+    tendon: int
+    pose: int
+    rate: int
+    gear: float
+    force: float
+    by_length: float
+    by_rate: float
+
+
+@dataclass(frozen=True)
+class PointLoop:
+    """A point of one body that stays on a point of another; `weld` holds their axes as well.
+
+    Attributes
+    ----------
+    name : str
+    one, on_one : int, ndarray (3,)
+        The first body, and the point in its frame [m].
+    two, on_two : int, ndarray (3,)
+        The second.  The point is in its frame as well [m].
+    turns : ndarray (2, 4), optional
+        Quaternions [1], in bodies one and two, of axes that are held parallel as well.
+    scale : float
+        Factor of the rows of the axes [1].
+    """
+
+    name: str
+    one: int
+    on_one: Array
+    two: int
+    on_two: Array
+    turns: Array | None = None
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A joint or tendon whose value is a polynomial of that of another, both from their zeros.
+
+    Attributes
+    ----------
+    name : str
+    tendons : bool
+        Whether `one` and `two` are tendons, not joints.
+    one, two : int
+        Two is -1 where the polynomial is its constant.
+    polynomial : ndarray (5,)
+        Coefficients, lowest first [SI].
+    """
+
+    name: str
+    tendons: bool
+    one: int
+    two: int
+    polynomial: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Bodies, joints, what acts on them, and the equalities that are held; body 0 is the ground.
+
+    Attributes
+    ----------
+    bodies, joints, tendons, actuators, loops, ties
+        What it is made of.
+    damping : ndarray (rates, 3)
+        Of all rates, coefficients of 1, of the speed and of its square [SI].
+    armature : ndarray (rates,)
+        [kg or kg m^2].
+    gravity : ndarray (3,)
+        [m/s^2].
+    start, start_rate : ndarray (poses,), (rates,)
+        The start pose, and the rates there [SI].
+    extent : float
+        Size of the model [m].
+    """
+
+    bodies: tuple[TreeBody, ...]
+    joints: tuple[TreeJoint, ...]
+    tendons: tuple[Tendon, ...]
+    actuators: tuple[AffineActuator, ...]
+    loops: tuple[PointLoop, ...]
+    ties: tuple[Tie, ...]
+    damping: Array
+    armature: Array
+    gravity: Array
+    start: Array
+    start_rate: Array
+    extent: float
+
+    @cached_property
+    def moved(self) -> Array:
+        """1 where a rate moves a body, else 0 (bodies, rates)."""
+        found = np.zeros((len(self.bodies), len(self.armature)))
+        for b, body in enumerate(self.bodies[1:], 1):
+            found[b] = found[body.parent]
+            for j in body.joints:
+                joint = self.joints[j]
+                found[b, joint.rate : joint.rate + WIDTHS[joint.kind][1]] = 1.0
+        return found
+
+    @cached_property
+    def masses(self) -> tuple[Array, Array, Array]:
+        """Of the bodies: masses [kg], centres of mass [m], inertias about them [kg m^2]."""
+        return (
+            np.array([body.mass for body in self.bodies]),
+            np.array([body.centre for body in self.bodies]),
+            np.array([body.inertia for body in self.bodies]),
+        )
+
+    @cached_property
+    def turns(self) -> Array:
+        """1 where a rate is an angular one, else 0 (rates,)."""
+        found = np.ones(len(self.armature))
+        for joint in self.joints:
+            if joint.kind in ("slide", "free"):
+                found[joint.rate : joint.rate + (3 if joint.kind == "free" else 1)] = 0.0
+        return found
+
+    @cached_property
+    def quaternions(self) -> tuple[tuple[int, int], ...]:
+        """Where quaternions begin in a pose, and where their angular velocities do in the rates."""
+        return tuple(
+            (joint.pose + 3, joint.rate + 3) if joint.kind == "free" else (joint.pose, joint.rate)
+            for joint in self.joints
+            if joint.kind in ("ball", "free")
+        )
+
+    @cached_property
+    def scalars(self) -> tuple[Index, Index]:
+        """Where all other numbers stand in a pose, and in the rates."""
+        turning = [q + k for q, _ in self.quaternions for k in range(4)]
+        spinning = [v + k for _, v in self.quaternions for k in range(3)]
+        return (
+            np.setdiff1d(np.arange(self.start.size), turning),
+            np.setdiff1d(np.arange(self.armature.size), spinning),
+        )
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of all equalities."""
+        return sum(3 if loop.turns is None else 6 for loop in self.loops) + len(self.ties)
+
+
+def read_tree(model: Any, start: str) -> Tree:
+    """Read a spatial mechanism.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        Compiled; only its numbers are read.
+    start : str
+        Name of the key with the start pose; of no meaning in a model without keys.
+
+    Returns
+    -------
+    Tree
+
+    Raises
+    ------
+    NotCovered
+        The model holds what is not covered here; by its name in the MJCF.
+    ValueError
+        There is no such key.
+    """
+    refuse_all(model)
+    names = [model.key(k).name for k in range(model.nkey)]
+    if names and start not in names:
+        raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
+    key = names.index(start) if names else -1
+    held = not disabled(model, OFF.mjDSBL_EQUALITY, OFF.mjDSBL_CONSTRAINT)
+    active = [int(e) for e in np.flatnonzero(model.eq_active0)] if held else []
+    damped = not disabled(model, OFF.mjDSBL_DAMPER)
+    damping = np.column_stack([model.dof_damping, model.dof_dampingpoly]) * damped
+    acting = not disabled(model, OFF.mjDSBL_ACTUATION)
+    ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
+    return Tree(
+        tuple(read_body(model, b) for b in range(model.nbody)),
+        tuple(read_joint(model, j) for j in range(model.njnt)),
+        tuple(read_tendon(model, t) for t in range(model.ntendon)),
+        tuple(
+            read_actuator(model, a, ctrl)
+            for a in range(model.nactuator)
+            if acting and not model.opt.disableactuator & 1 << int(model.actuator_group[a])
+        ),
+        tuple(
+            read_loop(model, e)
+            for e in active
+            if EQ(int(model.eq_type[e])) in (EQ.mjEQ_CONNECT, EQ.mjEQ_WELD)
+        ),
+        tuple(
+            read_tie(model, e)
+            for e in active
+            if EQ(int(model.eq_type[e])) in (EQ.mjEQ_JOINT, EQ.mjEQ_TENDON)
+        ),
+        damping,
+        np.array(model.dof_armature),
+        np.array(model.opt.gravity) * (not disabled(model, OFF.mjDSBL_GRAVITY)),
+        np.array(model.key_qpos[key] if names else model.qpos0),
+        np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
+        float(model.stat.extent),
+    )
+
+
+def read_body(model: Any, b: int) -> TreeBody:
+    """Body number b."""
+    first, axes = int(model.body_jntadr[b]), rotation(model.body_iquat[b])
+    return TreeBody(
+        model.body(b).name,
+        int(model.body_parentid[b]),
+        np.array(model.body_pos[b]),
+        np.array(model.body_quat[b]),
+        tuple(range(first, first + int(model.body_jntnum[b]))) if first >= 0 else (),
+        float(model.body_mass[b]),
+        np.array(model.body_ipos[b]),
+        axes * model.body_inertia[b] @ axes.T,
+    )
+
+
+def read_joint(model: Any, j: int) -> TreeJoint:
+    """Joint number j."""
+    kind, pose = KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))], int(model.jnt_qposadr[j])
+    sprung = not disabled(model, OFF.mjDSBL_SPRING)
+    bounded = model.jnt_limited[j] and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
+    return TreeJoint(
+        model.joint(j).name,
+        kind,
+        pose,
+        int(model.jnt_dofadr[j]),
+        np.array(model.jnt_pos[j]),
+        np.array(model.jnt_axis[j]),
+        float(model.qpos0[pose]) if kind in ("hinge", "slide") else 0.0,
+        tuple(sprung * c for c in (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])),
+        np.array(model.qpos_spring[pose : pose + WIDTHS[kind][0]]),
+        (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
+        if bounded
+        else (-np.inf, np.inf),
+    )
+
+
+def read_tendon(model: Any, t: int) -> Tendon:
+    """Tendon number t."""
+    first = int(model.tendon_adr[t])
+    wraps = range(first, first + int(model.tendon_num[t]))
+    terms, points = list[tuple[int, int, float]](), list[tuple[int, Array]]()
+    for w in wraps:
+        what = int(model.wrap_objid[w])
+        if model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT:
+            place = int(model.jnt_qposadr[what]), int(model.jnt_dofadr[what])
+            terms.append((*place, float(model.wrap_prm[w])))
+        else:
+            points.append((int(model.site_bodyid[what]), np.array(model.site_pos[what])))
+    sprung = not disabled(model, OFF.mjDSBL_SPRING)
+    damped = not disabled(model, OFF.mjDSBL_DAMPER)
+    return Tendon(
+        model.tendon(t).name,
+        tuple(terms),
+        tuple(points),
+        float(model.tendon_length0[t]),
+        (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
+        tuple(sprung * c for c in (model.tendon_stiffness[t], *model.tendon_stiffnesspoly[t])),
+        tuple(damped * c for c in (model.tendon_damping[t], *model.tendon_dampingpoly[t])),
+    )
+
+
+def read_actuator(model: Any, a: int, ctrl: Array) -> AffineActuator:
+    """Actuator number a with the control of the key."""
+    control, target = ctrl[model.actuator_ctrladr[a]], int(model.actuator_trnid[a, 0])
+    if model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL):
+        control = np.clip(control, *model.actuator_ctrlrange[a])
+    on_joint = joined(model, a)
+    affine = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
+    bias = model.actuator_biasprm[a, :3] * affine
+    return AffineActuator(
+        model.actuator(a).name,
+        -1 if on_joint else target,
+        int(model.jnt_qposadr[target]) if on_joint else -1,
+        int(model.jnt_dofadr[target]) if on_joint else -1,
+        float(model.actuator_gear[model.actuator_outadr[a], 0]),
+        float(model.actuator_gainprm[a, 0] * control + bias[0]),
+        float(bias[1]),
+        float(bias[2]),
+    )
+
+
+def read_loop(model: Any, e: int) -> PointLoop:
+    """Connect or weld number e."""
+    one, two, data = int(model.eq_obj1id[e]), int(model.eq_obj2id[e]), model.eq_data[e]
+    weld = model.eq_type[e] == EQ.mjEQ_WELD
+    places = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
+    turns = [data[6:10], NO_TURN]
+    if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
+        sides = one, two
+        one, two = (int(model.site_bodyid[side]) for side in sides)
+        places = tuple(model.site_pos[side] for side in sides)
+        turns = [model.site_quat[side] for side in sides]
+    return PointLoop(
+        model.equality(e).name,
+        one,
+        np.array(places[0]),
+        two,
+        np.array(places[1]),
+        np.array(turns) if weld else None,
+        float(data[10]) if weld else 1.0,
+    )
+
+
+def read_tie(model: Any, e: int) -> Tie:
+    """Joint or tendon equality number e."""
+    return Tie(
+        model.equality(e).name,
+        model.eq_type[e] == EQ.mjEQ_TENDON,
+        int(model.eq_obj1id[e]),
+        int(model.eq_obj2id[e]),
+        np.array(model.eq_data[e, :5]),
+    )
+
+
+def product(one: Array, two: Array) -> Array:
+    """Product (..., 4) of quaternions [1]."""
+    w, x, y, z = one[..., 0], one[..., 1], one[..., 2], one[..., 3]
+    a, b, c, d = two[..., 0], two[..., 1], two[..., 2], two[..., 3]
+    parts = (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    )
+    return np.stack(parts, axis=-1)
+
+
+def conjugate(quaternion: Array) -> Array:
+    """The opposite turn (..., 4) [1]."""
+    return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def refuse_all(model: Any) -> None:
+    """Raise NotCovered, by its name in the MJCF, for what a spatial mechanism here does not have.
+
+    What MuJoCo computes softly or by rules of its own, such as contacts, limits and muscles, has no
+    exact motion to be held to.
+    """
+    refuse_contacts(model)
+    refuse_joints(model)
+    refuse_tendons(model)
+    refuse_actuators(model)
+    for e in np.flatnonzero(model.eq_active0):
+        kind = EQ(int(model.eq_type[e]))
+        if kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_WELD, EQ.mjEQ_JOINT, EQ.mjEQ_TENDON):
+            raise NotCovered(
+                f"equality {model.equality(e).name!r} is neither connect, weld, joint nor tendon"
+            )
+    for b in np.flatnonzero(model.body_gravcomp):
+        raise NotCovered(f"body {model.body(b).name!r} has gravcomp")
+    for what, there in {
+        "a flex": model.nflex,
+        "a mocap body": model.nmocap,
+        "a fluid (density or viscosity)": model.opt.density + model.opt.viscosity,
+        "a plugin": model.nplugin,
+    }.items():
+        if there:
+            raise NotCovered(f"it has {what}")
+
+
+def refuse_joints(model: Any) -> None:
+    """Raise NotCovered for what joints have that is not covered."""
+    rubs = not disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
+    for j in range(model.njnt):
+        name, kind = model.joint(j).name, KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))]
+        dofs = slice(model.jnt_dofadr[j], model.jnt_dofadr[j] + WIDTHS[kind][1])
+        wide = kind in ("ball", "free")
+        for what, there in {
+            "frictionloss": rubs and model.dof_frictionloss[dofs].any(),
+            "a range (of a ball)": wide and model.jnt_limited[j],
+            "a polynomial spring (of a ball or free joint)": (
+                wide and model.jnt_stiffnesspoly[j].any()
+            ),
+            "a spring that yields": model.jnt_springyield[j].any(),
+            "a range of actuator forces": model.jnt_actfrclimited[j],
+        }.items():
+            if there:
+                raise NotCovered(f"joint {name!r} has {what}")
+
+
+def refuse_tendons(model: Any) -> None:
+    """Raise NotCovered for what tendons have that is not covered."""
+    straight = [int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)]
+    rubs = not disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
+    bounds = not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
+    for t in range(model.ntendon):
+        first = int(model.tendon_adr[t])
+        kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
+        for what, there in {
+            "wraps around a geom or a pulley": not np.isin(kinds, straight).all(),
+            "has a range": bounds and model.tendon_limited[t],
+            "has frictionloss": rubs and model.tendon_frictionloss[t],
+            "has armature": model.tendon_armature[t],
+            "has a spring that yields": model.tendon_springyield[t].any(),
+            "has a range of actuator forces": model.tendon_actfrclimited[t],
+        }.items():
+            if there:
+                raise NotCovered(f"tendon {model.tendon(t).name!r} {what}")
+
+
+def refuse_actuators(model: Any) -> None:
+    """Raise NotCovered for actuators that are not affine, or act on what is not covered."""
+    for a in range(model.nactuator):
+        joint = int(model.actuator_trnid[a, 0])
+        wide = joined(model, a) and WIDTHS[KINDS[mujoco.mjtJoint(int(model.jnt_type[joint]))]] != (
+            1,
+            1,
+        )
+        for what, there in {
+            "has a dynamics of its own": model.actuator_dyntype[a] != mujoco.mjtDyn.mjDYN_NONE,
+            "has a gain that is not fixed": (
+                model.actuator_gaintype[a] != mujoco.mjtGain.mjGAIN_FIXED
+            ),
+            "has a bias that is not affine": mujoco.mjtBias(int(model.actuator_biastype[a]))
+            not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE),
+            "acts neither on a joint nor on a tendon": not joined(model, a)
+            and model.actuator_trntype[a] != TRN.mjTRN_TENDON,
+            "acts on a ball or a free joint": wide,
+            "has a range of forces": model.actuator_forcelimited[a],
+            "has armature or damping": model.actuator_armature[a].any()
+            or model.actuator_damping[a].any()
+            or model.actuator_dampingpoly[a].any(),
+            "has a delay": model.actuator_delay[a] or model.actuator_history[a].any(),
+        }.items():
+            if there:
+                raise NotCovered(f"actuator {model.actuator(a).name!r} {what}")

@@ -1,0 +1,193 @@
+r"""The motion of a tree whose equalities are held exactly.
+
+    M v̇ = Q - h + Jᵀ λ,   J v̇ = γ        with M = L Lᵀ, W = J L⁻ᵀ:
+    v̇ = a + L⁻ᵀ W⁺ (γ - J a),   a = M⁻¹ (Q - h)
+
+The pseudo-inverse W⁺ leaves out singular values below `RANK` of the largest, so that rows may
+repeat what others hold. The integrator is DOP853; after every step the pose is put back on φ(q) = 0
+and the rates on J v = 0 by the least change in the metric of M, and quaternions get length 1.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.analytic.planar.mechanism import CannotAssemble, SingularHere
+from proofmass.analytic.spatial.kinematics import advance, pose_rate
+from proofmass.analytic.spatial.mechanism import Tree
+from proofmass.analytic.spatial.terms import Source, Terms
+
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853
+
+ACCURACY = 3e-14
+"""Relative tolerance of a step, and absolute in m, rad and per s."""
+RANK = 1e-8
+"""Singular values of the equalities below this share of the largest count as zero."""
+CLOSED = 1e-13
+"""Gaps below this share of the extent are left to rounding."""
+APART = 1e-3
+"""Share of the extent, or rad, by which the start pose may be open."""
+ROUNDS = 20
+"""Newton steps at most to close the equalities."""
+
+
+@dataclass(frozen=True)
+class HeldMotion:
+    """Poses along a motion.
+
+    Attributes
+    ----------
+    q, v, a : ndarray (n, poses), (n, rates), (n, rates)
+        [SI].
+    open_by : float
+        How far the equalities of the start pose were open in the MJCF [m or rad].
+    rank : int
+        Rows that hold.
+    evaluations : int
+        Of the equations of motion.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    open_by: float
+    rank: int
+    evaluations: int
+
+
+class Holder:
+    """Holds the equalities of a tree, with the terms of a source."""
+
+    def __init__(self, tree: Tree, source: Source):
+        self.tree, self.source, self.evaluations = tree, source, 0
+        self.rank = 0
+
+    def acceleration(self, q: Array, v: Array) -> Array:
+        """Accelerations (rates,) at a pose with its rates [SI]."""
+        self.evaluations += 1
+        if not self.tree.rows:
+            return self.source.acceleration(q, v)
+        terms = self.source.terms(q, v)
+        lower, inverse = self.factors(terms)
+        free = np.linalg.solve(lower.T, np.linalg.solve(lower, terms.force - terms.bias))
+        return np.asarray(free + inverse @ (terms.drift - terms.jacobian @ free))
+
+    def factors(self, terms: Terms) -> tuple[Array, Array]:
+        """The Cholesky factor of the mass matrix, and what closes the rows with the least change.
+
+        Raises
+        ------
+        SingularHere
+            Other rows hold than at the start.
+        """
+        lower = np.linalg.cholesky(terms.mass)
+        scaled = np.linalg.solve(lower, terms.jacobian.T)
+        left, values, right = np.linalg.svd(scaled, full_matrices=False)
+        rank = int((values > RANK * values[0]).sum())
+        self.rank = self.rank or rank
+        if rank != self.rank:
+            raise SingularHere(
+                f"the equalities lose rank: {rank} rows hold, {self.rank} at the start"
+            )
+        closing = (left[:, :rank] / values[:rank]) @ right[:rank]
+        return np.asarray(lower), np.asarray(np.linalg.solve(lower.T, closing))
+
+    def close(self, q: Array, v: Array, plain: bool = False) -> tuple[Array, Array]:
+        """The nearest closed pose, and the nearest rates that keep it so.
+
+        Near is meant in the metric of the mass matrix, or if `plain` in that of the rates.
+
+        Raises
+        ------
+        CannotAssemble
+            The equalities stay open.
+        """
+        if not self.tree.rows:
+            return advance(self.tree, q, np.zeros_like(v)), v
+        for _ in range(ROUNDS):
+            terms = self.source.terms(q, v)
+            inverse = self.closing(terms, plain)
+            gap = np.abs(terms.gap).max()
+            if gap < CLOSED * max(1.0, self.tree.extent):
+                return q, v - inverse @ (terms.jacobian @ v)
+            q = advance(self.tree, q, -inverse @ terms.gap)
+        raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
+
+    def closing(self, terms: Terms, plain: bool) -> Array:
+        """What closes the rows with the least change (rates, rows)."""
+        if plain:
+            return np.asarray(np.linalg.pinv(terms.jacobian, rcond=RANK))
+        return self.factors(terms)[1]
+
+    def slope(self, _: float, y: Array) -> Array:
+        """Rate of the state."""
+        q, v = y[: self.tree.start.size], y[self.tree.start.size :]
+        return np.concatenate([pose_rate(self.tree, q, v), self.acceleration(q, v)])
+
+    def start(self) -> tuple[Array, Array, float]:
+        """Closed pose and rates nearest to those of the start, and how far that is open [m or rad].
+
+        Raises
+        ------
+        CannotAssemble
+            It is open by more than `APART`.
+        """
+        tree = self.tree
+        gap = 0.0
+        if tree.rows:
+            gaps = np.abs(self.source.terms(tree.start, tree.start_rate).gap)
+            gap = float(gaps.max())
+            if gap > APART * max(1.0, tree.extent):
+                raise CannotAssemble(
+                    f"the equality {name_of_row(tree, int(gaps.argmax()))!r} is open by {gap:.3g} "
+                    f"at the start"
+                )
+        q, v = self.close(tree.start, tree.start_rate, plain=True)
+        return q, v, gap
+
+
+def name_of_row(tree: Tree, row: int) -> str:
+    """The equality that a row belongs to."""
+    names = [loop.name for loop in tree.loops for _ in range(3 if loop.turns is None else 6)]
+    return [*names, *(tie.name for tie in tree.ties)][row]
+
+
+def held_motion(tree: Tree, source: Source, times: Array) -> HeldMotion:
+    """Poses, rates and accelerations of the motion from the start at rising times.
+
+    Raises
+    ------
+    CannotAssemble, SingularHere
+        The start pose is open; or the motion comes to a pose where the equalities lose rank.
+    """
+    holder = Holder(tree, source)
+    q, v, gap = holder.start()
+    found, solver = [(q, v)], begin(holder, float(times[0]), q, v, float(times[-1]))
+    while len(found) < len(times):
+        try:
+            message = solver.step()
+            if solver.status == "failed":
+                raise SingularHere(str(message))
+            while len(found) < len(times) and times[len(found)] <= solver.t:
+                inside = solver.dense_output() if times[len(found)] < solver.t else None
+                y = solver.y if inside is None else inside(times[len(found)])
+                found.append(holder.close(y[: q.size], y[q.size :]))
+            if solver.status == "running":
+                solver.y = np.concatenate(holder.close(solver.y[: q.size], solver.y[q.size :]))
+                solver.f = holder.slope(solver.t, solver.y)
+        except (SingularHere, CannotAssemble) as error:
+            raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
+    poses, rates = (np.array(part) for part in zip(*found, strict=True))
+    pairs = zip(poses, rates, strict=True)
+    accelerations = np.array([holder.acceleration(*pair) for pair in pairs])
+    return HeldMotion(poses, rates, accelerations, gap, holder.rank, holder.evaluations)
+
+
+def begin(holder: Holder, t: float, q: Array, v: Array, end: float) -> "DOP853":
+    """The integrator of a motion from a pose with its rates."""
+    from scipy.integrate import DOP853  # slow to load
+
+    return DOP853(holder.slope, t, np.concatenate([q, v]), end, rtol=ACCURACY, atol=ACCURACY)

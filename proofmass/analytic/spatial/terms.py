@@ -1,0 +1,341 @@
+r"""The equations of motion of a tree, term by term:
+
+    M(q) v̇ + h(q, v) = Q(q, v) + Jᵀ λ,      φ(q) = 0,   J v̇ = γ(q, v)
+
+M and h are sums over the bodies of the balances of Newton at the centre of mass and of Euler about
+it, projected on the directions in which the joints move them (Kane's equations):
+
+    M = Σ m J_cᵀ J_c + J_ωᵀ I J_ω        h = Σ J_cᵀ m (a_c - g) + J_ωᵀ (I α + ω × I ω)
+
+with the accelerations a_c and α at v̇ = 0.  γ is what φ's second derivative leaves at v̇ = 0, with
+the sign turned.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.analytic.spatial.kinematics import (
+    TreeMotion,
+    cross3,
+    move_tree,
+    turn_vector,
+    unit,
+)
+from proofmass.analytic.spatial.mechanism import (
+    NO_TURN,
+    PointLoop,
+    Tendon,
+    Tie,
+    Tree,
+    conjugate,
+    product,
+)
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The terms at one pose, or at n poses along a first axis.
+
+    Attributes
+    ----------
+    mass : ndarray (..., rates, rates)
+        [SI].
+    bias, force : ndarray (..., rates)
+        What inertia and gravity ask for without accelerations, and what springs, dampers and
+        actuators give [N or N m].
+    gap : ndarray (..., rows)
+        φ [m or rad].
+    jacobian : ndarray (..., rows, rates)
+        [SI].
+    drift : ndarray (..., rows)
+        γ [m/s^2 or rad/s^2].
+    """
+
+    mass: Array
+    bias: Array
+    force: Array
+    gap: Array
+    jacobian: Array
+    drift: Array
+
+
+NAMES = {
+    "mass": "mass matrix",
+    "bias": "bias force",
+    "force": "force of springs, dampers and actuators",
+    "gap": "gap of the equalities",
+    "jacobian": "Jacobian of the equalities",
+    "drift": "J-dot-v of the equalities",
+}
+"""Names of the terms."""
+
+
+class Source(Protocol):
+    """Where the terms at one pose come from."""
+
+    @property
+    def name(self) -> str:
+        """Who computes them."""
+
+    def __hash__(self) -> int:
+        """So that a motion can be kept."""
+
+    def terms(self, q: Array, v: Array) -> Terms:
+        """All terms at a pose (poses,) with rates (rates,)."""
+
+    def acceleration(self, q: Array, v: Array) -> Array:
+        """Accelerations (rates,) of a tree without equalities [SI]."""
+
+
+@dataclass(frozen=True)
+class OwnTerms:
+    """The formulation of this package as the source of the terms."""
+
+    tree: Tree
+    name: str = "proofmass"
+
+    def terms(self, q: Array, v: Array) -> Terms:
+        """All terms at a pose (poses,) with rates (rates,)."""
+        return Terms(**{k: x[0] for k, x in vars(own_terms(self.tree, q[None], v[None])).items()})
+
+    def acceleration(self, q: Array, v: Array) -> Array:
+        """Accelerations (rates,) of a tree without equalities [SI]."""
+        found = self.terms(q, v)
+        return np.asarray(np.linalg.solve(found.mass, found.force - found.bias))
+
+
+def own_terms(tree: Tree, q: Array, v: Array) -> Terms:
+    """All terms at poses q (n, poses) with rates v (n, rates)."""
+    motion = move_tree(tree, q, v, np.zeros_like(v))
+    mass, bias = inertial_terms(tree, motion)
+    lengths = [lengthened(tree, motion, q, v, tendon) for tendon in tree.tendons]
+    gaps, rows, drifts = held_terms(tree, motion, lengths, q, v)
+    return Terms(mass, bias, acting(tree, lengths, q, v), gaps, rows, drifts)
+
+
+def centre_rows(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
+    """How centres of mass move, and bodies turn, with the rates: (n, bodies, 3, rates) each."""
+    centres = motion.at + (motion.turn @ tree.masses[1][..., None])[..., 0]
+    axes, turning = motion.axes[:, None], tree.turns[:, None]
+    moves = turning * cross3(axes, centres[:, :, None] - motion.anchors[:, None])
+    moved = tree.moved[..., None]
+    moves = moved * (moves + (1.0 - turning) * axes)
+    return np.swapaxes(moves, 2, 3), np.swapaxes(moved * turning * axes, 2, 3)
+
+
+def point_rows(tree: Tree, motion: TreeMotion, body: int, place: Array) -> Array:
+    """How a point of a body at a place (n, 3) moves with the rates (n, 3, rates)."""
+    arms = np.asarray(place)[:, None] - motion.anchors
+    turning = tree.turns[:, None]
+    rows = turning * cross3(motion.axes, arms) + (1.0 - turning) * motion.axes
+    return np.swapaxes(rows * tree.moved[body][:, None], 1, 2)
+
+
+def turn_rows(tree: Tree, motion: TreeMotion, body: int) -> Array:
+    """How a body turns with the rates (n, 3, rates)."""
+    return np.swapaxes(motion.axes * (tree.turns * tree.moved[body])[:, None], 1, 2)
+
+
+def inertial_terms(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
+    """Mass matrix and bias force of the bodies and of the armatures of the joints."""
+    moves, spins = centre_rows(tree, motion)
+    mass = tree.masses[0]
+    inertia = motion.turn @ tree.masses[2] @ np.swapaxes(motion.turn, -1, -2)
+    forces, moments = balances(tree, motion, inertia)
+    n, rates = len(moves), moves.shape[-1]
+    rows = np.concatenate([moves, spins], axis=2).reshape(n, -1, rates)
+    loads = np.concatenate([mass[:, None, None] * moves, inertia @ spins], axis=2)
+    matrix = np.swapaxes(rows, 1, 2) @ loads.reshape(n, -1, rates) + np.diag(tree.armature)
+    balance = np.concatenate([forces, moments], axis=2).reshape(n, -1, 1)
+    return matrix, (np.swapaxes(rows, 1, 2) @ balance)[..., 0]
+
+
+def balances(tree: Tree, motion: TreeMotion, inertia: Array) -> tuple[Array, Array]:
+    """What the motion of the bodies asks for: forces at the centres, moments about them.
+
+    Both are (n, bodies, 3); gravity is taken off.
+    """
+    arms = (motion.turn @ tree.masses[1][..., None])[..., 0]
+    acceleration = motion.acceleration + cross3(motion.spin_rate, arms)
+    acceleration = acceleration + cross3(motion.spin, cross3(motion.spin, arms))
+    momentum = (inertia @ motion.spin[..., None])[..., 0]
+    moments = (inertia @ motion.spin_rate[..., None])[..., 0] + cross3(motion.spin, momentum)
+    return tree.masses[0][:, None] * (acceleration - tree.gravity), moments
+
+
+@dataclass(frozen=True)
+class Length:
+    """Lengths of a tendon, or values of a joint, at n poses.
+
+    Attributes
+    ----------
+    value, rate : ndarray (n,)
+        [m or rad, m/s or rad/s].
+    rows : ndarray (n, rates)
+        Change with the rates [SI].
+    drift : ndarray (n,)
+        Second time derivative without accelerations [m/s^2 or rad/s^2].
+    """
+
+    value: Array
+    rate: Array
+    rows: Array
+    drift: Array
+
+
+def lengthened(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: Tendon) -> Length:
+    """The lengths of a tendon."""
+    n = len(q)
+    value, rate, drift, rows = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros_like(v)
+    for at, dof, share in tendon.terms:
+        value, rate = value + share * q[:, at], rate + share * v[:, dof]
+        rows[:, dof] += share
+    for (one, on_one), (two, on_two) in zip(tendon.points[:-1], tendon.points[1:], strict=True):
+        if one == two:
+            value = value + np.linalg.norm(on_two - on_one)
+            continue
+        way = motion.point(two, on_two) - motion.point(one, on_one)
+        speed = motion.point_velocity(two, on_two) - motion.point_velocity(one, on_one)
+        change = motion.point_acceleration(two, on_two) - motion.point_acceleration(one, on_one)
+        length = np.linalg.norm(way, axis=1)
+        along = way / length[:, None]
+        apart = point_rows(tree, motion, two, motion.point(two, on_two))
+        apart = apart - point_rows(tree, motion, one, motion.point(one, on_one))
+        pace = (along * speed).sum(axis=1)
+        value, rate = value + length, rate + pace
+        rows = rows + np.einsum("nk,nkr->nr", along, apart)
+        drift = drift + (along * change).sum(axis=1)
+        drift = drift + ((speed**2).sum(axis=1) - pace**2) / length
+    return Length(value, rate, rows, drift)
+
+
+def powers(coefficients: tuple[float, ...], x: Array) -> Array:
+    """Polynomial (n,) of x (n,), lowest coefficient first."""
+    return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
+
+
+def acting(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
+    """What springs, dampers and actuators do to the joints (n, rates)."""
+    speed = np.abs(v)
+    force = -v * (tree.damping[:, 0] + speed * (tree.damping[:, 1] + speed * tree.damping[:, 2]))
+    for joint in tree.joints:
+        if any(joint.stiffness):
+            stretch = stretched(joint.kind, joint.rest, q[:, joint.pose :])
+            stiffness = (
+                powers(joint.stiffness, stretch) if stretch.shape[1] == 1 else (joint.stiffness[0])
+            )
+            force[:, joint.rate : joint.rate + stretch.shape[1]] -= stiffness * stretch
+    for tendon, length in zip(tree.tendons, lengths, strict=True):
+        stretch, rate = over_slack(tendon, length.value), length.rate
+        pull = -stretch * powers(tendon.stiffness, stretch)
+        pull = pull - rate * powers(tendon.damping, np.abs(rate))
+        force = force + pull[:, None] * length.rows
+    for one in tree.actuators:
+        rows = np.zeros_like(v)
+        if one.tendon < 0:
+            rows[:, one.rate] = one.gear
+            value, rate = one.gear * q[:, one.pose], one.gear * v[:, one.rate]
+        else:
+            length = lengths[one.tendon]
+            rows = one.gear * length.rows
+            value, rate = one.gear * length.value, one.gear * length.rate
+        force = force + (one.force + one.by_length * value + one.by_rate * rate)[:, None] * rows
+    return np.asarray(force)
+
+
+def stretched(kind: str, rest: Array, own: Array) -> Array:
+    """How far a joint is from the rest of its spring (n, rates of the joint) [m, rad]."""
+    if kind in ("hinge", "slide"):
+        return np.asarray(own[:, :1] - rest)
+    turn = turn_vector(product(conjugate(rest[-4:]), unit(own[:, rest.size - 4 : rest.size])))
+    if kind == "ball":
+        return turn
+    return np.concatenate([own[:, :3] - rest[:3], turn], axis=1)
+
+
+def over_slack(tendon: Tendon, length: Array) -> Array:
+    """How far a tendon is from the lengths at which its spring is slack (n,) [m or rad]."""
+    low, high = tendon.slack
+    return np.asarray(np.where(length > high, length - high, np.minimum(length - low, 0.0)))
+
+
+def held_terms(
+    tree: Tree, motion: TreeMotion, lengths: list[Length], q: Array, v: Array
+) -> tuple[Array, Array, Array]:
+    """Gaps, Jacobian and drifts of all equalities; loops first, then ties."""
+    found = [loop_terms(tree, motion, loop) for loop in tree.loops]
+    found += [tie_terms(tree, lengths, tie, q, v) for tie in tree.ties]
+    n, rates = v.shape
+    if not found:
+        return np.zeros((n, 0)), np.zeros((n, 0, rates)), np.zeros((n, 0))
+    gaps, rows, drifts = (np.concatenate(parts, axis=1) for parts in zip(*found, strict=True))
+    return gaps, rows, drifts
+
+
+def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array, Array]:
+    """Rows of a connect or a weld: (n, k), (n, k, rates), (n, k)."""
+    one, two = loop.one, loop.two
+    places = motion.point(one, loop.on_one), motion.point(two, loop.on_two)
+    rows = point_rows(tree, motion, one, places[0]) - point_rows(tree, motion, two, places[1])
+    drift = motion.point_acceleration(two, loop.on_two)
+    drift = drift - motion.point_acceleration(one, loop.on_one)
+    if loop.turns is None:
+        return places[0] - places[1], rows, drift
+    first = product(motion.quaternion[:, one], loop.turns[0])
+    second = conjugate(product(motion.quaternion[:, two], loop.turns[1]))
+    spin = motion.spin[:, one] - motion.spin[:, two]
+
+    def between(left: Array, right: Array) -> Array:
+        """Vector part of second * left * right * first, the middle two vectors."""
+        return product(product(second, left), product(right, first))[:, 1:]
+
+    one_turn, gap = np.tile(NO_TURN, (len(spin), 1)), product(second, first)[:, 1:]
+    turn = turn_rows(tree, motion, one) - turn_rows(tree, motion, two)
+    turned = np.stack(
+        [0.5 * between(pure(turn[..., k]), one_turn) for k in range(turn.shape[-1])], axis=-1
+    )
+    rate = motion.spin_rate[:, one] - motion.spin_rate[:, two]
+    change = 0.5 * between(pure(rate), one_turn)
+    change = change + 0.25 * between(pure(spin), pure(motion.spin[:, one]))
+    change = change - 0.25 * between(pure(motion.spin[:, two]), pure(spin))
+    return (
+        np.concatenate([places[0] - places[1], loop.scale * gap], axis=1),
+        np.concatenate([rows, loop.scale * turned], axis=1),
+        np.concatenate([drift, -loop.scale * change], axis=1),
+    )
+
+
+def pure(vectors: Array) -> Array:
+    """Vectors (n, 3) as quaternions (n, 4)."""
+    return np.concatenate([np.zeros((len(vectors), 1)), vectors], axis=1)
+
+
+def tie_terms(
+    tree: Tree, lengths: list[Length], tie: Tie, q: Array, v: Array
+) -> tuple[Array, Array, Array]:
+    """The row of a joint or tendon equality: (n, 1), (n, 1, rates), (n, 1)."""
+
+    def value(number: int) -> tuple[Length, float]:
+        if tie.tendons:
+            return lengths[number], tree.tendons[number].zero
+        joint, rows = tree.joints[number], np.zeros_like(v)
+        rows[:, joint.rate] = 1.0
+        one = Length(q[:, joint.pose], v[:, joint.rate], rows, np.zeros(len(q)))
+        return one, joint.zero
+
+    one, zero = value(tie.one)
+    if tie.two < 0:
+        gap = one.value - zero - tie.polynomial[0]
+        return gap[:, None], one.rows[:, None], -one.drift[:, None]
+    two, rest = value(tie.two)
+    curve = np.polynomial.Polynomial(tie.polynomial)
+    x = two.value - rest
+    slope, bend = curve.deriv()(x), curve.deriv(2)(x)
+    return (
+        (one.value - zero - curve(x))[:, None],
+        (one.rows - slope[:, None] * two.rows)[:, None],
+        (bend * two.rate**2 + slope * two.drift - one.drift)[:, None],
+    )

@@ -1,0 +1,103 @@
+"""A second formulation of the terms along a motion: how far the two are apart.
+
+The terms that a motion was integrated with come from a source such as MuJoCo. At some of its poses
+this package computes every term of its own accord; a defect in either would show there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.analytic.spatial.mechanism import Tree
+from proofmass.analytic.spatial.terms import NAMES, Source, Terms, own_terms
+
+STATES = 50
+"""Poses of a motion at which the terms are computed a second time."""
+AGREED = 1e-12
+"""How far apart they may be, as a share of the largest of their kind in the motion [1]."""
+
+
+class TermsDiffer(ValueError):
+    """Two formulations of the equations of motion differ; one of them has a defect."""
+
+
+@dataclass(frozen=True)
+class Witnessed:
+    """How far two formulations are apart.
+
+    Attributes
+    ----------
+    states : int
+        Poses that were looked at.
+    difference : float
+        The largest difference of a term, as a share of the largest of its kind [1].
+    term : str
+        The term that has it.
+    """
+
+    states: int
+    difference: float
+    term: str
+
+
+def bear_witness(tree: Tree, source: Source, times: Array, q: Array, v: Array) -> Witnessed:
+    """Compute the terms a second time at `STATES` poses of a motion.
+
+    Parameters
+    ----------
+    tree : Tree
+    source : Source
+        What the motion was integrated with.
+    times : ndarray (n,)
+        [s].
+    q, v : ndarray (n, poses), (n, rates)
+        The motion [SI].
+
+    Returns
+    -------
+    Witnessed
+
+    Raises
+    ------
+    TermsDiffer
+        By more than `AGREED`; names the term and when.
+    """
+    some = np.unique(np.linspace(0, len(q) - 1, STATES).round().astype(int))
+    own = own_terms(tree, q[some], v[some])
+    given = [source.terms(*state) for state in zip(q[some], v[some], strict=True)]
+    theirs = Terms(**{name: np.array([getattr(one, name) for one in given]) for name in NAMES})
+    worst = Witnessed(len(some), 0.0, "mass")
+    for name, scale in scales(own, v[some]).items():
+        apart = np.abs(getattr(own, name) - getattr(theirs, name)).reshape(len(some), -1)
+        if not apart.size:
+            continue
+        share = apart.max(axis=1) / scale
+        k = int(np.argmax(np.where(np.isfinite(share), share, np.inf)))
+        if not share[k] <= AGREED:
+            raise TermsDiffer(
+                f"the {NAMES[name]} of {source.name} and of proofmass's own formulation differ by "
+                f"{share[k]:.3g} of the largest at t = {times[some[k]]:.6g} s, where {AGREED:g} is "
+                f"rounding: one of the two has a defect, and there is no reference"
+            )
+        if share[k] >= worst.difference:
+            worst = Witnessed(len(some), float(share[k]), name)
+    return worst
+
+
+def scales(terms: Terms, v: Array) -> dict[str, float]:
+    """The largest of each kind of term in a motion; gaps are in m and rad, of order 1."""
+
+    def largest(*parts: Array) -> float:
+        return max((float(np.abs(part).max(initial=0.0)) for part in parts), default=0.0) or 1.0
+
+    forces = largest(terms.bias, terms.force)
+    rows = largest(terms.jacobian)
+    return {
+        "mass": largest(terms.mass),
+        "bias": forces,
+        "force": forces,
+        "gap": 1.0,
+        "jacobian": rows,
+        "drift": max(largest(terms.drift), rows * float((v**2).max(initial=0.0))),
+    }

@@ -1,0 +1,132 @@
+"""The smooth terms of the equations of motion of a compiled MJCF, as MuJoCo computes them.
+
+They are rounding apart from what a formulation of one's own gives, and 20 to 80 times faster than
+one in NumPy.  What MuJoCo makes soft, contacts, limits and dry friction, is left out; equalities
+are rows alone: their gap, their Jacobian and their J-dot-v.
+"""
+
+import copy
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.numerics import Array, Index
+from proofmass.analytic.spatial.terms import Terms
+from proofmass.sim.mjcf import leave_out_disabled
+
+OFF, EQ = mujoco.mjtDisableBit, mujoco.mjtEq
+SOFT = OFF.mjDSBL_CONTACT, OFF.mjDSBL_LIMIT, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_ISLAND
+ROWS = {EQ.mjEQ_CONNECT: 3, EQ.mjEQ_WELD: 6, EQ.mjEQ_JOINT: 1, EQ.mjEQ_TENDON: 1}
+LOOPS = EQ.mjEQ_CONNECT, EQ.mjEQ_WELD
+
+
+class SmoothTerms:
+    """Terms of a compiled model with the controls of a key.
+
+    Parameters
+    ----------
+    model : MjModel
+        It is copied.
+    start : str
+        The key whose controls act; of no meaning in a model without keys.
+    """
+
+    name = "MuJoCo"
+
+    def __init__(self, model: mujoco.MjModel, start: str = "start"):
+        self.model = copy.copy(model)
+        leave_out_disabled(self.model)
+        for flag in SOFT:
+            self.model.opt.disableflags |= int(flag)
+        self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self.data = mujoco.MjData(self.model)
+        if self.model.nkey:
+            mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key(start).id)
+        self.order, self.ties = self.rows()
+
+    def rows(self) -> tuple[Index, list[tuple[int, int]]]:
+        """MuJoCo's rows, those of loops first; number and row of joint and tendon equalities."""
+        loops, ties, row = list[int](), list[tuple[int, int]](), 0
+        for e in np.flatnonzero(self.model.eq_active0).tolist():
+            kind = EQ(int(self.model.eq_type[e]))
+            own = list(range(row, row + ROWS[kind]))
+            row += ROWS[kind]
+            if kind in LOOPS:
+                loops += own
+            else:
+                ties.append((e, own[0]))
+        return np.array([*loops, *(row for _, row in ties)], np.intp), ties
+
+    def place(self, q: Array, v: Array) -> None:
+        """Compute everything up to the forces of actuators."""
+        self.data.qpos[:], self.data.qvel[:] = q, v
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        mujoco.mj_fwdActuation(self.model, self.data)
+
+    def acceleration(self, q: Array, v: Array) -> Array:
+        """Accelerations (rates,) of a tree without equalities [SI]."""
+        self.place(q, v)
+        mujoco.mj_fwdAcceleration(self.model, self.data)
+        return self.data.qacc_smooth.copy()
+
+    def terms(self, q: Array, v: Array) -> Terms:
+        """All terms at a pose (poses,) with rates (rates,)."""
+        self.place(q, v)
+        model, data = self.model, self.data
+        mass = np.empty((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, mass)
+        # MuJoCo adds -J-dot-v to the reference acceleration, beside damping and stiffness
+        damping, gain = data.efc_KBIP[:, 1], data.efc_KBIP[:, 0] * data.efc_KBIP[:, 2]
+        drift = data.efc_aref + damping * data.efc_vel + gain * data.efc_pos
+        for e, row in self.ties:
+            drift[row] = self.tie_drift(e, v)
+        return Terms(
+            mass,
+            data.qfrc_bias.copy(),
+            data.qfrc_passive + data.qfrc_actuator,
+            data.efc_pos[self.order],
+            data.efc_J.reshape(data.nefc, model.nv)[self.order],
+            drift[self.order],
+        )
+
+    def tie_drift(self, e: int, v: Array) -> float:
+        """The drift of joint or tendon equality number e, whose J-dot-v MuJoCo 4.0.0 leaves out."""
+        model, data = self.model, self.data
+        one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        tendons = model.eq_type[e] == EQ.mjEQ_TENDON
+        found = -self.tendon_drift(one, v) if tendons else 0.0
+        if two < 0:
+            return found
+        if tendons:
+            x, rate = data.ten_length[two] - model.tendon_length0[two], data.ten_velocity[two]
+        else:
+            at = model.jnt_qposadr[two]
+            x, rate = data.qpos[at] - model.qpos0[at], v[model.jnt_dofadr[two]]
+        _, *slopes = model.eq_data[e, :5].tolist()
+        b, c, d, f = slopes
+        found += (2 * c + x * (6 * d + 12 * f * x)) * rate**2
+        if tendons:
+            found += (b + x * (2 * c + x * (3 * d + 4 * f * x))) * self.tendon_drift(two, v)
+        return float(found)
+
+    def tendon_drift(self, t: int, v: Array) -> float:
+        """Second time derivative of the length of a tendon from site to site, at v̇ = 0."""
+        model, data, found = self.model, self.data, 0.0
+        wraps = model.tendon_adr[t] + np.arange(model.tendon_num[t])
+        if model.wrap_type[wraps[0]] == mujoco.mjtWrap.mjWRAP_JOINT:
+            return 0.0
+        ends = list[tuple[Array, Array, Array]]()
+        for site in model.wrap_objid[wraps]:
+            rows, rates = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+            body, place = int(model.site_bodyid[site]), data.site_xpos[site]
+            mujoco.mj_jac(model, data, rows, None, place, body)
+            mujoco.mj_jacDot(model, data, rates, None, place, body)
+            ends.append((place, rows @ v, rates @ v))
+        for one, two in pairwise(ends):
+            way, speed, change = (b - a for a, b in zip(one, two, strict=True))
+            length = float(np.linalg.norm(way))
+            along = way / length
+            found += float(along @ change + (speed @ speed - (along @ speed) ** 2) / length)
+        return found

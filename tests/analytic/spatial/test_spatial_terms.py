@@ -1,0 +1,264 @@
+"""Terms of the equations of motion: two formulations, finite differences, and the witness."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import spatial
+from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.spatial import terms as own
+from proofmass.analytic.spatial.kinematics import advance
+from proofmass.analytic.spatial.mechanism import Tree, read_tree
+from proofmass.analytic.spatial.terms import NAMES, OwnTerms, Terms, own_terms
+from proofmass.analytic.spatial.witness import TermsDiffer, bear_witness
+from proofmass.sim.smooth import SmoothTerms
+
+EVERYTHING = """
+<mujoco><option><flag contact="disable"/></option>
+<worldbody>
+  <site name="wall" pos="1 .2 .3"/>
+  <body name="a" pos=".1 .2 1"><joint name="free" type="free" damping=".1"/>
+    <inertial pos=".1 .02 .03" mass="1.5" fullinertia=".1 .2 .25 .01 .02 .03"/>
+    <site name="on_a" pos=".1 0 .2" euler="10 20 30"/>
+    <body name="b" pos=".5 0 .1" euler="10 20 30">
+      <joint name="ball" type="ball" pos=".01 .02 .03" stiffness="3" damping=".2" armature=".01"/>
+      <inertial pos=".1 .2 .03" mass=".5" diaginertia=".01 .02 .025"/>
+      <site name="on_b" pos=".1 0 .2" euler="40 20 30"/>
+      <body name="c" pos=".5 0 .1" euler="10 20 70">
+        <joint name="hinge" pos=".01 .02 .03" axis="1 2 3" ref="20" springref="35"
+               stiffness="3 4 5" damping=".2 .3 .4" armature=".01"/>
+        <joint name="slide" type="slide" axis="1 0 1" ref=".2" springref=".5"
+               stiffness="3 -4 5" damping=".2 .3 .4"/>
+        <joint name="other" axis="0 1 0"/>
+        <inertial pos=".1 .2 .03" mass=".5" diaginertia=".01 .02 .025"/>
+        <site name="on_c" pos=".1 .1 .2"/>
+      </body>
+    </body>
+  </body>
+  <body name="d" pos="1 1 1"><joint name="alone" axis="0 1 1"/>
+    <inertial pos=".1 .2 .03" mass=".7" diaginertia=".01 .02 .025"/>
+    <site name="on_d" pos=".1 .3 .2" euler="40 20 30"/>
+  </body>
+</worldbody>
+<tendon>
+  <spatial name="spring" stiffness="100 5 7" springlength=".1 .3" damping="1 2 3">
+    <site site="on_c"/><site site="on_d"/>
+  </spatial>
+  <spatial name="three" stiffness="20">
+    <site site="wall"/><site site="on_a"/><site site="on_b"/>
+  </spatial>
+  <fixed name="fixed" stiffness="3" damping="1 2">
+    <joint joint="hinge" coef="1"/><joint joint="slide" coef="2"/>
+  </fixed>
+</tendon>
+<actuator>
+  <motor name="motor" joint="hinge" gear="2"/>
+  <position name="servo" joint="slide" kp="3" kv="1"/>
+  <position name="winch" tendon="spring" kp="4" gear="2"/>
+</actuator>
+<equality>
+  <connect name="c1" body1="c" body2="d" anchor=".1 .2 .3"/>
+  <joint name="j1" joint1="hinge" joint2="slide" polycoef=".1 .2 .3 .4 .5"/>
+  <weld name="w1" body1="c" body2="d" torquescale=".7" relpose=".1 .2 .3 .5 .5 .5 .5"
+        anchor=".1 .2 .1"/>
+  <weld name="w2" site1="on_b" site2="on_d"/>
+  <connect name="c2" site1="on_a" site2="on_d"/>
+  <tendon name="t1" tendon1="spring" tendon2="three" polycoef=".1 1 .3"/>
+  <joint name="j2" joint1="hinge" polycoef=".1"/>
+  <tendon name="t2" tendon1="three" polycoef=".1"/>
+  <tendon name="t3" tendon1="fixed" tendon2="spring" polycoef=".1 .7"/>
+</equality>
+<keyframe><key name="start" ctrl=".3 .4 .5"/></keyframe>
+</mujoco>
+"""
+SWINGING = """
+<mujoco><option><flag contact="disable"/></option>
+<worldbody><body name="a"><joint name="a" type="ball"/>
+  <inertial pos="0 .1 -.5" mass="1" diaginertia=".1 .2 .25"/>
+  <body name="b" pos="0 0 -1"><joint name="h" axis="1 0 0"/><joint name="k" axis="0 1 0"/>
+    <inertial pos=".1 .2 -.5" mass=".5" diaginertia=".01 .02 .025"/>
+  </body>
+</body></worldbody>
+<equality><joint name="tie" joint1="h" joint2="k" polycoef="0 1 .5"/></equality>
+<keyframe><key name="start" qpos="1 0 0 0 0 0" qvel="1 2 3 1 1"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def everything() -> tuple[mujoco.MjModel, Tree, np.ndarray, np.ndarray]:
+    """A model with all that is covered, and twenty states of it."""
+    model, rng = mujoco.MjModel.from_xml_string(EVERYTHING), np.random.default_rng(1)
+    tree = read_tree(model, "start")
+    v = rng.normal(size=(20, model.nv))
+    q = np.array([advance(tree, model.qpos0, rng.normal(size=model.nv)) for _ in v])
+    return model, tree, q, v
+
+
+def test_all_terms_are_those_of_mujoco(everything):
+    """Gaps of up to 2 are multiplied by MuJoCo's stiffness in its drift, and taken off again."""
+    model, tree, q, v = everything
+    source, found = SmoothTerms(model), own_terms(tree, q, v)
+    for k, state in enumerate(zip(q, v, strict=True)):
+        theirs = source.terms(*state)
+        for name in NAMES:
+            one, two = getattr(found, name)[k], getattr(theirs, name)
+            atol = (1e-12 if name == "drift" else 1e-14) * max(1.0, np.abs(two).max())
+            np.testing.assert_allclose(one, two, rtol=0, atol=atol, err_msg=name)
+
+
+def test_rows_of_equalities_are_the_derivatives_of_their_gaps(everything):
+    """Central differences of the gap along motions whose rates are constant."""
+    _, tree, q, v = everything
+    found, step = own_terms(tree, q, v), 1e-4
+
+    def gaps(time: float) -> np.ndarray:
+        moved = np.array([advance(tree, *state) for state in zip(q, time * v, strict=True)])
+        return own_terms(tree, moved, v).gap
+
+    before, now, after = (gaps(time) for time in (-step, 0.0, step))
+    rate = np.einsum("nkr,nr->nk", found.jacobian, v)
+    np.testing.assert_allclose((after - before) / (2 * step), rate, atol=1e-5, rtol=1e-5)
+    bend = (after - 2 * now + before) / step**2
+    np.testing.assert_allclose(bend, -found.drift, atol=1e-4, rtol=1e-5)
+
+
+class Changed(SmoothTerms):
+    """MuJoCo's terms with one of them changed."""
+
+    def __init__(self, model: mujoco.MjModel, **changes):
+        super().__init__(model)
+        self.changes = changes
+
+    def terms(self, q: np.ndarray, v: np.ndarray) -> Terms:
+        """The changed terms."""
+        found = super().terms(q, v)
+        return replace(found, **{name: change(self, q, v) for name, change in self.changes.items()})
+
+
+def resting(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """The bias force without all that rates do."""
+    return SmoothTerms(source.model).terms(q, 0 * v).bias
+
+
+def of_mujoco(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """The drift that MuJoCo has itself: none of a joint equality."""
+    return np.zeros(1)
+
+
+def test_the_witness_agrees_with_mujoco():
+    model = mujoco.MjModel.from_xml_string(SWINGING)
+    times, source = np.linspace(0.0, 0.2, 5), SmoothTerms(model)
+    spatial.solve(times, model=model, terms=source)
+    seen = spatial.follow(*spatial.sources(model, "start", source), tuple(times)).witnessed
+    assert seen.states == 5
+    assert seen.difference < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"bias": resting}, "bias force"),
+        ({"drift": of_mujoco}, "J-dot-v of the equalities"),
+    ],
+)
+def test_the_witness_notices_a_wrong_term(change, words):
+    model = mujoco.MjModel.from_xml_string(SWINGING)
+    with pytest.raises(TermsDiffer, match=f"the {words} of MuJoCo and of proofmass's own"):
+        spatial.solve([0.0, 0.01], model=model, terms=Changed(model, **change))
+
+
+def test_the_witness_notices_another_inertia():
+    model = mujoco.MjModel.from_xml_string(SWINGING)
+    tree = read_tree(model, "start")
+    model.body_inertia[1, 0] *= 1 + 1e-10
+    state = model.key_qpos.copy(), model.key_qvel.copy()
+    with pytest.raises(TermsDiffer, match="mass matrix"):
+        bear_witness(tree, SmoothTerms(model), np.zeros(1), *state)
+
+
+@pytest.mark.parametrize("sign", [0.0, -1.0])
+def test_the_witness_notices_a_gyroscopic_term_that_is_missing_or_turned(sign, monkeypatch):
+    def turned(tree, motion, inertia):
+        still = replace(motion, spin=0 * motion.spin)
+        forces, _ = balances(tree, motion, inertia)
+        moments = balances(tree, still, inertia)[1]
+        return forces, moments + sign * (balances(tree, motion, inertia)[1] - moments)
+
+    balances = own.balances
+    monkeypatch.setattr(own, "balances", turned)
+    model = mujoco.MjModel.from_xml_string(SWINGING)
+    with pytest.raises(TermsDiffer, match="bias force"):
+        spatial.solve([0.0, 0.01], model=model, terms=SmoothTerms(model))
+
+
+def test_the_equalities_hold_along_a_motion_and_their_forces_do_no_work():
+    """Constraint forces Jᵀλ = M a + h - Q have no power on the motion."""
+    model = mujoco.MjModel.from_xml_string(SWINGING)
+    tree, source = spatial.sources(model, "start", SmoothTerms(model))
+    held = spatial.follow(tree, source, tuple(np.linspace(0.0, 0.3, 7))).held
+    found = own_terms(tree, held.q, held.v)
+    assert np.abs(found.gap).max() < 1e-13
+    assert np.abs(np.einsum("nkr,nr->nk", found.jacobian, held.v)).max() < 1e-13
+    force = np.einsum("nij,nj->ni", found.mass, held.a) + found.bias - found.force
+    assert np.abs(force).max() > 0.1
+    assert np.abs((force * held.v).sum(axis=1)).max() < 1e-12
+
+
+REFUSED = {
+    "joint 'h' has frictionloss": ('name="h"', 'name="h" frictionloss="1"'),
+    "joint 'a' has a range (of a ball)": (
+        'name="a" type="ball"',
+        'name="a" type="ball" range="0 1" limited="true"',
+    ),
+    "body 'b' has gravcomp": ('<body name="b"', '<body name="b" gravcomp="1"'),
+    "it has a fluid (density or viscosity)": ("<option>", '<option density="1">'),
+    "it has a mocap body": ("<worldbody>", '<worldbody><body name="m" mocap="true"/>'),
+    "contacts are not covered": ('<flag contact="disable"/>', ""),
+    "actuator 'muscle' has a dynamics of its own": (
+        "</worldbody>",
+        '</worldbody><actuator><muscle name="muscle" joint="h" lengthrange="0 1"/></actuator>',
+    ),
+    "actuator 'push' acts neither on a joint nor on a tendon": (
+        "</worldbody>",
+        '</worldbody><actuator><general name="push" body="b"/></actuator>',
+    ),
+    "tendon 't' wraps around a geom or a pulley": (
+        "</worldbody>",
+        '</worldbody><tendon><spatial name="t"><site site="s1"/><geom geom="g"/>'
+        '<site site="s2"/></spatial></tendon>',
+    ),
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_is_not_covered_is_named(words):
+    text = SWINGING.replace(
+        "<worldbody>",
+        '<worldbody><site name="s1"/><site name="s2" pos="0 0 1"/>'
+        '<geom name="g" type="sphere" size=".1" pos="0 0 3"/>'
+        + ("" if "contacts" not in words else '<geom name="f" type="plane" size="1 1 1"/>'),
+    ).replace('<joint name="h"', '<geom size=".1"/><joint name="h"')
+    model = mujoco.MjModel.from_xml_string(text.replace(*REFUSED[words]))
+    with pytest.raises(NotCovered) as refused:
+        read_tree(model, "start")
+    assert words in str(refused.value)
+
+
+def test_a_start_pose_that_is_open_is_refused_and_named():
+    model = mujoco.MjModel.from_xml_string(SWINGING)
+    model.key_qpos[0, 4] = 0.01
+    with pytest.raises(ValueError, match=r"equality 'tie' is open by 0.01 at the start"):
+        spatial.solve([0.0, 1.0], model=model)
+
+
+def test_own_terms_alone_give_the_same_motion():
+    model, times = mujoco.MjModel.from_xml_string(SWINGING), [0.0, 0.02, 0.04]
+    one, two = (
+        spatial.follow(*spatial.sources(model, "start", source), tuple(times)).held
+        for source in (SmoothTerms(model), OwnTerms(read_tree(model, "start")))
+    )
+    np.testing.assert_allclose(one.q, two.q, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(one.a, two.a, rtol=0, atol=1e-11)

@@ -1,0 +1,105 @@
+"""Tops: the spatial reference beside elliptic functions and the equations in Euler's angles."""
+
+import mujoco
+import numpy as np
+from scipy.special import elliprf
+
+from proofmass.analytic import spatial
+from proofmass.analytic.spatial.kinematics import matrices
+from proofmass.sim.smooth import SmoothTerms
+from tests.shipped import shipped
+
+MOMENTS = np.array([1.0, 2.0, 2.5])
+
+
+def compiled(name: str) -> mujoco.MjModel:
+    """A shipped model."""
+    return mujoco.MjModel.from_xml_path(str(shipped(f"{name}.xml")))
+
+
+def jacobi(u: np.ndarray, rest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The elliptic functions sn, cn and dn of parameter 1 - rest, by descending means.
+
+    Those of scipy take the parameter itself, whose rounding is 1e-12 of a rest of 1e-4.
+    """
+    a, b, c = [1.0], [np.sqrt(rest)], [np.sqrt(1.0 - rest)]
+    while abs(c[-1]) > 1e-16:
+        a, b, c = (
+            [*a, 0.5 * (a[-1] + b[-1])],
+            [*b, np.sqrt(a[-1] * b[-1])],
+            [*c, 0.5 * (a[-1] - b[-1])],
+        )
+    angle = 2.0 ** (len(a) - 1) * a[-1] * u
+    for k in range(len(a) - 1, 0, -1):
+        angle = 0.5 * (angle + np.arcsin(c[k] / a[k] * np.sin(angle)))
+    return np.sin(angle), np.cos(angle), np.sqrt(np.cos(angle) ** 2 + rest * np.sin(angle) ** 2)
+
+
+def spins(start: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Angular velocity (n, 3) of a free body in its axes (Landau and Lifshitz, § 37)."""
+    one, two, three = MOMENTS
+    twice, square = MOMENTS @ start**2, MOMENTS**2 @ start**2
+    over = three * twice - square
+    under = square - one * twice
+    peaks = np.sqrt(
+        [
+            over / (one * (three - one)),
+            over / (two * (three - two)),
+            under / (three * (three - one)),
+        ]
+    )
+    apart = one * (one - two) * start[0] ** 2 + three * (three - two) * start[2] ** 2
+    rest = (three - one) * apart / ((three - two) * under)  # 1 - m, 1e-3 here
+    pace = np.sqrt((three - two) * under / (one * two * three))
+    sine, cosine = start[1] / peaks[1], start[0] / peaks[0]
+    phase = sine * elliprf(cosine**2, cosine**2 + rest * sine**2, 1.0)
+    sn, cn, dn = jacobi(pace * times + phase, rest)
+    return np.column_stack([peaks[0] * cn, peaks[1] * sn, peaks[2] * dn])
+
+
+def turns(start: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Axes (n, 3, 3) of a free body whose axes are the world's at time 0.
+
+    Two of Euler's angles about the angular momentum follow from the angular velocity, the third
+    from an integral over time.
+    """
+    momentum = MOMENTS * start
+    length = np.linalg.norm(momentum)
+
+    def axes(spin: np.ndarray, precession: np.ndarray) -> np.ndarray:
+        """Axes of the body in those of a frame whose third axis is the momentum."""
+        along = MOMENTS * spin / length  # the momentum's direction, in the body
+        first = np.cross([0.0, 0.0, 1.0], along)  # the line of nodes, in the body
+        first /= np.linalg.norm(first, axis=-1, keepdims=True)
+        second = np.cross(along, first)
+        nodes = np.stack([first, second, along], axis=-2)
+        cos, sin, zero = np.cos(precession), np.sin(precession), np.zeros_like(precession)
+        about = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1], axis=-1)
+        return about.reshape(-1, 3, 3) @ nodes
+
+    points, weights = np.polynomial.legendre.leggauss(16)
+    middles, halves = 0.5 * (times[1:] + times[:-1]), 0.5 * np.diff(times)
+    inner = spins(start, (middles[:, None] + halves[:, None] * points).ravel())
+    rate = (
+        length
+        * (MOMENTS[:2] * inner[:, :2] ** 2).sum(axis=1)
+        / (MOMENTS[:2] ** 2 * inner[:, :2] ** 2).sum(axis=1)
+    )
+    steps = rate.reshape(middles.size, -1) @ weights * halves
+    found = axes(spins(start, times), np.append(0.0, np.cumsum(steps)))
+    return found[0].T @ found
+
+
+def test_a_free_body_that_flips_over_is_that_of_the_elliptic_functions():
+    """Angular velocity and axes over 20 s; without MuJoCo's terms for the first three samples."""
+    model, times = compiled("euler_top"), np.linspace(0.0, 20.0, 401)
+    start = model.key_qvel[0, 3:].copy()
+    found = spatial.solve(times, model=model, terms=SmoothTerms(model))
+    spin = np.column_stack([found[f"spin.{part}"] for part in "xyz"])
+    assert np.ptp(spin[:, 1]) > 1.99 * start[1]  # it flips
+    np.testing.assert_allclose(spin, spins(start, times), rtol=0, atol=1e-9)
+    quaternion = np.column_stack([found[f"turn.{part}"] for part in "wxyz"])
+    np.testing.assert_allclose(matrices(quaternion), turns(start, times), rtol=0, atol=1e-9)
+    own = spatial.solve(times[:4], model=model)
+    for name, curve in own.items():
+        np.testing.assert_allclose(curve, found[name][:4], rtol=0, atol=1e-12)
