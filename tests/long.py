@@ -135,6 +135,12 @@ LONG = {
         "tests/sim/test_changing_loads.py::test_a_load_along_a_path_is_the_load_of_each_place"
         "[rod_pair_driven"
     ),
+    "tests/sim/test_motion.py::test_poses_next_to_a_snap_are_among_few": (
+        "tests/sim/test_motion.py::test_a_mechanism_is_drawn_on_both_sides_of_its_snaps"
+    ),
+    "tests/sim/test_rods_strained.py::test_order_under_its_own_weight[shear-pymunk": (
+        "tests/sim/test_rods_strained.py::test_order_under_its_own_weight[axial-pymunk"
+    ),
     "tests/sim/test_rods_strained.py::test_order_under_its_own_weight[both-pymunk": (
         "tests/sim/test_rods_strained.py::test_order_under_its_own_weight[axial-pymunk"
     ),
