@@ -1,11 +1,12 @@
 """Is every limit that docs/stress.md states of a case in time one in a bare engine?
 
-    python -m benchmarks.limits [folder] [--only CASE ...] [--quick]
+    python -m benchmarks.limits [folder] [--only CASE ...] [--changed] [--quick]
 
 Writes docs/limits.md.  For each limit of a dynamics run the case is changed as `proofmass stress`
 changes it, to 2 % before the printed limit and to 2 % beyond it, and both are written as programs
 and run in interpreters without proofmass.  Where a first and a last boundary are printed, both are
-run as well.  With --only the rows of all other cases stay as they are.
+run as well.  With --only the rows of all other cases stay as they are, with --changed all rows that
+confirm a limit as it is printed now.
 """
 
 from collections import Counter
@@ -96,17 +97,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "stress")
     parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
+    parser.add_argument("--changed", action="store_true", help="only limits not yet confirmed")
     given = parser.parse_args(argv)
     text = (ROOT / "docs" / "stress.md").read_text(encoding="utf-8")
     limits = [one for one in printed_limits(text) if one.case in (given.only or [one.case])]
     if given.quick:
         limits = [one for one in limits if one.case == "pendulum"][:1]
-    file = ROOT / "docs" / "limits.md"
-    kept = dict(rows_of(file.read_text(encoding="utf-8"))) if given.only else {}
+    some = given.only or given.changed
+    kept = dict(rows_of((ROOT / "docs" / "limits.md").read_text("utf-8"))) if some else {}
+    if given.changed:
+        limits = [one for one in limits if not is_confirmed(one, kept)]
     with folders(given.quick, given.folder) as (folder, docs):
         found = confirm(limits, Store(folder / "runs"))
         fresh = {each.limit.key: cells(each) for each in found}
-        every = printed_limits(text) if given.only else limits
+        every = printed_limits(text) if some else limits
         rows = [row for one in every if (row := fresh.get(one.key) or kept_cells(one, kept))]
         (docs / "limits.md").write_text(page(rows), encoding="utf-8")
 
@@ -139,6 +143,12 @@ def rows_of(text: str) -> Iterator[tuple[tuple[str, ...], list[str]]]:
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if len(cells) == WIDTH and cells[0] not in ("case", "---"):
             yield tuple(cells[:3]), cells
+
+
+def is_confirmed(one: PrintedLimit, kept: Mapping[tuple[str, ...], list[str]]) -> bool:
+    """Whether a row confirms a limit as it is printed."""
+    cells = kept.get(one.key, [])
+    return bool(cells) and (cells[3], cells[-1]) == (one.words, CONFIRMED)
 
 
 def kept_cells(one: PrintedLimit, kept: Mapping[tuple[str, ...], list[str]]) -> list[str]:

@@ -55,7 +55,7 @@ nothing of it. The kinds of limits are:
 Two values, such as *2 to 2.5*, are the first and the last of several boundaries. At the first a run
 fails, and 2 % before it none does; the last holds, and 2 % beyond it none does; between them some
 values hold and others fail. Beside each boundary that bisection found, values are tried that are
-1.02 to 1.6 times away, to both sides: where one before it fails, or one beyond it holds, the first
+1.01 to 1.4 times away, to both sides: where one before it fails, or one beyond it holds, the first
 and the last are looked for. Boundaries that all these values miss are not seen.
 
 Where nothing is known beyond, the last value that held is given. It depends on the machine where

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from benchmarks import ROOT
-from benchmarks.limits import CONFIRMED, confirm, kept_cells, printed_limits, rows_of
+from benchmarks.limits import CONFIRMED, confirm, is_confirmed, kept_cells, printed_limits, rows_of
 from benchmarks.stress import with_rows
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
@@ -77,6 +77,11 @@ def test_a_row_of_another_limit_is_not_kept():
     with pytest.raises(SystemExit, match=r"0\.14 s, of which 0\.15 s was confirmed"):
         kept_cells(one, {one.key: cells})
     assert kept_cells(one, {}) == []
+    assert not is_confirmed(one, {one.key: cells})
+    assert not is_confirmed(one, {})
+    cells[3] = "0.14 s"
+    assert is_confirmed(one, {one.key: cells})
+    assert not is_confirmed(one, {one.key: [*cells[:-1], "holds beyond it"]})
 
 
 def test_new_rows_of_a_case_take_the_place_of_its_own_and_of_no_other():
