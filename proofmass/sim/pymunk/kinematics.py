@@ -328,7 +328,7 @@ class Modes:
 
     def of(self, push: Array) -> Array:
         """Products (n,) of the modes with what acts on the links (links + 1, 3)."""
-        return np.asarray(self.shapes.reshape(len(self.shapes), -1) @ push.ravel())
+        return np.asarray(np.einsum("nlk,lk->n", self.shapes, push))
 
     def sum(self, parts: Array) -> Array:
         """Sum (links + 1, 3) of as many parts (n,) of each mode."""
@@ -354,7 +354,7 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
     rows, pull = _pull(links, pose, stops)
     moves = free_directions(links, rows)
     rise, size = _rise(links, pose, moves, pull, stops)
-    flat = moves.reshape(len(moves), -1)
+    flat = moves.reshape(len(moves), pose.size)
     bend = rise.reshape(flat.shape) @ flat.T * size[:, None]
     squares, modes = np.linalg.eigh((bend + bend.T) / (4 * NUDGE))
     twist = modes.T @ (bend.T - bend) @ modes / (4 * NUDGE)
