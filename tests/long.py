@@ -247,6 +247,16 @@ LONG = {
     "-trade.html-dark": (
         "tests/studies/test_study_pages_browser.py::test_axe_finds_nothing[stress/index.html-dark"
     ),
+    # references of mechanisms in space, over the whole of their runs
+    "tests/analytic/spatial/test_spatial_loops.py::test_a_slider_crank_by_a_quadrature[5.0": (
+        "tests/analytic/spatial/test_spatial_loops.py::test_a_slider_crank_by_a_quadrature[0.5"
+    ),
+    "tests/analytic/spatial/test_spatial_loops.py::test_bricard_by_one_equation[10": (
+        "tests/analytic/spatial/test_spatial_loops.py::test_bricard_by_one_equation[2.0"
+    ),
+    "tests/analytic/spatial/test_spatial_tops.py::test_a_heavy_top_is_in_elliptic_functions[2.0": (
+        "tests/analytic/spatial/test_spatial_tops.py::test_a_heavy_top_is_in_elliptic_functions[0.2"
+    ),
     # references of rods
     "tests/analytic/rods/test_rod_pair_driven.py::test_four_rectangles_of_the_document": (
         "tests/analytic/rods/test_rod_pair_driven.py::test_turns_of_the_motors_join_the_equilibria"

@@ -1,0 +1,202 @@
+"""Mechanisms in space with loops: the spatial reference beside one equation of motion each.
+
+Each has one degree of freedom s, so that energy gives its motion: T = I(s) s'^2 / 2. The functions
+I and V are those of the points and axes of its bodies, by plain geometry.
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.polynomial import Chebyshev
+from scipy.integrate import solve_ivp
+
+from proofmass import load_case
+from proofmass.analytic import spatial
+from proofmass.compare import reference_for
+from proofmass.sim.smooth import SmoothTerms
+from proofmass.solve import solve
+from tests.shipped import shipped
+
+Curve = Callable[[np.ndarray], np.ndarray]
+GRAVITY = 9.81
+
+
+def compiled(name: str) -> mujoco.MjModel:
+    """A shipped model."""
+    return mujoco.MjModel.from_xml_path(str(shipped(f"{name}.xml")))
+
+
+def found(name: str, times: np.ndarray) -> dict[str, np.ndarray]:
+    """What the reference has."""
+    model = compiled(name)
+    return spatial.solve(times, model=model, terms=SmoothTerms(model))
+
+
+def swing(
+    inertia: Curve, height: Curve, span: tuple[float, float], times: np.ndarray, start: float
+):
+    """The motion s(t) from rest: I s'' + I' s'^2 / 2 + V' = 0, by polynomials on a span of s."""
+    mass, potential = (Chebyshev.interpolate(f, 80, domain=span) for f in (inertia, height))
+    slope, push = mass.deriv(), potential.deriv()
+
+    def rate(_: float, y: np.ndarray) -> tuple[float, float]:
+        s, v = y
+        return v, -(0.5 * slope(s) * v * v + push(s)) / mass(s)
+
+    way = solve_ivp(rate, (0.0, times[-1]), (start, 0.0), "DOP853", times, rtol=1e-13, atol=1e-14)
+    return way.y
+
+
+def along_x(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the slider-crank: ends of the rod at crank and slider, and the change of both with s."""
+    zero = np.zeros_like(s)
+    ball = np.stack([zero, 0.1 - 0.08 * np.sin(s), 0.12 + 0.08 * np.cos(s)], axis=-1)
+    moves = np.stack([zero, -0.08 * np.cos(s), -0.08 * np.sin(s)], axis=-1)
+    x = np.sqrt(0.09 - ball[..., 1] ** 2 - ball[..., 2] ** 2)
+    slope = -(ball[..., 1] * moves[..., 1] + ball[..., 2] * moves[..., 2]) / x
+    return ball, moves, np.stack([x, slope], axis=-1)
+
+
+def inertia_of_slider_crank(s: np.ndarray) -> np.ndarray:
+    """I(s) [kg m^2]; the universal joint turns the rod by yaw about z and then by pitch."""
+    ball, moves, slider = along_x(s)
+    x, slope = slider[..., 0], slider[..., 1]
+    way = np.stack([x, 0 * x, 0 * x], axis=-1) - ball  # from the crank to the slider: R(1, 0, 0)
+    rate = np.stack([slope, 0 * x, 0 * x], axis=-1) - moves
+    level = way[..., 0] ** 2 + way[..., 1] ** 2
+    yaw = (way[..., 0] * rate[..., 1] - way[..., 1] * rate[..., 0]) / level
+    pitch = -rate[..., 2] / np.sqrt(level)  # sin(pitch) = -way_z / 0.3
+    sine, cosine = -way[..., 2] / 0.3, np.sqrt(level) / 0.3
+    middle = 0.5 * (moves + np.stack([slope, 0 * x, 0 * x], axis=-1))
+    crank = 1e-4 + 0.12 * 0.04**2
+    rod = 4e-4 * (yaw * sine) ** 2 + 4e-3 * (pitch**2 + (yaw * cosine) ** 2)
+    return crank + 2.0 * slope**2 + 0.5 * (middle**2).sum(axis=-1) + rod
+
+
+def weight_of_slider_crank(s: np.ndarray) -> np.ndarray:
+    """V(s) [J]."""
+    return GRAVITY * (0.12 * 0.04 * np.cos(s) + 0.5 * 0.04 * np.cos(s))
+
+
+@pytest.mark.parametrize("end", [0.5, 5.0])
+def test_a_slider_crank_by_a_quadrature(end):
+    """Time is an integral over the crank's turn: t = int sqrt(I / 2 / (E - V)) ds."""
+    times = np.linspace(0.0, end, 51)
+    curves = found("slider_crank_spatial", times)
+    s = curves["crank"]
+    zero = np.zeros(1)
+    energy = 0.5 * inertia_of_slider_crank(zero) * 36.0 + weight_of_slider_crank(zero)
+    points, weights = np.polynomial.legendre.leggauss(40)
+    pieces = np.concatenate([np.linspace(a, b, 9)[:-1] for a, b in pairwise(s)])
+    pieces = np.append(pieces, s[-1])
+    middles, halves = 0.5 * (pieces[1:] + pieces[:-1]), 0.5 * np.diff(pieces)
+    inner = middles[:, None] + halves[:, None] * points
+    rate = np.sqrt(2 * (energy - weight_of_slider_crank(inner)) / inertia_of_slider_crank(inner))
+    taken = np.append(0.0, np.cumsum((1 / rate) @ weights * halves))[::8]
+    here = np.sqrt(2 * (energy - weight_of_slider_crank(s)) / inertia_of_slider_crank(s))
+    assert s[-1] > (50.0 if end > 1 else 4.0)
+    assert np.abs((taken - times) * here).max() < 1e-9  # of the crank's angle
+    assert np.abs(curves["slider"] - along_x(s)[2][..., 0]).max() < 1e-12
+    assert np.abs(curves["crank_rate"] - here).max() < 1e-8
+
+
+def turn(axis: int, angle: np.ndarray) -> np.ndarray:
+    """Rotation matrices about an axis of the world."""
+    c, s, zero, one = np.cos(angle), np.sin(angle), 0 * angle, 0 * angle + 1
+    rows = {
+        0: ((one, zero, zero), (zero, c, -s), (zero, s, c)),
+        1: ((c, zero, s), (zero, one, zero), (-s, zero, c)),
+        2: ((c, -s, zero), (s, c, zero), (zero, zero, one)),
+    }[axis]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+BARS = (
+    (1, (1, 0, 0)),
+    (2, (0, -1, 0)),
+    (0, (0, 0, 1)),
+    (1, (-1, 0, 0)),
+    (2, (0, 1, 0)),
+)
+"""Of Bricard's bars: the axis that each turns about against the one before, and its own way."""
+
+
+def knees(odd: np.ndarray, even: np.ndarray) -> np.ndarray:
+    """Ends (n, 6, 3) of the bars, hinges turning by one of two angles in turn."""
+    at = np.zeros((*odd.shape, 3), dtype=np.result_type(odd, even))
+    axes, places = np.eye(3), [at]
+    for k, (axis, way) in enumerate(BARS):
+        axes = axes @ turn(axis, odd if k % 2 == 0 else even)
+        places.append(places[-1] + axes @ np.array(way, float))
+    return np.stack(places, axis=-2)
+
+
+def bent(s: np.ndarray) -> np.ndarray:
+    """Ends of Bricard's bars by the angle s of its hinges 1, 3 and 5.
+
+    That of hinges 2 and 4 closes the loop where sin s + sin b + sin s sin b = 0.
+    """
+    return knees(s, -np.arcsin(np.sin(s) / (1.0 + np.sin(s))))
+
+
+def inertia_of_bricard(s: np.ndarray) -> np.ndarray:
+    """I(s) [kg m^2] of slender bars, by the velocities of their ends."""
+    rates = bent(s + 1e-30j).imag / 1e-30
+    one, two = rates[..., :-1, :], rates[..., 1:, :]
+    return ((one**2 + one * two + two**2) / 3.0).sum(axis=(-1, -2))
+
+
+def weight_of_bricard(s: np.ndarray) -> np.ndarray:
+    """V(s) [J]."""
+    places = bent(s)
+    return GRAVITY * 0.5 * (places[..., :-1, 1] + places[..., 1:, 1]).sum(axis=-1)
+
+
+@pytest.mark.parametrize("end", [2.0, 10.0])
+def test_bricard_by_one_equation(end):
+    times = np.linspace(0.0, end, 41)
+    curves = found("bricard", times)
+    angle, rate = swing(inertia_of_bricard, weight_of_bricard, (-0.1, 3.3), times, 0.0)
+    places = bent(angle)
+    assert np.abs(places[:, 5] - [0, 0, 1]).max() < 1e-14  # the formula of the angles closes it
+    assert angle.max() > 2.8
+    np.testing.assert_allclose(curves["h1"], angle, rtol=0, atol=1e-9)
+    knee = np.column_stack([curves[f"knee.{part}"] for part in "xyz"])
+    np.testing.assert_allclose(knee, places[:, 2], rtol=0, atol=1e-9)
+    energy = 0.5 * inertia_of_bricard(angle) * rate**2
+    np.testing.assert_allclose(curves["kinetic"], energy, rtol=0, atol=1e-8)
+
+
+def gear(times: np.ndarray) -> np.ndarray:
+    """The second angle of the gear of changing ratio, and its rate."""
+
+    def inertia(q: np.ndarray) -> np.ndarray:
+        return (1.0 + q) ** 2 / 3.0 + 2.0 / 3.0
+
+    def weight(q: np.ndarray) -> np.ndarray:
+        return -GRAVITY * (0.5 * np.cos(q + 0.5 * q**2) + np.cos(q))
+
+    return swing(inertia, weight, (-2.5, 1.1), times, 1.0)
+
+
+def test_a_gear_of_changing_ratio_is_that_of_its_one_equation_of_motion():
+    times = np.linspace(0.0, 1.0, 41)
+    curves, (angle, rate) = found("changing_gear", times), gear(times)
+    np.testing.assert_allclose(curves["second"], angle, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(curves["first"], angle + 0.5 * angle**2, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(curves["second_rate"], rate, rtol=0, atol=1e-9)
+
+
+def test_no_step_lowers_what_mujoco_leaves_out_of_a_gear_of_changing_ratio():
+    """Beside the equation of motion itself; a step of an eighth leaves the error, MuJoCo 4.0.0."""
+    case = load_case(shipped("changing_gear.toml"))
+    errors = []
+    for solver in ("mujoco", "mujoco:fine"):
+        curves = solve(case, "dynamics", solver)
+        assert reference_for(case, "dynamics", curves).channels
+        errors.append(np.abs(curves.channels["second"] - gear(curves.x)[0]).max())
+    assert errors[0] > 1e-4
+    assert errors[1] == pytest.approx(errors[0], rel=0.05)
