@@ -6,7 +6,8 @@
 Free motions are disturbed first: errors of chaotic ones are judged up to where a trajectory means
 something. Then every convergence series is refined, each setting run once for its errors, until the
 errors fall no further. The settings that may be on the Pareto front, and the engine's defaults,
-with which they are compared, are timed in rounds. Where a series may be at an error floor, its step
+with which they are compared, are run once more for their time, and those that may be on it then in
+more rounds. Where a series may be at an error floor, its step
 is halved twice, and each possible cause is varied separately; so it is where a series shows another
 order than theory expects.
 """
@@ -217,18 +218,24 @@ def trade(
         )
         for one, row in zip(batch, rows, strict=True):
             one.measured.rows.append(row)
+    tasks = [one.task(k) for one in every for k in range(len(one.measured.rows))]
     rows = [row for one in every for row in one.measured.rows]
-    default = {k for k, row in enumerate(rows) if is_default(row)}
-    rows = run(
-        [one.task(k) for one in every for k in range(len(one.measured.rows))],
-        store,
-        workers,
-        repeats=repeats,
-        repeated=default.union(near_front(rows)),
-        longest_repeated=budget,
-        timeout=longest,
-        progress=progress,
-    )
+    for rounds, slack in ((min(1, repeats), SLACK), (repeats, SURE)):
+        near = {k for k, row in enumerate(rows) if is_default(row)}.union(near_front(rows, slack))
+        timed = run(
+            tasks,
+            store,
+            workers,
+            repeats=rounds,
+            repeated=near,
+            longest_repeated=budget,
+            timeout=longest,
+            progress=progress,
+        )
+        rows = [
+            new if k in near or not row.repeats else row
+            for k, (row, new) in enumerate(zip(rows, timed, strict=True))
+        ]
     finer = halve(every, store, workers, longest, progress)
     perturbed = perturb(every, finer, store, workers, longest, progress)
     disturbed = disturb(every, finer, perturbed, store, workers, longest)
@@ -247,11 +254,11 @@ def trade(
     )
 
 
-def near_front(rows: Sequence[StudyRow]) -> list[int]:
+def near_front(rows: Sequence[StudyRow], slack: float = SLACK) -> list[int]:
     """The settings, by number, that may be on the Pareto front of their case and engine.
 
-    A setting is one of them if the first run of no setting that is as accurate in some kind of
-    error was `SLACK` times as fast; of runs longer than `MOMENT`, `SURE` times.
+    A setting is one of them if no setting that is as accurate in some kind of error was `slack`
+    times as fast; of runs longer than `MOMENT`, `SURE` times.
 
     >>> times = [(1e-3, 0.01), (1e-3, 0.025), (1e-3, 0.04), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
     >>> near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
@@ -267,7 +274,7 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
         least = inf
         for row in sorted(able(group, kind), key=lambda row: (row.errors[kind], row.seconds)):
             least = min(least, row.seconds)
-            if row.seconds <= (SLACK if row.seconds < MOMENT else SURE) * least:
+            if row.seconds <= (slack if row.seconds < MOMENT else SURE) * least:
                 found.add(numbers[id(row)])
     return sorted(found)
 
