@@ -371,7 +371,9 @@ class Search:
                 ]
                 for number in self.sooner(run, others, found, alike):
                     one = found[number]
-                    found[number] = self.smallest(run, number, one.change, None, whole=True) or one
+                    other = self.smallest(run, number, one.change, None, whole=True)
+                    if other and abs(other.change) < abs(one.change):
+                        found[number] = other
         return found
 
     def sooner(

@@ -10,6 +10,7 @@ import random
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -19,7 +20,7 @@ from typer.testing import CliRunner
 from benchmarks.coverage import page, row, rows_of
 from proofmass import coverage as coverage_module
 from proofmass.case import Case
-from proofmass.changed import baseline, limit, numbers, stride_of, thinned
+from proofmass.changed import Baseline, baseline, limit, numbers, stride_of, thinned
 from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.compare import compare
@@ -306,6 +307,31 @@ def number(kind: str, of: str, value: float = 0.0) -> Number:
     return Number(kind, of, value, "1", 0.1, Place("joint", 0, kind))
 
 
+@pytest.mark.parametrize(("factor", "kept"), [(0.4, False), (1e6, True)])
+def test_another_run_takes_the_place_of_one_that_needs_a_larger_change_only(factor, kept):
+    """A run that was lost with a tiny change, and not with a larger one, tells the larger one."""
+    mass = number("mass", "a", 1.0)
+    first = Finding("mass", "a", "kg", 1.0, 0.1, True, 1e-9, "sweep", "pymunk")
+    other = replace(first, change=factor * first.change, run="dynamics")
+
+    class Asked(Search):
+        strides: ClassVar = {"sweep": 1, "dynamics": 1}
+
+        def __init__(self):
+            pass
+
+        def runs(self):
+            return [Baseline("dynamics", "mujoco", {}, {}, {}, [])]
+
+        def sooner(self, run, group, found, alike):
+            return [] if alike else list(group)
+
+        def smallest(self, *args, **kwargs):
+            return other
+
+    assert Asked().asked_at_last({mass: first}) == {mass: first if kept else other}
+
+
 def test_draws_are_to_both_sides_and_never_less_than_alone():
     group = [number("mass", name, 1.0) for name in "abcdef"] + [number("damping", "g")]
     there = [[change for _, change in changes] for changes in draws(group)]
@@ -502,7 +528,7 @@ def test_the_table_of_all_cases_counts_its_rows():
         )
     ]
     runs = (CheckedRun("sweep", "mujoco", 1, 1, units=("N m",)),)
-    line = row(case, Coverage(case.name, "", runs, tuple(some), ()))
+    line = row(case, Coverage(case.name, "", runs, (), tuple(some)))
     assert line.startswith("| balancer_sine | 4 | 1 | 3 | 1 | 1 | mass of b: there is no gravity")
     assert line.endswith("; stiffness of c: no reason is known |")
     table = page([line, line.replace("balancer_sine", "other")], 3)
