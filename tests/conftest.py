@@ -133,13 +133,20 @@ def browser() -> Iterator[Any]:
         yield found
 
 
+FIRST = ("tests/test_coverage.py", "tests/report/test_browser.py")
+
 collect_ignore = ["data"]
 """Sidecars there are for tests, and no cases of their own."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what takes seconds and has a faster like of it; all of both must be there."""
+    """Mark what takes seconds and has a faster like of it; all of both must be there.
+
+    Files whose first test waits long for what all their tests share come first: of two processes
+    none is left alone with them at the end, nor do both make it.
+    """
+    items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
     in_order = sorted(items, key=lambda item: item.nodeid)
     names = [item.nodeid for item in in_order]
 

@@ -49,11 +49,6 @@ def natural():
 
 
 @cache
-def coarse():
-    return sheet(pair("S4"), 11)
-
-
-@cache
 def unloaded():
     row = DATA["rfr2"]["recomputed"]["S2"]
     near = pair("S2")
@@ -137,7 +132,7 @@ def test_top_of_the_rim_is_the_reach_of_straight_rods():
 
 def test_the_aspect_of_a_stable_equilibrium_is_stable():
     """By Jacobi's field of each rod with its tip pinned, and the stiffness of the pin."""
-    m = coarse()
+    m = sheet(pair("S4"), 13)
     edges, torn = joined(m)
     own = aspect(m, edges, pair("S4"))
     states = m.states[own]
@@ -259,7 +254,7 @@ def test_bad_windows():
 @cache
 def small():
     """The sheet of the natural equilibrium on a coarse grid, and its mesh."""
-    m = coarse()
+    m = sheet(pair("S4"), 11)
     rims = rim(m)
     return m, rims, meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
 
