@@ -444,8 +444,15 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
     own: dict[str, Any] = {}
     if "terms" in inspect.signature(tell).parameters:  # of a motion of the model itself
         model, kind = compiled(case), next(iter(case.run))
-        terms = smooth_terms(model, case.start)
-        own = {"model": model, "start": case.start, "terms": terms, "times": grid(case, kind)}
+        x = grid(case, kind)
+        drives = [np.broadcast_arrays(*one(x)) for one in laws(case, kind)]
+        own = {
+            "model": model,
+            "start": case.start,
+            "terms": smooth_terms(model, case.start),
+            "joints": tuple(drive.joint for drive in case.drive),
+            "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
+        }
     try:
         return tell(**own, **parameters)
     except (TypeError, ValueError):  # the parameters are at fault, which the runs have said

@@ -301,6 +301,10 @@ def drawn_frames(
     again = returns(view)
     jumps = jumps_of_mechanism(view)
     moved = moved_here(case, kind, measured(view), frames + again, jumps)
+    if moved.along:
+        raise InputError(
+            case.model_path, "", "it leaves every plane: the page of a report plays it from a side"
+        )
     if not moves(moved.picture):
         raise InputError(
             case.file, f"run.{kind}", moved.picture.stopped or "nothing moves in this run"

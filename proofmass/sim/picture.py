@@ -237,7 +237,7 @@ class PictureScene:
         kind, axis = G(self.model.geom_type[g]), turn[:, 2]
         if self.along and kind in (G.mjGEOM_BOX, G.mjGEOM_CYLINDER):
             return solid(kind, size) @ turn.T
-        level = np.linalg.norm(self.flat(axis)) > 1e-6
+        level = bool(self.along) or np.linalg.norm(self.flat(axis)) > 1e-6
         if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER) and level:
             return np.array([-axis, axis]) * size[1]
         if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_ELLIPSOID):

@@ -8,7 +8,7 @@ wrong in both.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -16,17 +16,18 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, NotCovered, unwrapped_quaternion
-from proofmass.analytic.planar.mechanism import rotation
+from proofmass.analytic.numerics import Array, unwrapped_quaternion
+from proofmass.analytic.planar.mechanism import joined, rotation
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, product, read_tree
-from proofmass.analytic.spatial.motion import HeldMotion, held_motion
+from proofmass.analytic.spatial.motion import HeldMotion, driven_motion, held_motion
 from proofmass.analytic.spatial.terms import (
     NAMES,
     OwnTerms,
     Source,
     lengthened,
     over_slack,
+    own_terms,
     stretched,
 )
 from proofmass.analytic.spatial.witness import Witnessed, bear_witness
@@ -45,6 +46,7 @@ class Followed:
     held: HeldMotion
     motion: TreeMotion
     witnessed: Witnessed
+    tangents: Array | None = None
 
 
 def solve(
@@ -55,6 +57,7 @@ def solve(
     model: Any,
     start: str = "start",
     joints: tuple[str, ...] = (),
+    inertia: bool = False,
     terms: Source | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any tree of hinges, slides, balls and free joints with equalities held exactly.
@@ -74,16 +77,16 @@ def solve(
 
     Parameters
     ----------
-    value : array_like (n,)
-        Rising times [s].
-    rate, acceleration : array_like
-        Of drives [per s, per s^2]; of no meaning without.
+    value, rate, acceleration : array_like (n,) or (drives, n)
+        Of the driven joints [rad or m, per s, per s^2]; rising times [s] without any.
     model : mujoco.MjModel
         The compiled MJCF; its sensors are the quantities.
     start : str
         Key with the start pose, the rates there, and the controls.
     joints : tuple of str
-        The driven joints; none.
+        The driven joints, which determine all others.
+    inertia : bool
+        Whether moments of drives are those of the motion, and not those at rest.
     terms : Source, optional
         Where the terms of the equations of motion come from, by default this package.
 
@@ -116,35 +119,49 @@ def solve(
     >>> [round(float(motion[name][0]), 8) for name in ("turn.w", "spin.y")]
     [1.0, 5.0]
     """
-    if joints:
-        raise NotCovered("drives are not covered: leave out [drive]")
     tree, source = sources(model, start, terms)
-    times = np.atleast_1d(np.asarray(value, float))
-    followed = follow(tree, source, tuple(times.tolist()))
+    if not joints:
+        times = np.atleast_1d(np.asarray(value, float))
+        followed = follow(tree, source, tuple(times.tolist()))
+        refuse_limits(tree, followed.held.q)
+        return quantities(model, tree, followed)
+    values = np.atleast_2d(np.asarray(value, float))
+    moving = [np.broadcast_to(np.asarray(x, float), values.shape) for x in (rate, acceleration)]
+    drives = np.array([values, *moving])
+    followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes())
     refuse_limits(tree, followed.held.q)
-    return quantities(model, tree, followed)
+    moments = of_drives(tree, followed, joints, inertia)
+    return quantities(model, tree, followed) | shown_moments(model, joints, moments)
 
 
-def facts(*, model: Any, start: str, terms: Source, times: ArrayLike, **_: float) -> dict[str, str]:
+def facts(
+    *, model: Any, start: str, terms: Source, joints: tuple[str, ...], motion: Any, **_: float
+) -> dict[str, str]:
     """What is known of a motion as a whole, in words for a report.
 
-    The times are those of the run [s].
+    `motion` are the times of the run [s], or values, rates and accelerations of its drives.
     """
     tree, source = sources(model, start, terms)
-    followed = follow(tree, source, tuple(np.asarray(times, float).tolist()))
+    if joints:
+        drives = np.array([np.atleast_2d(part) for part in motion])
+        followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes())
+    else:
+        followed = follow(tree, source, tuple(np.asarray(motion, float).tolist()))
     seen, held = followed.witnessed, followed.held
     found = {
-        "equations of motion": f"terms of {source.name}, integrated with proofmass's own DOP853",
+        "equations of motion": (
+            f"terms of {source.name}, "
+            + ("at the drives' values" if joints else "integrated with DOP853 at 3e-14")
+        ),
         "second formulation": (
             f"proofmass's own terms agree at {seen.states} poses, to {seen.difference:.1g} of the "
             f"largest (worst: {NAMES[seen.term]})"
         ),
     }
     if tree.rows:
-        found["equalities"] = (
-            f"{held.rank} of {tree.rows} rows hold, exactly; open by {held.open_by:.1g} in the key"
-        )
-    if energy := conserved(tree, followed):
+        rows = f"all {tree.rows} rows" if joints else f"{held.rank} independent of {tree.rows} rows"
+        found["equalities"] = f"held exactly, {rows}; open by {held.open_by:.1g} in the key"
+    if not joints and (energy := conserved(tree, followed)):
         found["energy"] = energy
     return found
 
@@ -180,6 +197,52 @@ def follow(tree: Tree, source: Source, times: tuple[float, ...]) -> Followed:
     held = held_motion(tree, source, np.array(times))
     seen = bear_witness(tree, source, np.array(times), held.q, held.v)
     return Followed(held, move_tree(tree, held.q, held.v, held.a), seen)
+
+
+@lru_cache(maxsize=8)
+def follow_driven(
+    tree: Tree, source: Source, joints: tuple[str, ...], shape: tuple[int, ...], drives: bytes
+) -> Followed:
+    """A motion whose drives have given values, rates and accelerations."""
+    values, rates, accelerations = np.frombuffer(drives).reshape(shape).transpose(0, 2, 1)
+    held, tangents = driven_motion(tree, source, joints, values, rates, accelerations)
+    seen = bear_witness(tree, source, np.arange(len(values)), held.q, held.v, "sample")
+    return Followed(held, move_tree(tree, held.q, held.v, held.a), seen, tangents)
+
+
+def of_drives(tree: Tree, followed: Followed, joints: tuple[str, ...], inertia: bool) -> Array:
+    """What the drives must do (n, drives), by virtual work [N m or N].
+
+    Of the motion with `inertia`, else at rest; without the actuators of the driven joints.
+    """
+    held = followed.held
+    dofs = [joint.rate for joint in tree.joints if joint.name in joints]
+    others = tuple(one for one in tree.actuators if one.rate not in dofs)
+    idle = replace(tree, actuators=others)
+    still = np.zeros_like(held.v)
+    found = own_terms(idle, held.q, held.v if inertia else still)
+    needed = found.bias - found.force
+    if inertia:
+        needed = needed + np.einsum("nij,nj->ni", found.mass, held.a)
+    assert followed.tangents is not None
+    return np.einsum("nr,nrd->nd", needed, followed.tangents)
+
+
+def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
+    """The moments of drives by the sensors of their actuators and joints."""
+    found: dict[str, Array] = {}
+    for s in range(model.nsensor):
+        kind, number = S(int(model.sensor_type[s])), int(model.sensor_objid[s])
+        gear = 1.0
+        if kind == S.mjSENS_ACTUATORFRC and joined(model, number):
+            gear = float(model.actuator_gear[model.actuator_outadr[number], 0])
+            number = int(model.actuator_trnid[number, 0])
+        elif kind != S.mjSENS_JOINTACTFRC:
+            continue
+        name = model.joint(number).name
+        if name in joints and gear:
+            found[model.sensor(s).name] = moments[:, joints.index(name)] / gear
+    return found
 
 
 def refuse_limits(tree: Tree, q: Array) -> None:

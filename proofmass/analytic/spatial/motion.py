@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.analytic.planar.mechanism import CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
@@ -184,6 +184,136 @@ def held_motion(tree: Tree, source: Source, times: Array) -> HeldMotion:
     pairs = zip(poses, rates, strict=True)
     accelerations = np.array([holder.acceleration(*pair) for pair in pairs])
     return HeldMotion(poses, rates, accelerations, gap, holder.rank, holder.evaluations)
+
+
+STRIDE = 0.05
+"""How far drives move at once [rad, or shares of the extent]."""
+ASTRAY = 0.5
+"""Share of a stride by which Newton's method may move beside the tangent before it is halved."""
+SHORTEST = 1e-6
+"""Share of a stride below which it is not halved any more."""
+
+
+class Driver:
+    """A tree whose driven joints have given values, and that these determine.
+
+    Parameters
+    ----------
+    tree : Tree
+    source : Source
+    joints : tuple of str
+        The driven joints.
+    """
+
+    def __init__(self, tree: Tree, source: Source, joints: tuple[str, ...]):
+        self.tree, self.source, self.evaluations = tree, source, 0
+        driven = [next(j for j in tree.joints if j.name == name) for name in joints]
+        for joint in driven:
+            if joint.kind not in ("hinge", "slide"):
+                raise NotCovered(f"the driven joint {joint.name!r} is a {joint.kind} joint")
+        self.places = np.array([joint.pose for joint in driven], np.intp)
+        self.dofs = np.array([joint.rate for joint in driven], np.intp)
+        self.sizes = np.where(tree.turns > 0, 1.0, max(tree.extent, 1e-300))
+        self.units = np.eye(tree.armature.size)[self.dofs]
+        self.still = np.zeros(tree.armature.size)
+
+    def solved(self, q: Array, v: Array) -> tuple[Terms, Array]:
+        """The terms at a pose, and the inverse of the rows of equalities and drives.
+
+        The inverse is (rates, rows + drives).
+
+        Raises
+        ------
+        SingularHere
+            The drives do not determine the motion there.
+        """
+        self.evaluations += 1
+        terms = self.source.terms(q, v)
+        rows = np.vstack([terms.jacobian, self.units]) * self.sizes
+        left, values, right = np.linalg.svd(rows, full_matrices=False)
+        rank = int((values > RANK * values[0]).sum())
+        if rank < self.still.size:
+            raise SingularHere(
+                f"the drives leave {self.still.size - rank} degrees of freedom; drives beside free "
+                f"ones are not covered"
+            )
+        return terms, np.asarray(self.sizes[:, None] * (right.T / values) @ left.T)
+
+    def placed(self, q: Array, values: Array) -> tuple[Array, Array]:
+        """The closed pose with the drives at some values, and the tangent (rates, drives) there.
+
+        Raises
+        ------
+        CannotAssemble
+            It does not close.
+        """
+        size = max(1.0, self.tree.extent)
+        for _ in range(ROUNDS):
+            terms, inverse = self.solved(q, self.still)
+            gap = np.append(terms.gap, q[self.places] - values)
+            if np.abs(gap).max() < CLOSED * size:
+                return q, inverse[:, terms.gap.size :]
+            q = advance(self.tree, q, -inverse @ gap)
+        raise CannotAssemble(f"the equalities stay open by {np.abs(gap).max():.3g}")
+
+    def moved(self, q: Array, values: Array) -> Array:
+        """The closed pose at new values of the drives, in strides along the branch."""
+        q, tangent = self.placed(q, q[self.places])
+        share, done = 1.0, q[self.places]
+        while (left := np.abs((values - done) / self.sizes[self.dofs]).max()) > 0:
+            part = min(1.0, share * STRIDE / left)
+            target = values if part == 1.0 else done + part * (values - done)
+            ahead = tangent @ (target - done)
+            guess = advance(self.tree, q, ahead)
+            try:
+                there, turned = self.placed(guess, target)
+                beside = ((turned - tangent) @ (target - done)) / self.sizes
+                sure = np.abs(beside).max() <= ASTRAY * max(np.abs(ahead / self.sizes).max(), 1e-9)
+            except (CannotAssemble, SingularHere):
+                sure = False
+            if sure:
+                q, tangent, done, share = there, turned, target, min(1.0, 2 * share)
+            elif share > SHORTEST:
+                share /= 2
+            else:
+                at = ", ".join(f"{value:.6g}" for value in done)
+                raise SingularHere(f"no further than the drives at {at}: a limit position")
+        return q
+
+    def rates(self, q: Array, rate: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+        """Rates, accelerations and the tangent at a closed pose."""
+        _, inverse = self.solved(q, self.still)
+        rows = inverse.shape[1] - self.dofs.size
+        v = inverse[:, rows:] @ rate
+        terms, inverse = self.solved(q, v)
+        return v, inverse @ np.append(terms.drift, acceleration), inverse[:, rows:]
+
+
+def driven_motion(
+    tree: Tree,
+    source: Source,
+    joints: tuple[str, ...],
+    values: Array,
+    rates: Array,
+    accelerations: Array,
+) -> tuple[HeldMotion, Array]:
+    """The motion at given values, rates and accelerations of the drives, (n, drives) each.
+
+    The second result is the motion of all rates for a unit rate of each drive (n, rates, drives).
+
+    Raises
+    ------
+    CannotAssemble, SingularHere, NotCovered
+        The start pose is open; or the drives do not determine the motion, or lead no further.
+    """
+    q, _, gap = Holder(tree, source).start()
+    driver, poses = Driver(tree, source, joints), list[Array]()
+    for value in values:
+        q = driver.moved(q, value)
+        poses.append(q)
+    parts = [driver.rates(*one) for one in zip(poses, rates, accelerations, strict=True)]
+    v, a, tangents = (np.array(part) for part in zip(*parts, strict=True))
+    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations), tangents
 
 
 def begin(holder: Holder, t: float, q: Array, v: Array, end: float) -> "DOP853":

@@ -41,7 +41,9 @@ class Witnessed:
     term: str
 
 
-def bear_witness(tree: Tree, source: Source, times: Array, q: Array, v: Array) -> Witnessed:
+def bear_witness(
+    tree: Tree, source: Source, times: Array, q: Array, v: Array, when: str = "t"
+) -> Witnessed:
     """Compute the terms a second time at `STATES` poses of a motion.
 
     Parameters
@@ -53,6 +55,8 @@ def bear_witness(tree: Tree, source: Source, times: Array, q: Array, v: Array) -
         [s].
     q, v : ndarray (n, poses), (n, rates)
         The motion [SI].
+    when : str
+        What `times` are called in a complaint.
 
     Returns
     -------
@@ -77,8 +81,8 @@ def bear_witness(tree: Tree, source: Source, times: Array, q: Array, v: Array) -
         if not share[k] <= AGREED:
             raise TermsDiffer(
                 f"the {NAMES[name]} of {source.name} and of proofmass's own formulation differ by "
-                f"{share[k]:.3g} of the largest at t = {times[some[k]]:.6g} s, where {AGREED:g} is "
-                f"rounding: one of the two has a defect, and there is no reference"
+                f"{share[k]:.3g} of the largest at {when} = {times[some[k]]:.6g}, where {AGREED:g} "
+                f"is rounding: one of the two has a defect, and there is no reference"
             )
         if share[k] >= worst.difference:
             worst = Witnessed(len(some), float(share[k]), name)

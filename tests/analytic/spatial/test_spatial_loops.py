@@ -200,3 +200,54 @@ def test_no_step_lowers_what_mujoco_leaves_out_of_a_gear_of_changing_ratio():
         errors.append(np.abs(curves.channels["second"] - gear(curves.x)[0]).max())
     assert errors[0] > 1e-4
     assert errors[1] == pytest.approx(errors[0], rel=0.05)
+
+
+def test_a_universal_joint_is_that_of_its_closed_form():
+    """tan b = tan a / cos 30 deg; the moment is that of the flywheel by virtual work."""
+    model, rate, tilt = compiled("universal_joint"), 10.0, np.pi / 6
+    turn_of_input = np.linspace(0.0, 2 * np.pi, 37)
+    curves = spatial.solve(
+        turn_of_input,
+        rate,
+        model=model,
+        joints=("input",),
+        inertia=True,
+        terms=SmoothTerms(model),
+    )
+    sine, cosine = np.sin(turn_of_input), np.cos(turn_of_input)
+    pace = np.cos(tilt) / ((cosine * np.cos(tilt)) ** 2 + sine**2)
+    np.testing.assert_allclose(curves["output_spin.x"], rate * pace, rtol=1e-13)
+    for part in "yz":
+        np.testing.assert_allclose(curves[f"output_spin.{part}"], 0.0, atol=1e-12)
+    out = np.unwrap(np.arctan2(sine, cosine * np.cos(tilt)))
+    rim = np.column_stack([curves[f"rim.{part}"] for part in "xyz"])
+    shaft = np.array([np.cos(tilt), np.sin(tilt), 0.0])
+    up, side = np.array([0.0, 0.0, 1.0]), np.cross(shaft, [0.0, 0.0, 1.0])
+    truth = 0.4 * shaft + 0.12 * (np.cos(out)[:, None] * up + np.sin(out)[:, None] * side)
+    np.testing.assert_allclose(rim, truth, rtol=0, atol=1e-13)
+    change = -(rate**2) * np.sin(tilt) ** 2 * np.sin(2 * turn_of_input) * pace**2 / np.cos(tilt)
+    np.testing.assert_allclose(curves["moment"], 0.02 * change * pace, rtol=0, atol=1e-7)
+
+
+def test_drives_that_leave_freedoms_are_refused():
+    model = compiled("bricard")
+    model.eq_active0[:] = 0
+    with pytest.raises(ValueError, match="the drives leave 4 degrees of freedom"):
+        spatial.solve([0.0, 0.1], model=model, joints=("h1",), terms=SmoothTerms(model))
+
+
+def test_a_driven_spatial_slider_crank_keeps_its_geometry():
+    model = compiled("slider_crank_spatial")
+    crank = 2 * np.pi * np.arange(128) / 128
+    curves = spatial.solve(
+        crank, 3.0, model=model, joints=("crank",), inertia=True, terms=SmoothTerms(model)
+    )
+    place = along_x(crank)[2]
+    np.testing.assert_allclose(curves["slider"], place[:, 0], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(curves["slider_speed"], 3.0 * place[:, 1], rtol=0, atol=1e-12)
+
+
+def test_a_drive_beyond_a_limit_position_is_refused():
+    model = compiled("slider_crank_spatial")
+    with pytest.raises(ValueError, match="limit position"):
+        spatial.solve([0.2, 0.4], model=model, joints=("slider",), terms=SmoothTerms(model))

@@ -1,11 +1,14 @@
 """Terms of the equations of motion: two formulations, finite differences, and the witness."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from proofmass import load_case
 from proofmass.analytic import spatial
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial import terms as own
@@ -13,7 +16,12 @@ from proofmass.analytic.spatial.kinematics import advance
 from proofmass.analytic.spatial.mechanism import Tree, read_tree
 from proofmass.analytic.spatial.terms import NAMES, OwnTerms, Terms, own_terms
 from proofmass.analytic.spatial.witness import TermsDiffer, bear_witness
+from proofmass.errors import InputError
+from proofmass.reference import facts
+from proofmass.sim.protocol import Unsupported
 from proofmass.sim.smooth import SmoothTerms
+from proofmass.solve import solve
+from tests.shipped import shipped
 
 EVERYTHING = """
 <mujoco><option><flag contact="disable"/></option>
@@ -262,3 +270,52 @@ def test_own_terms_alone_give_the_same_motion():
     )
     np.testing.assert_allclose(one.q, two.q, rtol=0, atol=1e-13)
     np.testing.assert_allclose(one.a, two.a, rtol=0, atol=1e-11)
+
+
+TOP = ("euler_top.xml", "euler_top.toml")
+
+
+def copied(folder: Path, *change: str) -> Path:
+    """A sidecar of a copy of the free body, with a change of its model or of itself."""
+    for name in TOP:
+        text = shipped(name).read_text(encoding="utf-8")
+        (folder / name).write_text(text.replace(*change), encoding="utf-8")
+    return folder / TOP[1]
+
+
+def test_what_is_not_covered_is_an_error_of_the_model(tmp_path):
+    with pytest.raises(InputError) as refused:
+        load_case(copied(tmp_path, "<option ", '<option density="1.2" '))
+    assert refused.value.file == tmp_path / TOP[0]
+    assert refused.value.wrong == (
+        "the reference 'spatial' does not cover it: it has a fluid (density or viscosity)"
+    )
+
+
+def test_pymunk_names_what_leaves_the_plane(tmp_path):
+    case = load_case(copied(tmp_path, '"mujoco:default"', '"pymunk"'))
+    with pytest.raises(Unsupported, match="free joint 'body'"):
+        solve(case, "dynamics", "pymunk")
+
+
+def test_quaternions_and_vectors_of_a_mechanism_in_space_are_channels():
+    case = load_case(shipped("euler_top.toml"))
+    parts = {name: [] for name in ("turn", "spin", "tip", "energy")}
+    for channel in case.channels:
+        name, _, part = channel.partition(".")
+        parts[name].append(part)
+    assert parts == {
+        "turn": ["w", "x", "y", "z"],
+        "spin": ["x", "y", "z"],
+        "tip": ["x", "y", "z"],
+        "energy": [""],
+    }
+
+
+def test_the_page_says_how_closely_the_second_formulation_agrees():
+    told = facts(load_case(shipped("changing_gear.toml")))
+    assert told["equations of motion"] == "terms of MuJoCo, integrated with DOP853 at 3e-14"
+    second = told["second formulation"]
+    assert re.match(r"proofmass's own terms agree at 50 poses, to \de-1[56] of", second)
+    assert told["equalities"] == "held exactly, 1 independent of 1 rows; open by 0 in the key"
+    assert re.match(r"kept to \de-1\d of the largest kinetic energy", told["energy"])
