@@ -61,7 +61,7 @@ causes. An error goes up and down with the parameter, and passes a tenth several
 `fivebar` in RK4 is 0.147 of the range in steps of 0.445 s, 0.033 in 0.453 s, 0.144 in 0.46 s. And
 `change_point` goes on, is lost or takes the other way at each pass through the pose in which its
 bars are in line, by where its steps fall there: with Euler it holds in steps of 0.06971 s, and is
-lost in 0.069715 s. Rounding does not decide: changes of the step by 1e-9 and 1e-12 change nothing.
+lost in 0.069715 s; rounding does not decide there, changes of the step by 1e-9 change nothing.
 
 Where nothing is known beyond, the last value that held is given. It depends on the machine where
 time ran out: a run has 60 s.
