@@ -225,7 +225,7 @@ def of_drives(tree: Tree, followed: Followed, joints: tuple[str, ...], inertia: 
     if inertia:
         needed = needed + np.einsum("nij,nj->ni", found.mass, held.a)
     assert followed.tangents is not None
-    return np.einsum("nr,nrd->nd", needed, followed.tangents)
+    return np.asarray(np.einsum("nr,nrd->nd", needed, followed.tangents))
 
 
 def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
