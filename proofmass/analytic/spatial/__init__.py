@@ -206,7 +206,7 @@ def follow_driven(
     """A motion whose drives have given values, rates and accelerations."""
     values, rates, accelerations = np.frombuffer(drives).reshape(shape).transpose(0, 2, 1)
     held, tangents = driven_motion(tree, source, joints, values, rates, accelerations)
-    seen = bear_witness(tree, source, np.arange(len(values)), held.q, held.v, "sample")
+    seen = bear_witness(tree, source, np.arange(float(len(values))), held.q, held.v, "sample")
     return Followed(held, move_tree(tree, held.q, held.v, held.a), seen, tangents)
 
 

@@ -409,6 +409,9 @@ def curves_of(recorder: Recorder, linkage: Linkage) -> Iterator[tuple[str, str]]
             yield name, f"state[:, {place}]"
 
 
+QUATERNIONS = mujoco.mjtSensor.mjSENS_FRAMEQUAT, mujoco.mjtSensor.mjSENS_BALLQUAT
+
+
 def curve_of(recorder: Recorder, name: str) -> str:
     """A line of Python that cuts a channel out of the recorded sensors and states."""
     index, part = recorder.sensors[name]
@@ -426,6 +429,8 @@ def curve_of(recorder: Recorder, name: str) -> str:
             raise BadModel(f"channel {name!r}: no plane of motion")
         x, y = (combined(axis, first) for axis in (plane.e1, plane.e2))
         return f"angle({x}, {y})"
+    if model.sensor_type[index] in QUATERNIONS:
+        return f"turn(sensors[:, {first} : {first + 4}])[:, {'wxyz'.index(part)}]"
     k = "xyz".index(part) if part else 0
     off = float(gravity[k])
     more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""  # MuJoCo takes gravity off
