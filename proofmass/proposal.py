@@ -56,7 +56,7 @@ class Reach:
     start, low, high : float
         Its value in the start pose, and the ends of its way [rad or m].
     share : float
-        The way as a share of a turn, or of the mechanism's size.
+        The way as a share of a turn, or of the mechanism's size [1].
     turns, motor, grounded : bool
         Whether it makes a whole turn, whether an actuator drives it, and whether it is on a body
         that is fixed.

@@ -61,7 +61,7 @@ class ComparedCurves(Curves):
     reference : dict of str to ndarray (n,)
         By channel [SI].
     shown : dict of str to ndarray (n,)
-        What views of the run show of the reference, see `ReferenceCurves`.
+        What views of the run show of the reference, see `ReferenceCurves` [SI].
     """
 
     reference: dict[str, Array] = field(default_factory=dict)

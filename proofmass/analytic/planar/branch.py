@@ -109,7 +109,7 @@ class Way:
     Attributes
     ----------
     at : ndarray (n,)
-        Where each corner is [rad, or sizes], from 0 on.
+        Where each corner is, in own units (`Mechanism.scale`) [1], from 0 on.
     corners : ndarray (n, drives)
         Values of the drives [rad or m].
     """
