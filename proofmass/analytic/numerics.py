@@ -87,8 +87,9 @@ def unwrapped_quaternion(quaternion: Array) -> Array:
 
     The largest part of the first is positive.
 
-    >>> unwrapped_quaternion(np.array([[-0.8, 0.0, 0.6, 0.0], [0.6, 0.0, -0.8, 0.0]])).tolist()
-    [[0.8, 0.0, -0.6, 0.0], [0.6, 0.0, -0.8, 0.0]]
+    >>> unwrapped_quaternion(np.array([[-0.8, 0.0, 0.6, 0.0], [0.6, 0.0, -0.8, 0.0]])) + 0.0
+    array([[ 0.8,  0. , -0.6,  0. ],
+           [ 0.6,  0. , -0.8,  0. ]])
     """
     first = quaternion[0, np.abs(quaternion[0]).round(6).argmax()]
     flips = np.where((quaternion[1:] * quaternion[:-1]).sum(axis=1) < 0, -1.0, 1.0)

@@ -304,9 +304,10 @@ def weigh(
     stated = "pos" in element.attrib
     for key in (*ORIENTATIONS, "fullinertia"):
         element.attrib.pop(key, None)
-    centre, frame = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    if stated or model.body_mass[b]:  # of a body without either the compiled centre is no centre
-        centre, frame = np.array(model.body_ipos[b]), model.body_iquat[b]
+    centre, frame = np.array(model.body_ipos[b]), model.body_iquat[b]
+    if by.get(("mass", 0)) and not (stated or model.body_mass[b]):
+        # the compiled centre of a body without mass is its place in its parent
+        centre, frame = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     for k in range(3):
         centre[k] += by.get(("pos", k), 0.0)
     element.set("pos", told(centre))
