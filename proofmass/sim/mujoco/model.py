@@ -224,6 +224,6 @@ class Recorder:
         if part == "angle" and self.plane:
             x, y = self.plane.flat(block).T
             return np.unwrap(np.arctan2(y, x))
-        if kind in (S.mjSENS_FRAMEQUAT, S.mjSENS_BALLQUAT):
+        if S(int(kind)) in (S.mjSENS_FRAMEQUAT, S.mjSENS_BALLQUAT):
             block = unwrapped_quaternion(block)
         return block[:, parts_of(model, index).index(part)]

@@ -429,7 +429,7 @@ def curve_of(recorder: Recorder, name: str) -> str:
             raise BadModel(f"channel {name!r}: no plane of motion")
         x, y = (combined(axis, first) for axis in (plane.e1, plane.e2))
         return f"angle({x}, {y})"
-    if model.sensor_type[index] in QUATERNIONS:
+    if mujoco.mjtSensor(int(model.sensor_type[index])) in QUATERNIONS:
         return f"turn(sensors[:, {first} : {first + 4}])[:, {'wxyz'.index(part)}]"
     k = "xyz".index(part) if part else 0
     off = float(gravity[k])

@@ -1,0 +1,31 @@
+"""Quaternions in curves and programs: q and -q are one turn."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.engine import ENGINE
+from proofmass.sim.protocol import Imposed
+from proofmass.solve import prescribed_run, simulate
+from tests.shipped import shipped
+
+
+def test_curves_and_programs_have_the_same_signs(tmp_path):
+    model = tmp_path / "euler_top.xml"
+    text = shipped("euler_top.xml").read_text()
+    model.write_text(text.replace('qpos="0 0 0 1 0 0 0"', 'qpos="0 0 0 -1 0 0 0"'))
+    run = prescribed_run(load_case(shipped("euler_top.toml")), "dynamics")
+    run = replace(run, x=run.x[:60], settings={"timestep": 0.01, "integrator": "RK4"})
+    curves = simulate("mujoco", model, run)
+    assert curves.channels["turn.w"][0] == 1.0
+    quaternion = np.array([curves.channels[f"turn.{part}"] for part in "wxyz"])
+    assert np.abs(np.diff(quaternion)).max() < 0.5, "no jump"
+    program = tmp_path / "run.py"
+    program.write_text(ENGINE.write_program(model, run, "", "", Imposed("free", 0.0)))
+    subprocess.run([sys.executable, "-I", program, tmp_path / "curves.csv"], check=True)
+    found = np.genfromtxt(tmp_path / "curves.csv", delimiter=",", names=True)
+    columns = [name for name in found.dtype.names if name.startswith("turn")]
+    np.testing.assert_allclose([found[name] for name in columns], quaternion, atol=1e-12)
