@@ -38,6 +38,7 @@ LONG = 0.5  # s, of runs of which the cheapest is made first, the others only wh
 YIELDING = 40.0
 """Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
 PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
+BETWEEN = 4.0  # ratio of two steps that show whether an order holds
 HOPELESS = 3  # steps in turn with which a family does not run at all, or is far off
 SAME = 0.2  # by which orders differ that are told to be the same
 BEST = 3  # settings that are refined at once for the sake of their drives
@@ -81,7 +82,7 @@ class SettingFamily:
         if good == 0:
             return None
         if good is None:
-            step = self.finer(rows, of, needed)
+            step = self.finer(rows, of, needed, limit)
         elif self.plain:
             return None
         else:
@@ -99,8 +100,12 @@ class SettingFamily:
         finest = min(ran, key=lambda row: row.value, default=None)
         return finest.seconds * finest.value / step if finest else 0.0
 
-    def finer(self, rows: list[StudyRow], of: str, needed: float) -> float | None:
-        """The step that the order of the last errors says is good enough."""
+    def finer(self, rows: list[StudyRow], of: str, needed: float, limit: float) -> float | None:
+        """The step that the order of the last errors says is good enough.
+
+        Where that one would take longer than the limit [s], a step between the two shows whether
+        the order holds; where it is known to hold, none is tried.
+        """
         last = rows[-1]
         if not error(last, of) < COARSE:
             return last.value / 3.0
@@ -110,9 +115,11 @@ class SettingFamily:
         if falls < FALLS:  # once more, then it is at a floor
             flat = len(rows) > 2 and order(rows[-3], last, of) < FALLS
             return None if flat else last.value / 2.0
-        return max(
-            last.value * (SAFE * needed / error(last, of)) ** (1 / falls), last.value / FARTHEST
-        )
+        wanted = last.value * (SAFE * needed / error(last, of)) ** (1 / falls)
+        if self.cost(wanted) > limit:
+            holds = len(rows) > 2 and abs(order(rows[-3], rows[-2], of) - falls) < SAME
+            return None if holds else last.value / BETWEEN
+        return max(wanted, last.value / FARTHEST)
 
 
 def odd_step(sample: float, wanted: float) -> float:
@@ -252,14 +259,18 @@ def search(
             family.rows.append(row)
     rows = [row for family in found for row in family.rows]
     cheap = cheapest(rows, of, needed)
-    timed = [row for row in rows if error(row, of) <= needed and row.seconds <= SLACK * cheap]
-    timed += [
-        row
-        for family in found
-        if family.plain
-        for row in family.rows
-        if row.outcome == Outcome.RAN and row not in timed
-    ]
+    near = SLACK if cheap < MOMENT else SURE
+    timed = [row for row in rows if error(row, of) <= needed and row.seconds <= near * cheap]
+    for engine in dict.fromkeys(family.engine for family in found):
+        plain = [
+            row
+            for family in found
+            if family.plain and family.engine == engine
+            for row in family.rows
+            if row.outcome == Outcome.RAN
+        ]
+        if plain and (compared := to_compare(plain, of, needed)) not in timed:
+            timed.append(compared)
     tasks_ = [
         StudyRun(
             case,
@@ -276,6 +287,15 @@ def search(
     limits.spent = time.monotonic() - began
     places = {id(row): k for k, row in enumerate(timed)}
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
+
+
+def to_compare(plain: Iterable[StudyRow], of: str, needed: float) -> StudyRow:
+    """Of an engine's defaults the cheapest step that is good enough, or else the closest one."""
+    plain = list(plain)
+    good = [row for row in plain if error(row, of) <= needed]
+    if good:
+        return min(good, key=lambda row: row.seconds)
+    return min(plain, key=lambda row: error(row, of))
 
 
 def cached_reference_seconds(case: Case, store: Store) -> float:

@@ -9,7 +9,8 @@ errors fall no further. The settings that may be on the Pareto front, and the en
 with which they are compared, are run once more for their time, and those that may be on it then in
 more rounds. Where a series may be at an error floor, its step
 is halved twice, and each possible cause is varied separately; so it is where a series shows another
-order than theory expects.
+order than theory expects.  Series of a case and engine that end with the same errors are at one
+floor, and the first of them is examined for all.
 """
 
 import json
@@ -50,12 +51,16 @@ from proofmass.studies.trade.verdict import Verdict, able
 from proofmass.studies.trade.words import format_end, format_reached, format_worsened
 from proofmass.wording import number
 
-USUAL = 1.0  # s, of one run, for engines that take much longer than usual
-REPEATS = 5
+USUAL = 0.5  # s, of one run, for engines that take much longer than usual
+REPEATS = 3
+SAME = 0.01
+"""Share by which errors of two settings of a case and engine may differ that are at one floor."""
 ADDED = 1.5  # times a floor, of an error to which the drives add their own
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
 Halved = dict[SeriesPlace, list[StudyRow]]
+Leaders = dict[SeriesPlace, SeriesPlace]
+"""Of each setting that may be at a floor the first one at the same floor, which is examined."""
 
 
 @dataclass(frozen=True)
@@ -236,7 +241,8 @@ def trade(
             new if k in near or not row.repeats else row
             for k, (row, new) in enumerate(zip(rows, timed, strict=True))
         ]
-    finer = halve(every, store, workers, longest, progress)
+    leaders = find_leaders(every)
+    finer = halve(every, leaders, store, workers, longest, progress)
     perturbed = perturb(every, finer, store, workers, longest, progress)
     disturbed = disturb(every, finer, perturbed, store, workers, longest)
     return Trade(
@@ -246,7 +252,7 @@ def trade(
             *(row for found in perturbed.values() for _, row in found),
         ],
         [
-            verdict(one, error, n, finer, perturbed, disturbed, budget)
+            verdict(every, error, n, leaders, finer, perturbed, disturbed, budget)
             for n, one in enumerate(every)
             for error in one.measured.kinds
         ],
@@ -290,15 +296,50 @@ def chosen(case: Case, kind: Kind | None) -> Kind:
     )
 
 
+def find_leaders(every: Sequence[CaseSeries]) -> Leaders:
+    """Which settings may be at floors, and which of them are at the same floor.
+
+    They are so if all errors that may be at a floor are the same, to `SAME`, and may be at one in
+    both series.
+    """
+    found: Leaders = {}
+    for n, one in enumerate(every):
+        kinds = one.floors()
+        for k in dict.fromkeys(kinds.values()):
+            own = one.measured.rows[k].errors
+            found[n, k] = next(
+                (
+                    (m, j)
+                    for (m, j), first in found.items()
+                    if (m, j) == first
+                    for other in (every[m],)
+                    if other.case is one.case
+                    and other.series.engine == one.series.engine
+                    and kinds.keys() <= other.floors().keys()
+                    and all(
+                        isclose(own[kind], other.measured.rows[j].errors[kind], rel_tol=SAME)
+                        for kind in kinds
+                    )
+                ),
+                (n, k),
+            )
+    return found
+
+
 def halve(
-    every: list[CaseSeries], store: Store, workers: Executor, longest: float, progress: Progress
+    every: list[CaseSeries],
+    leaders: Leaders,
+    store: Store,
+    workers: Executor,
+    longest: float,
+    progress: Progress,
 ) -> Halved:
-    """The rows of two finer steps, wherever a series may be at a floor.
+    """The rows of two finer steps, of one series of all that may be at the same floor.
 
     They are those of the series itself, of half the step or less in turn, where it goes so far, and
     half and a quarter of the step where it does not.
     """
-    places = [(n, k) for n, one in enumerate(every) for k in dict.fromkeys(one.floors().values())]
+    places = dict.fromkeys(leaders.values())
     found: Halved = {(n, k): every[n].own_halvings(k) for n, k in places}
     asked = [
         ((n, k), setting)
@@ -349,9 +390,8 @@ def perturb(
     places = dict.fromkeys(
         [
             (n, k)
-            for n, one in enumerate(every)
-            for kind, k in one.floors().items()
-            if left(one, k, kind, finer[n, k])
+            for n, k in finer
+            if any(left(every[n], k, kind, finer[n, k]) for kind in every[n].floors())
         ]
         + [
             (n, k)
@@ -407,9 +447,10 @@ def disturb(
     }
     places |= {
         (n, k)
-        for n, one in enumerate(every)
+        for n, k in finer
+        for one in (every[n],)
         if one.run == "dynamics"
-        for kind, k in one.floors().items()
+        for kind in one.floors()
         if left(one, k, kind, finer[n, k])
         and judge(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0] == UNKNOWN
     }
@@ -421,9 +462,10 @@ def disturb(
 
 
 def verdict(
-    one: CaseSeries,
+    every: Sequence[CaseSeries],
     kind: str,
     n: int,
+    leaders: Leaders,
     finer: Halved,
     perturbed: PerturbedRows,
     disturbed: Mapping[SeriesPlace, Mapping[str, float]],
@@ -433,10 +475,12 @@ def verdict(
 
     Parameters
     ----------
-    one, kind : CaseSeries, str
-        The series, and the kind of error.
+    every, kind : sequence of CaseSeries, str
+        All series, and the kind of error.
     n : int
-        Number of the series, the first part of the keys of the three mappings.
+        Number of the series, the first part of the keys of the mappings.
+    leaders : mapping of SeriesPlace to SeriesPlace
+        The setting that was examined for another one at the same floor, or for itself.
     finer, perturbed : mapping of SeriesPlace to list
         Runs with half and a quarter of the step, and with each possible cause changed, at settings
         of all series.
@@ -446,29 +490,32 @@ def verdict(
     budget : float
         Wall time of a run after which its series ends [s].
     """
+    one = every[n]
     rows, odd = one.measured.rows, one.odd(kind)
     why = cause = evidence = ""
     floor = NAN
     if (k := one.floors().get(kind)) is not None:
-        first = finer[n, k][0]
+        place = leaders[n, k]
+        lead, row = every[place[0]], every[place[0]].measured.rows[place[1]]
+        first = finer[place][0]
         half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
         what = "twice as many segments"
         if one.run == "dynamics":
-            more = rows[k].step / first.step if first.outcome == Outcome.RAN else 2.0
+            more = row.step / first.step if first.outcome == Outcome.RAN else 2.0
             halves = isclose(more, 2.0, rel_tol=1e-6)
             what = "halving the step" if halves else f"{number(more, 3)} times the steps"
         why = (
-            f"{what} {factor(rows[k].errors[kind] / half)}"
-            if half > 0
-            else f"{what}: {finer[n, k][0].outcome}"
+            f"{what} {factor(row.errors[kind] / half)}" if half > 0 else f"{what}: {first.outcome}"
         )
-        if left(one, k, kind, finer[n, k]):
-            cause, evidence = judge(rows[k].errors[kind], perturbed[n, k], kind, at_floor=True)
+        if left(lead, place[1], kind, finer[place]):
+            cause, evidence = judge(row.errors[kind], perturbed[place], kind, at_floor=True)
             why = "no cause that was changed changes it"
             floor = rows[k].errors[kind]
             if cause == UNKNOWN:
-                cause, shown = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
+                cause, shown = as_rounding(row, kind, disturbed.get(place, {}))
                 evidence = "; ".join(filter(None, (evidence, shown)))
+            if lead is not one and evidence:
+                evidence = f"the same errors as {lead.series.name}, in which {evidence}"
             evidence = "; ".join(filter(None, (evidence, added_by_drive(rows[k], kind))))
     elif (k := one.risen().get(kind)) is not None:
         points = one.measured.points(kind)

@@ -300,3 +300,23 @@ def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_pa
     assert longest["cheap"] > 2.0
     assert longest["dear"] < longest["cheap"]
     assert longest["dearer"] < longest["cheap"]
+
+
+def test_a_step_that_would_take_too_long_is_tried_only_while_its_order_is_not_known(
+    fourbar: Case, monkeypatch, tmp_path
+) -> None:
+    """First order needs 5,000 times the steps, 250 s of the 30 s that a run may take.
+
+    Three steps show the order, and no run takes a second.  With an error of second order the step
+    that is needed is found.
+    """
+    world = World(monkeypatch, first=(1.0, 0.5, 0.0, 1e-4))
+    rows = search(fourbar, "position", 1e-6, Store(tmp_path))
+    assert 3 <= len(rows) <= 5
+    assert max(row.seconds for row in rows) < 1.0
+    world = World(monkeypatch, second=(2.0, 0.5, 0.0, 1e-4))
+    rows = search(fourbar, "position", 1e-6, Store(tmp_path))
+    assert min(row.errors["position"] for row in rows) <= 1e-6
+    assert min(row.seconds for row in rows if row.errors["position"] <= 1e-6) <= 1.25 * world.best(
+        1e-6
+    )

@@ -19,6 +19,8 @@ from proofmass.studies.trade.floor import (
     judge,
     list_perturbations,
 )
+from proofmass.studies.trade.series import MeasuredSeries
+from proofmass.studies.trade.trade import CaseSeries, find_leaders
 from proofmass.studies.trade.varied import ConvergenceSeries
 from tests.shipped import shipped
 
@@ -353,3 +355,60 @@ def test_other_samples_leave_the_steps_as_they_are(tmp_path):
 def test_a_solver_that_mujoco_lacks_is_bad_input(tmp_path):
     with pytest.raises(InputError, match="solver: known: pgs, cg, newton, not 'Gauss'"):
         moved(tmp_path, FOURBAR, STIFF.but(solver="Gauss"))
+
+
+FLOORED = {"position": (4e-4, 2e-5, 1e-5, 1e-5, 1e-5), "velocity": (4e-3, 2e-4, 1e-4, 1e-4, 1e-4)}
+
+
+def series_at(
+    name: str, errors: dict[str, tuple[float, ...]], engine: str = "mujoco", case=FOURBAR
+) -> CaseSeries:
+    """A series of steps, halved in turn, with errors that are given."""
+    steps = [4e-3 / 2**k for k in range(5)]
+    settings = tuple(Setting(engine, {"timestep": step}) for step in steps)
+    rows = [
+        StudyRow(
+            "trade",
+            case.name,
+            "dynamics",
+            engine,
+            name,
+            "timestep",
+            step,
+            errors={kind: values[k] for kind, values in errors.items()},
+        )
+        for k, step in enumerate(steps)
+    ]
+    series = ConvergenceSeries(engine, name, "timestep", settings)
+    return CaseSeries(case, "dynamics", MeasuredSeries(series, rows))
+
+
+def scaled(kind: str, by: float) -> dict[str, tuple[float, ...]]:
+    """`FLOORED` with other errors of one kind."""
+    return {**FLOORED, kind: tuple(by * error for error in FLOORED[kind])}
+
+
+def test_series_with_the_same_errors_are_at_one_floor_which_is_examined_once():
+    first, again = series_at("Newton", FLOORED), series_at("CG", scaled("position", 1.009))
+    assert find_leaders([first, again]) == {(0, 2): (0, 2), (1, 2): (0, 2)}
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        series_at("CG", scaled("position", 1.02)),
+        series_at("CG", scaled("velocity", 0.98)),
+        series_at("pymunk", FLOORED, "pymunk"),
+        series_at("CG", FLOORED, case=FOURBAR.model_copy(update={"title": "another"})),
+    ],
+    ids=["position", "velocity", "engine", "case"],
+)
+def test_series_with_another_error_engine_or_case_are_not(other):
+    assert find_leaders([series_at("Newton", FLOORED), other]) == {(0, 2): (0, 2), (1, 2): (1, 2)}
+
+
+def test_a_series_without_a_floor_of_a_kind_does_not_stand_for_one_with_it():
+    """Velocities of the first still fall, and pass those of the second by chance."""
+    falling = {**FLOORED, "velocity": (1.6e-3, 4e-4, 1e-4, 2.5e-5, 6e-6)}
+    found = find_leaders([series_at("Newton", falling), series_at("CG", FLOORED)])
+    assert found == {(0, 2): (0, 2), (1, 2): (1, 2)}
