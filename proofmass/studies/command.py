@@ -1,5 +1,8 @@
 """What the commands of all studies share: the cases that they are given, and times."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from math import inf
 from pathlib import Path
 
@@ -18,7 +21,9 @@ def named(paths: list[Path]) -> list[Case]:
     """
     wrong: list[InputError] = []
     files = collect(paths, wrong)
-    cases = [load(file.absolute(), strict=True) for file in files if file.suffix == ".toml"]
+    sidecars = [file.absolute() for file in files if file.suffix == ".toml"]
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # each is checked in a worker
+        cases = list(threads.map(partial(load, strict=True), sidecars))
     lone = [
         InputError(file, "", "no sidecar says what is right; a study needs one")
         for file in files

@@ -14,7 +14,7 @@ import platform
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -235,6 +235,9 @@ class Measurement:
         return self.outcome in (Outcome.RAN, Outcome.STOPPED)
 
 
+lost: dict[Path, Measurement] = {}
+"""Of references of free motions that this process could not evaluate, what became of them."""
+
 OUTCOMES: dict[type[Exception], Outcome] = {
     **FAILURES,
     NotSolved: Outcome.NOT_SOLVED,
@@ -288,6 +291,8 @@ def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
     with own_core() as core:
         if task.reference and not again:
             write_missing_reference(task, task.reference)
+            if task.reference in lost:
+                return lost[task.reference]
         found = measure(
             observe, task, again, core, timeout=timeout, memory=task.case.run[task.run].memory
         )
@@ -303,20 +308,27 @@ def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
 def write_missing_reference(task: StudyRun, file: Path) -> None:
     """Write the reference of a free motion, if nobody did; that is no time of a run.
 
-    Where it cannot be evaluated, the run says why.
+    Where it cannot be evaluated, `lost` says why: no setting of the case has one.
     """
     limits = task.case.run[task.run]
     with writing.setdefault(file, Lock()):
-        if not file.is_file():
-            with suppress(InputError):
-                measure(
-                    write_reference,
-                    task.setting.applied(task.case, task.run)[0],
-                    task.run,
-                    file,
-                    timeout=max(REFERENCE, limits.timeout),
-                    memory=limits.memory,
-                )
+        if file.is_file() or file in lost:
+            return
+        try:
+            found = measure(
+                write_reference,
+                task.setting.applied(task.case, task.run)[0],
+                task.run,
+                file,
+                timeout=max(REFERENCE, limits.timeout),
+                memory=limits.memory,
+            )
+        except InputError as error:
+            lost[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
+        else:
+            if isinstance(found, Measurement):
+                words = f"{found.outcome}: {found.message}" if found.message else found.outcome
+                lost[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=words)
 
 
 def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:

@@ -234,7 +234,7 @@ def search(
         All settings that were measured.
     """
     found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
-    longest = limits.longest
+    longest, one_reference = limits.longest, not case.drive and not case.rod
     timeout = longest + REFERENCE_TIMES * cached_reference_seconds(case, store)
     while tasks := [
         task
@@ -257,6 +257,8 @@ def search(
         )
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
+        if one_reference and any(row.outcome == Outcome.NO_REFERENCE for row in rows):
+            break  # all settings have the same one
     rows = [row for family in found for row in family.rows]
     cheap = cheapest(rows, of, needed)
     near = SLACK if cheap < MOMENT else SURE

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
+from pathlib import Path
+from shutil import copyfile
 
 import pymunk
 import pytest
@@ -320,3 +322,18 @@ def test_a_step_that_would_take_too_long_is_tried_only_while_its_order_is_not_kn
     assert min(row.seconds for row in rows if row.errors["position"] <= 1e-6) <= 1.25 * world.best(
         1e-6
     )
+
+
+def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path) -> None:
+    """A stop that the elbow meets: the reference is tried once, and no setting is run."""
+    models = Path(__file__).parents[3] / "examples" / "chosen" / "models"
+    text = (models / "double_pendulum.xml").read_text(encoding="utf-8")
+    stopped = text.replace('range="-170 170"', 'range="-62 -58"')
+    assert stopped != text
+    (tmp_path / "double_pendulum.xml").write_text(stopped, encoding="utf-8")
+    copyfile(models / "double_pendulum.toml", tmp_path / "double_pendulum.toml")
+    case = load_case(tmp_path / "double_pendulum.toml")
+    rows = search(case, "position", 1e-3, Store(tmp_path), engine="pymunk")
+    assert len(rows) == len(list(families(case, "pymunk")))
+    assert {row.outcome for row in rows} == {"no reference"}
+    assert all("elbow" in row.message and row.steps == 0 for row in rows)
