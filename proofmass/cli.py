@@ -29,8 +29,13 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
 )
-design = typer.Typer(no_args_is_help=True, help="Find a mechanism, write it as a case, check it.")
+design = typer.Typer(
+    help="Find a mechanism, write it as a case, check it.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+)
 app.add_typer(design, name="design")
 Paths = Annotated[
     list[Path] | None, typer.Argument(help="Sidecars, models or folders.", show_default="models/")
@@ -507,6 +512,7 @@ def trade_command(
     """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
 
     Every finished run is kept: a study that was stopped goes on when the command is given again.
+
     Exit code 0: done; 1: nothing ran; 2: bad input.
     """
     from proofmass.studies.trade.trade_command import run_trade
@@ -618,7 +624,7 @@ def choose_command(
     dask: Dask = None,
     longest: Longest = LONGEST,
     budget: Annotated[
-        float, typer.Option(help="Wall time [s] of the whole search.", metavar="SECONDS")
+        float, typer.Option(help="Wall time of the whole search.", metavar="SECONDS")
     ] = BUDGET,
 ) -> None:
     """Find the cheapest setting whose error is as small as is asked for.
@@ -626,6 +632,7 @@ def choose_command(
     Its measured error must be half of that.  Then it is run as a program of its own, without
     proofmass, and from a shifted start, and both errors must be as small as is asked for.  The
     program is written with -o; without it the lines of the setting are printed, to paste.
+
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """
     from proofmass.studies.trade.choose_command import run_choose
