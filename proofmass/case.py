@@ -481,7 +481,8 @@ class Case(Strict):
     """One sidecar.  `file` is where it was read; everything else stands in it.
 
     `unchecked` says that nothing of the case is checked, on purpose.  `unmatched` are sensors that
-    are not listed and have the name of no quantity.
+    are not listed and have the name of no quantity.  `called` is its name where other cases have
+    the name of its file.
     """
 
     file: Path
@@ -504,11 +505,12 @@ class Case(Strict):
     refine: Refine | None = None
     unchecked: bool = False
     unmatched: tuple[str, ...] = ()
+    called: str = ""
 
     @property
     def name(self) -> str:
-        """The sidecar's file name without its ending."""
-        return self.file.stem
+        """The sidecar's file name without its ending, unless `called` is another one."""
+        return self.called or self.file.stem
 
     @property
     def model_path(self) -> Path:

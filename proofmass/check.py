@@ -1,7 +1,6 @@
 """From paths to verdicts: find the cases, run every solver, compare."""
 
 import os
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
@@ -140,12 +139,36 @@ def family_of(file: Path, paths: Iterable[Path]) -> str:
     )
 
 
-def require_different_names(cases: Iterable[Case]) -> None:
-    """Raise InputError if two cases have the same name, by which results and pages go."""
-    first: dict[str, Path] = {}
-    for case in cases:
-        if (twin := first.setdefault(case.name, case.file)) != case.file:
-            raise InputError(case.file, "", f"its name is taken by {twin}; results go by name")
+def tell_apart(files: Iterable[Path]) -> dict[Path, str]:
+    """A name for each sidecar, and each model without one: that of its file.
+
+    Where others have it too, as many folders stand before it as tell them apart.  A sidecar keeps
+    its name beside models.
+
+    >>> tell_apart([Path("/a/arm.toml"), Path("/b/arm.toml"), Path("/b/leg.toml")]).values()
+    dict_values(['a/arm', 'b/arm', 'leg'])
+    """
+    places = {file: Path(os.path.abspath(file)).with_suffix("").parts for file in files}
+    alike: dict[str, list[Path]] = {}
+    for file in places:
+        alike.setdefault(file.stem, []).append(file)
+    found = {}
+    for file, own in places.items():
+        others = [
+            places[other]
+            for other in alike[file.stem]
+            if places[other] != own and (file.suffix == ".xml" or other.suffix == ".toml")
+        ]
+        length = 1
+        while any(other[-length:] == own[-length:] for other in others):
+            length += 1
+        found[file] = "/".join(own[-length:])
+    return found
+
+
+def called(case: Case, name: str) -> Case:
+    """A case with another name than that of its file, or with that one."""
+    return case if case.name == name else case.model_copy(update={"called": name})
 
 
 def read(path: Path) -> Case:
@@ -314,14 +337,14 @@ def check(
 def planned(paths: list[Path], result: Result, pool: Executor) -> list[CheckTask]:
     """Read the sidecars, and tell what there is to do; cases and errors go into the result."""
     tasks: list[CheckTask] = []
+    names = tell_apart(paths)
     read = {path: pool.submit(load, path) for path in paths if path.suffix != ".xml"}
     for path in paths:
         try:
             if path not in read:
                 tasks.append(path)
                 continue
-            case = read[path].result()
-            require_different_names([*result.cases, case])
+            case = called(read[path].result(), names[path])
             tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
             tasks += refinements(case)
             result.cases.append(case)
@@ -395,17 +418,13 @@ def take_task(waiting: dict[Path, list[int]], last: Path | None, busy: set[Path]
 
 
 def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> None:
-    """Put what came of the tasks into the result, in their order.
-
-    A model without a sidecar whose name another has as well is called by its folder, too.
-    """
-    named = Counter(t.stem for t in tasks if isinstance(t, Path))
-    named.update(case.name for case in result.cases)
+    """Put what came of the tasks into the result, in their order."""
+    models = [task for task in tasks if isinstance(task, Path)]
+    names = tell_apart([*models, *(case.file for case in result.cases)])
     for k in sorted(outcomes):
         task, (comparisons, curves) = tasks[k], outcomes[k]
-        if isinstance(task, Path) and named[task.stem] > 1:
-            whole = f"{family_of(task, result.paths)}/{task.stem}"
-            comparisons = [replace(c, case=whole) for c in comparisons]
+        if isinstance(task, Path):
+            comparisons = [replace(c, case=names[task]) for c in comparisons]
         if isinstance(task, Finer):
             try:
                 rows, comparisons = task.study.add(task.segments, outcomes[k])
@@ -474,17 +493,20 @@ def one_diagnosis(
 
 
 def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:
-    """`find`, a path at a time, so that one wrong path does not hide the others."""
-    found: dict[Path, None] = {}
+    """`find`, a path at a time, so that one wrong path does not hide the others.
+
+    A file that is found on two ways is there once.
+    """
+    found: dict[str, Path] = {}
     for path in paths:
         try:
             for file in find([Path(path)]):
-                found[file] = None
+                found.setdefault(os.path.abspath(file), file)
         except InputError as error:
             errors.append(error)
         except OSError as error:
             errors.append(InputError(Path(path), "", f"cannot be read: {error.strerror}"))
-    return list(found)
+    return list(found.values())
 
 
 def one_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:

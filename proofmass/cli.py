@@ -337,21 +337,19 @@ def schema_command(
 @app.command("list")
 def list_command(paths: Paths = None) -> None:
     """List the cases and their runs; nothing is run."""
-    from proofmass.check import collect, read, require_different_names
+    from proofmass.check import called, collect, read, tell_apart
     from proofmass.terminal import case_table, console
 
     found: list[InputError] = []
     cases: list[Case] = []
     lone: list[Path] = []
     paths = paths or [Path("models")]
-    for path in collect(paths, found):
+    for path, name in tell_apart(collect(paths, found)).items():
         try:
             if path.suffix == ".xml":
                 lone.append(path)
             else:
-                case = read(path)
-                require_different_names([*cases, case])
-                cases.append(case)
+                cases.append(called(read(path), name))
         except InputError as error:
             found.append(error)
     out = console()

@@ -27,7 +27,7 @@ from proofmass.validate import delivered_unit, first_samples
 SAMPLES = 361  # of a sweep or dynamics: a turn in degrees
 OTHERS = "*"
 """The key of ``[channels]`` for all sensors that are not listed."""
-OWN = {"file", "unmatched"}
+OWN = {"file", "unmatched", "called"}
 """What a `Case` knows beside the keys of its sidecar."""
 ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "compare_with", "refine", "unchecked")
 TomlTable = dict[str, Any]
@@ -293,7 +293,7 @@ def as_toml(case: Case, every: bool = True) -> str:
     import tomlkit  # 0.1 s to load
 
     table = case.model_dump(
-        by_alias=True, exclude_none=True, exclude_defaults=not every, exclude={"file", "unmatched"}
+        by_alias=True, exclude_none=True, exclude_defaults=not every, exclude=OWN
     )
     if case.unmatched:
         table["channels"]["*"] = {}  # which finds that nothing else matches

@@ -27,10 +27,10 @@ from proofmass.check import (
     measured,
     one_task,
     read,
-    require_different_names,
     run_one,
     step_unchecked,
     stopped,
+    tell_apart,
 )
 from proofmass.cli import app
 from proofmass.compare import Comparison, compare, with_reference
@@ -39,6 +39,7 @@ from proofmass.reference import evaluate
 from proofmass.refined import Finer, errors
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Curves, Unsupported
+from proofmass.studies.command import named
 from proofmass.worker import Crashed
 from tests.shipped import MODELS
 
@@ -197,30 +198,49 @@ def test_families_are_named_by_folders_below_the_paths(monkeypatch):
     assert named("a.toml", ".") == "models"
 
 
-def test_two_cases_of_one_name_are_an_error_that_names_both_files(models, tmp_path):
-    (tmp_path / "models" / "again").mkdir()
-    twin = tmp_path / "models" / "again" / "pendulum.toml"
-    for file in (twin, twin.with_suffix(".xml")):
-        file.write_bytes((models / file.name).read_bytes())
-    words = f"{twin}: its name is taken by {models / 'pendulum.toml'}; results go by name"
-    result = check([models / "pendulum.toml", twin.parent])
-    assert [str(error) for error in result.errors] == [words]
-    assert {c.outcome for c in result.comparisons} == {"agrees", "unchecked"}
-    for command in ("list", "trade"):
-        answer = CliRunner().invoke(app, [command, str(models / "pendulum.toml"), str(twin.parent)])
-        assert answer.exit_code == 2
-        assert words in answer.output.replace("\n", "")
+@pytest.fixture
+def twins(models, tmp_path):
+    """Two sidecars of one name in two folders."""
+    for folder in ("left", "right"):
+        (tmp_path / "arms" / folder).mkdir(parents=True)
+        for name in ("pendulum.toml", "pendulum.xml"):
+            (tmp_path / "arms" / folder / name).write_bytes((models / name).read_bytes())
+    return tmp_path / "arms"
 
 
-def test_cases_of_different_names_and_one_case_twice_are_no_error(short):
-    case = load(short)
-    other = case.model_copy(update={"file": short.with_name("other.toml")})
-    require_different_names([case, other, case])
-    twin = case.model_copy(update={"file": short.parent / "b" / short.name})
-    assert wrong(require_different_names, [case, other, twin]) == (
-        "",
-        f"its name is taken by {short}; results go by name",
-    )
+def test_two_cases_of_one_name_are_two_cases(twins):
+    """One that differs, so that neither stands for the other."""
+    wrong = twins / "right" / "pendulum.xml"
+    text = wrong.read_text(encoding="utf-8")
+    assert "9.81" in text
+    wrong.write_text(text.replace("9.81", "9.91"), encoding="utf-8")
+    result = check([twins], causes=False)
+    assert not result.errors
+    assert [case.name for case in result.cases] == ["left/pendulum", "right/pendulum"]
+    outcomes = {(c.case, c.outcome) for c in result.comparisons}
+    assert ("left/pendulum", "agrees") in outcomes
+    assert ("right/pendulum", "differs") in outcomes
+    assert ("left/pendulum", "differs") not in outcomes
+    answer = CliRunner().invoke(app, ["list", str(twins)])
+    assert answer.exit_code == 0
+    assert "left/pendulum" in answer.output
+    assert "right/pendulum" in answer.output
+    assert [case.name for case in named([twins])] == ["left/pendulum", "right/pendulum"]
+
+
+def test_a_case_that_is_given_twice_is_one(short, monkeypatch):
+    monkeypatch.chdir(short.parent)
+    again = Path("..") / short.parent.name / short.name
+    assert collect([short, short.name, again], []) == [short]
+
+
+def test_names_have_as_many_folders_as_tell_them_apart():
+    files = [Path(f"/m/{name}") for name in ("a/x/arm.toml", "b/x/arm.toml", "b/arm.toml", "y.xml")]
+    assert list(tell_apart(files).values()) == ["a/x/arm", "b/x/arm", "b/arm", "y"]
+    assert list(tell_apart([Path("/m/arm.toml"), Path("/m/x/arm.xml")]).values()) == [
+        "arm",
+        "x/arm",
+    ]
 
 
 def test_paths_that_can_be_gone_through_once_are_kept(models):
@@ -384,15 +404,11 @@ def test_a_model_without_a_sidecar_is_stepped_and_not_judged(short, workers):
 def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path):
     lone = short.with_name("fourbar.xml")
     lone.with_suffix(".toml").unlink()
-    twin = tmp_path / "twin"
-    twin.mkdir()
-    (twin / "pendulum.toml").write_text(short.read_text())
-    (twin / "pendulum.xml").write_text(short.with_suffix(".xml").read_text())
-    bad = twin / "bad.toml"
+    bad = tmp_path / "bad.toml"
     bad.write_text("title = 1")
     told = []
     found = check(
-        [short, tmp_path / "none", twin / "pendulum.toml", short, bad, lone],
+        [short, tmp_path / "none", short, bad, lone],
         jobs=1,
         progress=lambda *words: told.append(words),
     )
@@ -405,10 +421,8 @@ def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path
     assert (curves[0], curves[1].x.size) == (("pendulum", "dynamics", "mujoco"), 11)
     assert [(e.file, e.key) for e in found.errors] == [
         (tmp_path / "none", ""),
-        (twin / "pendulum.toml", ""),
         (bad, "title"),
     ]
-    assert found.errors[1].wrong == f"its name is taken by {short}; results go by name"
     assert told == [("pendulum dynamics mujoco", 1, 2), ("fourbar.xml", 2, 2)]
     assert found.exit_code == 2
 

@@ -94,7 +94,7 @@ FILLED = {
     "run": {"solvers": "all engines", "n": 361},
     "channels": {"equals": "by name", "unit": "SI"},
 }
-OWN_KEYS = ("file", "unmatched")
+OWN_KEYS = ("file", "unmatched", "called")
 
 
 def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:

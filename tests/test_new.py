@@ -78,7 +78,7 @@ def test_the_schema_knows_every_key(validator):
     """Of all tables, by the sidecars that leave nothing to defaults."""
     schema = sidecar_schema()
     assert schema["properties"].keys() >= {"accuracy", "drive", "channels", "refine"}
-    assert not {"file", "unmatched"} & schema["properties"].keys()
+    assert not {"file", "unmatched", "called"} & schema["properties"].keys()
     assert "from" in schema["$defs"]["DriveTable"]["properties"]
     assert "null" not in json.dumps(schema)
 

@@ -7,7 +7,7 @@ from math import inf
 from pathlib import Path
 
 from proofmass.case import Case
-from proofmass.check import collect, load, require_different_names
+from proofmass.check import called, collect, load, tell_apart
 from proofmass.command import errors
 from proofmass.errors import InputError
 from proofmass.solve import with_computing_solvers
@@ -24,6 +24,8 @@ def named(paths: list[Path]) -> list[Case]:
     sidecars = [file.absolute() for file in files if file.suffix == ".toml"]
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # each is checked in a worker
         cases = list(threads.map(partial(load, strict=True), sidecars))
+    names = tell_apart(sidecars)
+    cases = [called(case, names[file]) for file, case in zip(sidecars, cases, strict=True)]
     lone = [
         InputError(file, "", "no sidecar says what is right; a study needs one")
         for file in files
@@ -31,7 +33,6 @@ def named(paths: list[Path]) -> list[Case]:
     ]
     if wrong or not cases:
         raise (wrong or lone)[0]
-    require_different_names(cases)
     for one in lone:
         errors.print(f"passed over: {one}", markup=False)
     return [computing(case) for case in cases]
