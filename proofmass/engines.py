@@ -54,9 +54,16 @@ def own_engines() -> tuple[str, ...]:
     return tuple(name for name, entry in found().items() if distribution(entry) == OWN)
 
 
-def default_engines() -> tuple[str, ...]:
-    """The engines of this distribution that a sidecar has if it names none: all that compute."""
-    return tuple(filter(computes, own_engines()))
+def default_engines(in_space: bool = False) -> tuple[str, ...]:
+    """The engines of this distribution that a sidecar has if it names none: all that compute.
+
+    Parameters
+    ----------
+    in_space : bool
+        Whether the motion is one in space, which engines of the plane do not have.
+    """
+    there = filter(computes, own_engines())
+    return tuple(name for name in there if not (in_space and engine_of(name).planar))
 
 
 def computes(solver: str) -> bool:

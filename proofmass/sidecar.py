@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
+from proofmass.analytic import IN_SPACE
 from proofmass.case import Case, ProfileTable, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest
@@ -77,7 +78,7 @@ def fill_runs(table: TomlTable) -> TomlTable:
         return table
     recorded = str(table.get("reference", "")).endswith(".csv")
     own = {} if recorded else {"n": SAMPLES}
-    there = list(default_engines())
+    there = list(default_engines(table.get("reference") in IN_SPACE))
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
     defaults: TomlTable = {
         "sweep": {**own, "solvers": there},

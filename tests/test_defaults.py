@@ -12,7 +12,7 @@ from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report import case_page, drawing, pages, write_report
-from proofmass.sidecar import as_toml, load_case, match_quantity
+from proofmass.sidecar import as_toml, fill_runs, load_case, match_quantity
 from proofmass.sim.mujoco.default_tolerances import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.default_tolerances import ACCURACY as PYMUNK
 from proofmass.terminal import failures
@@ -266,3 +266,11 @@ def test_a_channel_has_the_quantity_of_its_name(channel, unit, quantity):
         "crank_angle",
     ]
     assert match_quantity(channel, unit, known) == quantity
+
+
+def test_a_motion_in_space_has_the_engines_that_can_run_it():
+    asked = {"run": {"dynamics": {}}}
+    in_space = fill_runs({**asked, "reference": "spatial"})["run"]["dynamics"]["solvers"]
+    assert in_space == ["mujoco", "mujoco:default"]
+    planar = fill_runs({**asked, "reference": "planar"})["run"]["dynamics"]["solvers"]
+    assert planar == ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]

@@ -46,3 +46,5 @@ REFERENCES = {
     },
 }
 """Modules by the name that a sidecar gives as its ``reference``."""
+IN_SPACE = ("spatial",)
+"""References of motions in space, which engines of the plane cannot run."""

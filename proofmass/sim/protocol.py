@@ -617,6 +617,9 @@ class Engine:
     computes : bool
         Whether it computes its curves from the model.  An engine that does not, but has them from
         elsewhere, is no solver unless a sidecar names it, and studies leave it out.
+    planar : bool
+        Whether it moves bodies in the plane of a mechanism only.  It is then no solver of a motion
+        in space, unless a sidecar names it.
     imposed : sequence of Imposed
         How its programs can move drives, the ideal way first.
     schemes : tuple of Scheme
@@ -636,6 +639,7 @@ class Engine:
     chooses: tuple[str, ...] = ("timestep",)
     native = False
     computes = True
+    planar = False
     imposed: Sequence[Imposed] = (Imposed("ideal drive"),)
     schemes: tuple[Scheme, ...] = ()
     sizes: Mapping[str, Callable[[ParameterValue], float]] = {"timestep": leading}

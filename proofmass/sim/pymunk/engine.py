@@ -110,6 +110,7 @@ class Pymunk(Engine):
     packages = ("pymunk",)
     settings = PymunkSettings
     chooses = SPACE
+    planar = True
     imposed = IMPOSED
     schemes = stability.SCHEMES
     labels = scans.LABELS
