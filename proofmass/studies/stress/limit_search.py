@@ -9,7 +9,7 @@ the engine does not see.  Where proofmass itself gives up, the limit is not the 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cache, partial
-from math import isclose, isnan
+from math import floor, isclose, isnan, log10
 from pathlib import Path
 from typing import Any, cast
 
@@ -232,14 +232,11 @@ def find_several(
     def holds_at(value: float) -> bool:
         return test(value) is None
 
-    one_before, one_beyond = rounded(holds), rounded(breaks)
-    if holds_at(one_before) and is_lost_at(one_beyond):
-        first = find_last(is_lost_at, one_beyond, start, not up)
-        last = find_last(holds_at, one_before, reach, up)
-    else:  # they change places within the last digit
-        first = find_last(is_lost_at, breaks, start, not up)
-        last = find_last(holds_at, holds, reach, up)
-    if first in (breaks, one_beyond) and last in (holds, one_before):
+    one_before = next(filter(holds_at, printed(holds, not up)), holds)
+    one_beyond = next(filter(is_lost_at, printed(breaks, up)), breaks)
+    first = find_last(is_lost_at, one_beyond, start, not up)
+    last = find_last(holds_at, one_before, reach, up)
+    if first == one_beyond and last == one_before:
         return holds, breaks, failure, NAN
     return beside(first, JUST, start, not up), first, test(first), last
 
@@ -261,6 +258,19 @@ def find_last(meets: Callable[[float], bool], edge: float, end: float, up: bool)
 def rounded(value: float) -> float:
     """A value with the digits that are printed."""
     return float(number(value, DIGITS))
+
+
+def printed(value: float, up: bool) -> list[float]:
+    """A value with the digits that are printed, and the next one that has so many.
+
+    Of two values that are alike in these digits one may hold and the other fail.
+
+    >>> printed(0.177634, up=True), printed(0.177634, up=False)
+    ([0.1776, 0.1777], [0.1776, 0.1775])
+    """
+    digit = 10.0 ** (floor(log10(value)) - DIGITS + 1)
+    nearest = rounded(value)
+    return [nearest, rounded(nearest + digit if up else nearest - digit)]
 
 
 def beside(value: float, factor: float, end: float, up: bool) -> float:

@@ -159,6 +159,7 @@ def search(test, start: float, reach: float) -> LimitSearch:
         (((2.0, 2.2), (2.5, inf)), 2.0, 2.5),  # before the one that bisection finds, or beyond it
         (((2.0, 2.05), (2.1, 2.2), (2.3, 2.6), (3.0, inf)), 2.0, 3.0),
         (((5.0, 5.3), (7.0, inf)), 5.0, 7.0),
+        (((1.77634, 2.2), (2.51234, inf)), 1.77634, 2.51234),  # not what these are in four digits
         (((3.9, 4.3),), 3.9, 16.0),  # an island that a stride meets: the last value held
     ],
 )
@@ -210,3 +211,15 @@ def test_values_beside_a_boundary_have_four_digits_and_stay_between_the_ends():
     find_several(test, 1.5, 2.4, 1.9876543, 2.0012345, GONE)
     assert all(x == rounded(x) for x in seen)
     assert (min(seen), max(seen)) == (1.5, 2.4)
+
+
+def test_a_first_boundary_within_the_last_digit_is_told_as_a_value_that_fails():
+    """1.776 holds, 1.7764 fails, and both are printed as 1.776."""
+
+    def test(x: float) -> Failure | None:
+        return GONE if 1.77634 <= x < 1.8 or x >= 2.5 else None
+
+    holds, breaks, _, again = find_several(test, 1.7, 9.0, 1.7763, 1.7764, GONE)
+    assert breaks == 1.777
+    assert again == rounded(again)
+    assert (test(holds), test(breaks), test(again)) == (None, GONE, None)
