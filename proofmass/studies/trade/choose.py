@@ -15,7 +15,13 @@ from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.series import FALLS, Limits, order, promises
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
-from proofmass.studies.trade.words import format_cost, format_error, format_floor, format_setting
+from proofmass.studies.trade.words import (
+    by_drives,
+    format_cost,
+    format_error,
+    format_floor,
+    format_setting,
+)
 from proofmass.wording import number
 
 MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
@@ -156,11 +162,11 @@ def best(
 ) -> tuple[str, ...]:
     """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
     a series that still falls would need."""
-    able = [row for row in rows if row.outcome == Outcome.RAN and isfinite(row.errors.get(of, NAN))]
+    able = [row for row in rows if row.outcome == Outcome.RAN and isfinite(row.reached(of))]
     if not able:
         return none_ran(rows, of)
     verdicts = list(verdicts)
-    row = min(able, key=lambda row: row.errors[of])
+    row = min(able, key=lambda row: row.reached(of))
     short = (
         f"no measured setting has {format_kind(of)} within {number(wanted, 2)} of its range with a "
         f"margin of {number(MARGIN)}; the best, {format_setting(row)}, is {format_error(row, of)}"
@@ -229,7 +235,7 @@ def beside(
         for row in rows
         if row.engine == chosen.engine
         and is_default(row)
-        and isfinite(row.errors.get(of, NAN))
+        and isfinite(row.reached(of))
         and row.outcome == Outcome.RAN
     ]
     if not plain:
@@ -242,7 +248,7 @@ def beside(
             f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
             f"error, {format_cost(good[0])}"
         ), ratio
-    row = min(plain, key=lambda row: row.errors[of])
+    row = min(plain, key=lambda row: row.reached(of))
     own = [verdict for verdict in verdicts if verdict.series == row.series]
     if (floor := floor_at(row, of, own)) and floor.floor > wanted / MARGIN:
         return f"the engine's defaults never get there: {format_floor(floor)}", NAN
@@ -250,10 +256,10 @@ def beside(
     before = min(
         (one for one in plain if one.value > row.value), key=lambda one: one.value, default=None
     )
-    falls = order(*((one.value, one.errors[of]) for one in (before, row))) if before else NAN
+    falls = order(*((one.value, one.reached(of)) for one in (before, row))) if before else NAN
     if not falls > FALLS:
         return short, NAN
-    more = (MARGIN * row.errors[of] / wanted) ** (1 / falls)  # as many steps
+    more = (MARGIN * row.reached(of) / wanted) ** (1 / falls)  # as many steps
     ratio = more * row.seconds / chosen.seconds
     return (
         f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
@@ -267,7 +273,12 @@ def is_default(row: StudyRow) -> bool:
 
 
 def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
-    """The error floor that a row stands at: of its own series, or of another of that engine."""
+    """The error floor that a row stands at: of its own series, or of another of that engine.
+
+    None where the error is the drives' own, for floors are stated at the motion they really had.
+    """
+    if by_drives(row, of):
+        return None
     near = [
         v
         for v in verdicts

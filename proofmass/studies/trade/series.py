@@ -341,10 +341,10 @@ def promises(
     floors = {(v.engine, v.series) for v in verdicts if v.kind == of and v.floor > 0}
     found = []
     for coarse, fine in ends(row for row in rows if (row.engine, row.series) not in floors):
-        pair = [(row.value, row.errors.get(of, NAN)) for row in (coarse, fine)]
+        pair = [(row.value, row.reached(of)) for row in (coarse, fine)]
         falls = order(*pair) if all(0 < error < inf for _, error in pair) else NAN
-        if falls > FALLS and fine.errors[of] > needed:
-            step = fine.value * (SAFE * needed / fine.errors[of]) ** (1 / falls)
+        if falls > FALLS and fine.reached(of) > needed:
+            step = fine.value * (SAFE * needed / fine.reached(of)) ** (1 / falls)
             found.append(Promise(fine, step, fine.seconds * fine.value / step, falls))
     return sorted(found, key=lambda each: each.seconds)
 

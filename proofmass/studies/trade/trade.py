@@ -48,14 +48,13 @@ from proofmass.studies.trade.search import SLACK, SURE
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
 from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
 from proofmass.studies.trade.verdict import Verdict, able
-from proofmass.studies.trade.words import format_end, format_reached, format_worsened
+from proofmass.studies.trade.words import by_drives, format_end, format_reached, format_worsened
 from proofmass.wording import number
 
 USUAL = 0.5  # s, of one run, for engines that take much longer than usual
 REPEATS = 3
 SAME = 0.01
 """Share by which errors of two settings of a case and engine may differ that are at one floor."""
-ADDED = 1.5  # times a floor, of an error to which the drives add their own
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
 Halved = dict[SeriesPlace, list[StudyRow]]
@@ -555,11 +554,10 @@ def added_by_drive(row: StudyRow, kind: str) -> str:
     >>> added_by_drive(row, "position")
     'at the motion that drives were asked for the error is 3e-5: their own is added'
     """
-    error, asked = row.errors.get(kind, NAN), row.asked.get(kind, NAN)
-    if not asked > ADDED * error:
+    if not by_drives(row, kind):
         return ""
     return (
-        f"at the motion that drives were asked for the error is {number(asked, 2)}: "
+        f"at the motion that drives were asked for the error is {number(row.asked[kind], 2)}: "
         "their own is added"
     )
 

@@ -3,7 +3,7 @@
 from math import isfinite
 
 from proofmass.outcome import Outcome
-from proofmass.studies.record import StudyRow
+from proofmass.studies.record import NAN, StudyRow
 from proofmass.studies.trade.orders import WITHIN
 from proofmass.studies.trade.series import (
     ASYMPTOTIC,
@@ -18,6 +18,8 @@ from proofmass.wording import number, spoken
 
 ASKED = 1e-4
 """Share of the range that a series is asked for which did not come so far."""
+ADDED = 1.5
+"""Times an error, of one to which the drives add their own."""
 
 
 def format_setting(row: StudyRow) -> str:
@@ -51,8 +53,22 @@ def format_setting_briefly(row: StudyRow) -> str:
 
 
 def format_error(row: StudyRow, of: str) -> str:
-    """How large an error is."""
-    return f"{number(row.errors[of], 2)} off"
+    """How large an error is, and how much of it is left at the motion that drives really had.
+
+    >>> row = StudyRow("", "", "", "", "", "", 1e-3, errors={"position": 1e-6},
+    ...                asked={"position": 3e-5})
+    >>> format_error(row, "position")
+    '3e-5 off, and 1e-6 off the motion that its drives really had'
+    """
+    told = f"{number(row.reached(of), 2)} off"
+    if not by_drives(row, of):
+        return told
+    return f"{told}, and {number(row.errors[of], 2)} off the motion that its drives really had"
+
+
+def by_drives(row: StudyRow, of: str) -> bool:
+    """Whether an error is for the most part that of the drives."""
+    return row.reached(of) > ADDED * row.errors.get(of, NAN)
 
 
 def format_cost(row: StudyRow) -> str:

@@ -649,6 +649,17 @@ def test_why_none_is_enough() -> None:
     )
 
 
+def test_the_drives_own_error_is_what_keeps_a_setting_from_being_enough() -> None:
+    """It is nearest to the motion that its drives had, at a floor, and not to that asked for."""
+    closest = replace(at("lagging", 2e-8), asked={"position": 9e-7})
+    plain = replace(at("softer", 4e-7, 2e-3), asked={"position": 8e-7})
+    short, *_ = best([closest, plain], "position", 1e-6, [floor_of("lagging", 2e-8)])
+    assert short == (
+        "no measured setting has position within 1e-6 of its range with a margin of 2; the best, "
+        "softer, timestep 2 ms, is 8e-7 off, and 4e-7 off the motion that its drives really had"
+    )
+
+
 def test_what_the_defaults_would_cost() -> None:
     """Seconds of a setting that takes 0.5 s and of the defaults, refined to a half of 1e-4."""
     tuned = at("tuned", seconds=0.5)
