@@ -11,17 +11,31 @@ DESKTOP, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 class Visit:
     """A page that was opened, and what went wrong on it.
 
-    Visits with the same options of a context are in one tab, one after the other: a tab of its own
-    for each takes as long as what is tested there.  The pages keep nothing in the browser.
+    Visits are in one tab, one after the other, which takes the size, colours and motion that a visit
+    asks for; other options of a context have a tab of their own.  A new tab takes twice as long as
+    what is tested there.  The pages keep nothing in the browser.
     """
 
     tabs: ClassVar[dict[str, Any]] = {}
 
-    def __init__(self, browser: Any, file: Path, address: str = "", **options: Any) -> None:
+    def __init__(
+        self,
+        browser: Any,
+        file: Path,
+        address: str = "",
+        viewport: dict[str, int] = DESKTOP,
+        color_scheme: str = "light",
+        reduced_motion: str = "no-preference",
+        **options: Any,
+    ) -> None:
         asked = repr((id(browser), sorted(options.items())))
         if asked not in self.tabs or self.tabs[asked].is_closed():
-            self.tabs[asked] = browser.new_context(**{"viewport": DESKTOP, **options}).new_page()
+            self.tabs[asked] = browser.new_context(**options).new_page()
         self.page = self.tabs[asked]
+        self.page.set_viewport_size(viewport)
+        self.page.emulate_media(
+            media="null", color_scheme=color_scheme, reduced_motion=reduced_motion
+        )
         self.said: list[str] = []
         self.asked: list[str] = []
         self.heard: dict[str, Callable[[Any], None]] = {

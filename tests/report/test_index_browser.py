@@ -1,12 +1,15 @@
 """The index in a browser: it filters, sorts and moves, fetches nothing, and is readable by all."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.report.index_rows import last_record, whole_result, write_index
+from tests.visit import Visit
 
 ORDER = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recorded"]
 
@@ -18,30 +21,23 @@ def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def opened(browser, index: Path) -> Iterator[object]:
+def opened(browser, index: Path) -> Iterator[Callable[..., Any]]:
     """``opened(hash, **how)``: a page; at its end it has said and fetched nothing."""
-    contexts, said = [], []
+    with ExitStack() as visits:
 
-    def open_page(address: str = "", **how: object):
-        context = browser.new_context(**{"viewport": {"width": 1440, "height": 900}, **how})
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(5000)
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.on(
-            "request",
-            lambda request: (
-                said.append(request.url) if not request.url.startswith(("file:", "data:")) else None
-            ),
-        )
-        page.goto(index.as_uri() + address)
-        return page
+        def open_page(address: str = "", **how: Any) -> Any:
+            visits.close()  # the page before is left
+            visit = visits.enter_context(Visit(browser, index, address, **how))
+            visits.callback(silent, visit)
+            return visit.page
 
-    yield open_page
-    for context in contexts:
-        context.close()
-    assert said == []
+        yield open_page
+
+
+def silent(visit: Visit) -> None:
+    """Assert that a page has said nothing and fetched only files."""
+    assert visit.said == []
+    assert [url for url in visit.asked if not url.startswith(("file:", "data:"))] == []
 
 
 def names(page) -> list[str]:
@@ -214,27 +210,30 @@ def test_print_has_all_rows_and_no_controls(opened):
         pytest.param(1440, "dark", marks=pytest.mark.slow),
     ],
 )
-def test_rules_of_accessibility_are_kept(opened, scheme, width):
-    axe = pytest.importorskip("axe_core_python.sync_playwright", reason="needs axe-core-python")
-    page = opened(color_scheme=scheme, viewport={"width": width, "height": 900})
-    page.click("[data-outcome=agree]")
-    page.click("[data-outcome=agree]")
-    found = axe.Axe().run(page)
-    assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found["violations"]] == []
-    assert len(found["passes"]) > 15  # it did look
+def test_rules_of_accessibility_are_kept(browser, index, scheme, width):
+    pytest.importorskip("axe_core_python", reason="needs axe-core-python")
+    size = {"width": width, "height": 900}
+    with Visit(browser, index, color_scheme=scheme, viewport=size) as visit:
+        visit.page.click("[data-outcome=agree]")
+        visit.page.click("[data-outcome=agree]")
+        wrong, met = visit.axe()
+        assert wrong == []
+        assert met > 15  # it did look
 
 
-@pytest.mark.parametrize("width", [390, 1024, 1280, 1440])
-def test_a_third_engine_has_room_beside_the_others(browser, tmp_path, width):
-    """Each run in MuJoCo, in pymunk, in another engine, and as it was recorded."""
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An index with each run in MuJoCo, in pymunk, in another engine, and as it was recorded."""
     result = whole_result()
     own = [c for c in result.comparisons if c.solver == "mujoco"]
     for solver in ("recorded:rig", "adams", "pymunk"):
         result.comparisons.extend(replace(c, solver=solver) for c in own)
-    index = write_index(tmp_path, result, last_record(result))
-    page = browser.new_page(viewport={"width": width, "height": 900})
-    page.goto(index.as_uri())
-    assert page.locator("thead th[data-of=recorded]").count() == 2
-    assert page.locator("thead th[data-of]").count() == 8
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    page.close()
+    return write_index(tmp_path_factory.mktemp("wide"), result, last_record(result))
+
+
+@pytest.mark.parametrize("width", [390, 1024, 1280, 1440])
+def test_a_third_engine_has_room_beside_the_others(browser, wide, width):
+    with Visit(browser, wide, viewport={"width": width, "height": 900}) as visit:
+        assert visit.page.locator("thead th[data-of=recorded]").count() == 2
+        assert visit.page.locator("thead th[data-of]").count() == 8
+        assert visit.run("document.documentElement.scrollWidth") <= width
