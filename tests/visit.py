@@ -11,7 +11,7 @@ DESKTOP, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 class Visit:
     """A page that was opened, and what went wrong on it.
 
-    Visits are in one tab, one after the other, which takes the size, colours and motion that a visit
+    Visits are in one tab, one after the other, which takes the size, colours and motion that each
     asks for; other options of a context have a tab of their own.  A new tab takes twice as long as
     what is tested there.  The pages keep nothing in the browser.
     """
