@@ -258,6 +258,11 @@ LONG = {
         "tests/analytic/spatial/test_spatial_tops.py::test_a_heavy_top_is_in_elliptic_functions[0.2"
     ),
     # references of rods
+    "tests/analytic/rods/test_rod_solutions_bound.py::test_galerkin_method_finds_them_as_well"
+    "[rfr3-1-230": (
+        "tests/analytic/rods/test_rod_solutions_bound.py::test_galerkin_method_finds_them_as_well"
+        "[rfr3-1-170"
+    ),
     "tests/analytic/rods/test_rod_pair_driven.py::test_four_rectangles_of_the_document": (
         "tests/analytic/rods/test_rod_pair_driven.py::test_turns_of_the_motors_join_the_equilibria"
     ),

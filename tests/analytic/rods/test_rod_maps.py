@@ -64,9 +64,15 @@ def unloaded():
 
 
 @cache
+def folded():
+    """A sheet of poses about the fold of motor 1."""
+    return spread(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
+
+
+@cache
 def folds():
-    """Direct singularities on a sheet of poses about the fold of motor 1."""
-    return loci(spread(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6)), "direct")
+    """Direct singularities on that sheet."""
+    return loci(folded(), "direct")
 
 
 def residual(x, inputs, load):
@@ -286,7 +292,7 @@ def test_triangles_fill_the_sheet_to_its_rim():
 
 
 def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
-    m = spread(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
+    m = folded()
     rims = rim(m)
     mesh = meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
     det = np.full(m.reached.shape, np.nan)
