@@ -15,7 +15,7 @@ import pytest
 from matplotlib import get_data_path
 from PIL import Image
 
-from benchmarks.pictures import few_colours, opened, picture
+from benchmarks.pictures import few_colours, picture
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.report import write_report
 from proofmass.report.record import Made
@@ -23,6 +23,7 @@ from proofmass.sidecar import load_case
 from tests.report import index_rows
 from tests.report.whole import whole_result
 from tests.shipped import shipped
+from tests.visit import Visit
 
 STORED = Path(__file__).parent.parent / "data" / "pictures"
 NAMES = ("index", "agrees", "differs")
@@ -75,15 +76,12 @@ def diagnosis(*key: str) -> Diagnosis:
 
 def shot(browser: Any, page: Path, change: str = "") -> Image.Image:
     """The first screen with the fonts of Matplotlib, after a script has changed the page."""
-    tab = opened(browser, page)
-    try:
-        tab.add_style_tag(content="".join(map(face, FONTS)) + LETTERS)
-        tab.evaluate(READY)
+    with Visit(browser, page, reduced_motion="reduce") as visit:
+        visit.page.add_style_tag(content="".join(map(face, FONTS)) + LETTERS)
+        visit.run(READY)
         if change:
-            tab.evaluate(change)
-        return picture(tab)
-    finally:
-        tab.context.close()
+            visit.run(change)
+        return picture(visit.page)
 
 
 def face(name: str) -> str:
