@@ -228,7 +228,7 @@ def run(*args: object):
 
 
 def test_check_writes_both_after_the_verdict(models, edit, tmp_path):
-    edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="0 -1.001 0" mass')
+    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # whose cause is soon found
     junit, sarif = tmp_path / "junit.xml", tmp_path / "check.sarif"
     answer = run("check", models / "pendulum.toml", "--junit", junit, "--sarif", sarif)
     assert answer.exit_code == 1
