@@ -26,6 +26,11 @@ PLAIN = {  # with the powers of length, mass, time and angle in them
     "N": (1, 1, -2, 0),
     "N m": (2, 1, -2, 0),
     "J": (2, 1, -2, 0),
+    "m^2": (2, 0, 0, 0),
+    "kg m^2": (2, 1, 0, 0),
+    "N m^2": (3, 1, -2, 0),
+    "N/m": (0, 1, -2, 0),
+    "N m/rad": (2, 1, -2, -1),
 }
 KINDS = {
     "position": ("rad", "m"),
