@@ -1,5 +1,6 @@
 """Shared fixtures: copies of models to change, a case of a stress study, a cluster, a browser."""
 
+import gc
 import os
 import re
 import sys
@@ -137,6 +138,20 @@ FIRST = ("tests/test_coverage.py", "tests/report/test_browser.py")
 
 collect_ignore = ["data"]
 """Sidecars there are for tests, and no cases of their own."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Collect without looking for garbage among what stays, 9,000 items and all modules, nor later.
+
+    That is a tenth of the time of collecting.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers

@@ -2,6 +2,7 @@
 
 from concurrent.futures import Executor
 from dataclasses import replace
+from importlib.util import find_spec
 
 import pytest
 
@@ -10,7 +11,9 @@ from proofmass.studies.run import pool, run
 from proofmass.studies.store import Store
 from tests.studies.study_tasks import tasks
 
-distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(  # imported where a test runs: it takes as long as all others
+    find_spec("distributed") is None, reason="distributed is not installed"
+)
 
 
 def values(store: Store, workers: Executor | None) -> list[tuple]:
@@ -38,6 +41,8 @@ def test_both_workers_are_used(address):
 def slowly() -> str:
     """Takes long enough for another worker to take the next."""
     import time
+
+    import distributed
 
     time.sleep(0.2)
     return str(distributed.get_worker().address)
