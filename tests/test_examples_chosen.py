@@ -11,7 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import ROOT
+from benchmarks.choose import ASKED, Asked
 from examples.chosen import truths
+from proofmass.reference import evaluate
+from proofmass.sidecar import load_case
+from tests.shipped import shipped
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "chosen"
 COMMANDS = dict(
@@ -162,3 +167,26 @@ def test_a_wrong_name_of_a_truth_is_told() -> None:
     )
     assert done.returncode == 1
     assert "one of fourbar, slider_crank" in done.stderr
+
+
+@pytest.mark.parametrize("asked", {one.truth: one for one in ASKED}.values(), ids=lambda a: a.truth)
+def test_every_curve_of_a_case_has_a_truth(asked: Asked) -> None:
+    """What it lacks would be an error only when `python -m benchmarks.choose` gets there."""
+    case = load_case(ROOT / asked.path)
+    energies = {"kinetic", "potential"}
+    assert (
+        case.channels.keys() - energies <= truths.TRUTHS[asked.truth](np.linspace(0, 0.1, 4)).keys()
+    )
+
+
+@pytest.mark.parametrize("name", ["fourbar", "slider_crank", "inverted_slider_crank_classic"])
+def test_moments_by_power_are_those_of_the_references(name: str) -> None:
+    """Two formulations that share no code."""
+    case = load_case(shipped(f"{name}.toml"))
+    t = np.linspace(0.0, 6.0, 61)
+    state = tuple(part[None] for part in (t, np.ones_like(t), np.zeros_like(t)))
+    known = evaluate(case, "dynamics", t, state).channels["holding_moment"]
+    truth = {"inverted_slider_crank_classic": "swinging_block"}.get(name, name)
+    found = truths.TRUTHS[truth](t)["holding_moment"]
+    assert np.allclose(found, known, rtol=0, atol=1e-12 * np.ptp(known))
+    assert not np.allclose(1.0001 * found, known, rtol=0, atol=1e-12 * np.ptp(known))

@@ -148,12 +148,14 @@ def of_fourbar(crank: Point, a: float = 1.0, b: float = 2.0, c: float = 2.5, gro
             "rocker_acceleration.z": angle(minus(two, foot))[2]}
 
 
-def moment(crank: Point, *bars: tuple[float, Point, Point]) -> Curve:
+def moment(crank: Point, *bars: tuple[float, Point, Point], inertia: float = 0.0,
+           about: Point | None = None) -> Curve:
     """What a crank must give [N m] for uniform bars of masses [kg] between two points to move.
 
-    Its power is that of the inertia and of the weight of all bars.
+    Its power is that of the inertia and of the weight of all bars, and of an inertia [kg m2] that
+    turns in its place by an angle.
     """
-    power = 0.0 * crank[1]
+    power = 0.0 * crank[1] if about is None else inertia * about[1] * about[2]
     for mass, a, b in bars:
         power = power + mass / 6 * (
             2 * dot(a[2], a[1]) + dot(a[2], b[1]) + dot(b[2], a[1]) + 2 * dot(b[2], b[1]))
@@ -170,20 +172,31 @@ def fourbar(t: Curve) -> Curves:
 
 
 def slider_crank(t: Curve) -> Curves:
-    """Crank 1 m, coupler 2 m, guide along x; the slide's coordinate is 0 at x = 2 m."""
-    pin = turned(steady(t), 1.0)
+    """Crank 1 m, coupler 2 m, guide along x; the slide's coordinate is 0 at x = 2 m.
+
+    Crank and coupler are bars of 1 and 2 kg, the slider has 1.5 kg.
+    """
+    crank = steady(t)
+    pin = turned(crank, 1.0)
     slider = slid(pin, 2.0, 1.0, 1)
     place, rate, acceleration = (part.real for part in slider)
-    return {**turning("coupler", minus(slider, pin)), **named(
-        slider=slider, slide=(place - 2.0, rate, acceleration))}
+    bars = (1.0, fixed(0.0, t), pin), (2.0, pin, slider), (1.5, slider, slider)
+    return {**turning("coupler", minus(slider, pin)), "holding_moment": moment(crank, *bars),
+            **named(slider=slider, slide=(place - 2.0, rate, acceleration))}
 
 
 def swinging_block(t: Curve) -> Curves:
-    """Crank 2 m, a rod of 5 m that slides through a block on (2 + cos 0.8, sin 0.8)."""
-    pin = turned(steady(t), 2.0)
+    """Crank 2 m, a rod of 5 m that slides through a block on (2 + cos 0.8, sin 0.8).
+
+    Bars of 2 and 5 kg; the block turns in its place, with 0.01 kg m2.
+    """
+    crank = steady(t)
+    pin = turned(crank, 2.0)
     rod = minus(fixed(2 + np.exp(0.8j), pin[0]), pin)
-    return {**turning("rod", rod), **named(slide=length(rod),
-                                           end=plus(pin, turned(angle(rod), 5.0)))}
+    end = plus(pin, turned(angle(rod), 5.0))
+    bars = (2.0, fixed(0.0, t), pin), (5.0, pin, end)
+    return {**turning("rod", rod), **named(slide=length(rod), end=end),
+            "holding_moment": moment(crank, *bars, inertia=0.01, about=angle(rod))}
 
 
 def fivebar_swing(t: Curve) -> Curves:
