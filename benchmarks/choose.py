@@ -53,8 +53,8 @@ Beside the chosen setting {count} random ones of the same engine and drive: half
 all integrators, steps, `solref`, `solimp`, solvers, iterations and tolerances of MuJoCo, or steps,
 iterations and `error_bias` of pymunk; half with one to three of these parameters different from
 the chosen ones. *As good* are those whose program is no more off than the chosen one's. They are
-timed in turn with it, and the least of {rounds} counts; *cheapest* is the least of these times
-over that of the chosen setting.
+timed in turn, {rounds} times; the four with the least times are timed in pairs with the chosen one,
+each first in every other pair, and *cheapest* is the least median of the ratios of {pairs} pairs.
 
 | case | engine | drive | error | settings | ran in time | as good | cheapest | its setting |
 |---|---|---|---|---|---|---|---|---|"""
@@ -142,7 +142,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 found = duel(case, asked.truth, asked.of, used, drive, count, 1, rounds)
                 beside.append(rival_line(case, asked, drive, found))
                 print(beside[-1], flush=True)
-        lines += [BESIDE.format(count=count, rounds=rounds), *beside]
+        lines += [BESIDE.format(count=count, rounds=rounds, pairs=3 * rounds), *beside]
         (docs / "choose.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

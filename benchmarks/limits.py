@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from math import isclose
 from pathlib import Path
 
 from benchmarks import ROOT, command, folders
@@ -46,7 +47,8 @@ there is no proofmass.
 A limit is *confirmed* where the program before it is right to a tenth of the range in all
 positions, and the one beyond it fails, or is further off. Where a first and a last boundary are
 stated, {several} of them, two more programs are run, at these values: the first fails, the last
-holds, 2 % before the first holds, and 2 % beyond the last fails. Limits of sweeps are not among
+holds, 2 % before the first holds, and 2 % beyond the last fails, unless the last is also the last
+value that `stress` tries. Limits of sweeps are not among
 these: a sweep has no time steps, its poses are found by proofmass with what the engine computes.
 Limits of energy are confirmed by scripts (`tests/studies/stress/bare/`).
 
@@ -209,16 +211,16 @@ def run_program(task: StudyRun, store: Store) -> Measurement:
 
 def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
     """Run what is tried before and beyond a limit."""
-    up = search.reach > search.start
-    away = 1.0 + AGREE if up else 1.0 / (1.0 + AGREE)
-    values = [limit.value / away, limit.value * away]
+    up, away = search.reach > search.start, 1.0 + AGREE
+    last = limit.again if limit.again == limit.again else limit.value
+    values = [
+        beside(limit.value, away, search.start, not up),
+        beside(last, away, search.reach, up),
+    ]
     if limit.again == limit.again:
-        values = [
-            beside(limit.value, 1.0 + AGREE, search.start, not up),
-            beside(limit.again, 1.0 + AGREE, search.reach, up),
-            limit.value,
-            limit.again,
-        ]
+        values += [limit.value, limit.again]
+        if isclose(limit.again, search.reach, rel_tol=AGREE):  # nothing beyond it was tried
+            values[1] = limit.value
     try:
         before, beyond, *ends = (search.trial(value).failure for value in values)
     except NoProgram as why:

@@ -8,11 +8,12 @@ import io
 import random
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from math import ceil, inf
 from pathlib import Path
+from statistics import median
 from types import FrameType
 
 import mujoco
@@ -28,7 +29,7 @@ from proofmass.studies.trade.program import PRINTED, imposed, written
 MORE_STEPS = 8.0  # than the chosen setting has, at most: none of them is cheaper
 LONGEST = 2.0  # times the chosen setting's wall time, after which a rival is no rival
 ROUNDS = 7  # interleaved, of which the least counts
-FINALISTS = 4  # the cheapest, timed once more
+FINALISTS = 4  # the cheapest, timed once more, in pairs
 SPARE = 0.1  # s of a run that are no steps: the model, the file
 
 
@@ -98,16 +99,30 @@ def duel(
         if off <= error:
             good.append((far, way, rival, off))
     found = len(good)
-    for kept in (FINALISTS, 1):  # the least of many times is too low: the first are timed anew
-        codes = [own, *(rival for _, _, rival, _ in good)]
-        least = [inf] * len(codes)
-        for _ in range((rounds if kept > 1 else 3 * rounds) if good else 0):
-            for k, one in enumerate(codes):
-                least[k] = min(least[k], ran(one, name, of, inf)[1])
-        order = sorted(range(len(good)), key=lambda k: least[k + 1])[:kept]
-        good, ratios = [good[k] for k in order], [least[k + 1] / least[0] for k in order]
-    best = Rival(good[0][0], good[0][1], good[0][3], ratios[0]) if good else None
-    return Duel(error, count, done, found, best)
+    least = [inf] * len(good)
+    for _ in range(rounds):
+        for k, (_, _, rival, _) in enumerate(good):
+            least[k] = min(least[k], ran(rival, name, of, inf)[1])
+    first = sorted(range(len(good)), key=least.__getitem__)[:FINALISTS]
+    # the least of many times is too low: the first are timed anew, in pairs with the chosen one
+    ratios = {k: ratio([own, good[k][2]], name, of, 3 * rounds) for k in first}
+    if not ratios:
+        return Duel(error, count, done, found, None)
+    k = min(first, key=ratios.__getitem__)
+    return Duel(error, count, done, found, Rival(good[k][0], good[k][1], good[k][3], ratios[k]))
+
+
+def ratio(codes: Sequence[object], name: str, of: str, rounds: int) -> float:
+    """Wall time of the second of two programs over that of the first: the median of pairs.
+
+    Each goes first in every other pair, so that what makes the second run of a pair slower or
+    faster, or the machine for a while, is in both.
+    """
+    found = []
+    for n in range(rounds):
+        spent = [ran(one, name, of, inf)[1] for one in (codes if n % 2 else codes[::-1])]
+        found.append(spent[1] / spent[0] if n % 2 else spent[0] / spent[1])
+    return median(found)
 
 
 def randomly(

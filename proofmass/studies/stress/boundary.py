@@ -96,6 +96,16 @@ class VariedRange:
     reach: float
 
 
+def exactly(value: float) -> str:
+    """A value that was tried, with as many digits as tell it from others, four at least.
+
+    >>> exactly(61.75), exactly(61.7523)
+    ('61.75', '61.7523')
+    """
+    told = (number(value, digits) for digits in range(DIGITS, 17))
+    return next((text for text in told if float(text) == value), repr(value))
+
+
 @dataclass(frozen=True)
 class Boundary(VariedRange):
     """How far one parameter can be varied.
@@ -152,7 +162,7 @@ class Boundary(VariedRange):
         '2 to 2.5'
         """
         if self.several:
-            return f"{number(self.breaks, DIGITS)} to {number(self.again, DIGITS)}"
+            return f"{exactly(self.breaks)} to {exactly(self.again)}"
         return number(self.measured, digits)
 
     @property

@@ -234,19 +234,23 @@ def find_several(
 
     one_before = next(filter(holds_at, printed(holds, not up)), holds)
     one_beyond = next(filter(is_lost_at, printed(breaks, up)), breaks)
-    first = find_last(is_lost_at, one_beyond, start, not up)
-    last = find_last(holds_at, one_before, reach, up)
+    told = float(number(np.sqrt(holds * breaks)))
+    first = find_last(is_lost_at, one_beyond, start, not up, beside(told, JUST, start, not up))
+    last = find_last(holds_at, one_before, reach, up, beside(told, JUST, reach, up))
     if first == one_beyond and last == one_before:
         return holds, breaks, failure, NAN
     return beside(first, JUST, start, not up), first, test(first), last
 
 
-def find_last(meets: Callable[[float], bool], edge: float, end: float, up: bool) -> float:
+def find_last(
+    meets: Callable[[float], bool], edge: float, end: float, up: bool, near: float
+) -> float:
     """The furthest value that meets a condition, from an edge on to an end; the edge if none does.
 
-    From the furthest value that is known, those at all factors of `BESIDE` are tried.
+    From the furthest value that is known, those at all factors of `BESIDE` are tried; before them a
+    value near the edge.
     """
-    found = edge
+    found = near if near != edge and meets(near) else edge
     while True:
         tried = [beside(found, factor, end, up) for factor in BESIDE]
         met = [value for value in tried if value != found and meets(value)]
