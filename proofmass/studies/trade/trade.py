@@ -240,9 +240,9 @@ def trade(
             new if k in near or not row.repeats else row
             for k, (row, new) in enumerate(zip(rows, timed, strict=True))
         ]
-    leaders = find_leaders(every)
-    finer = halve(every, leaders, store, workers, longest, progress)
-    perturbed = perturb(every, finer, store, workers, longest, progress)
+    finer = halve(every, store, workers, longest, progress)
+    leaders = find_leaders(every, finer)
+    perturbed = perturb(every, leaders, store, workers, longest, progress)
     disturbed = disturb(every, finer, perturbed, store, workers, longest)
     return Trade(
         rows,
@@ -295,50 +295,46 @@ def chosen(case: Case, kind: Kind | None) -> Kind:
     )
 
 
-def find_leaders(every: Sequence[CaseSeries]) -> Leaders:
-    """Which settings may be at floors, and which of them are at the same floor.
+def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
+    """Which settings are at floors, that halvings leave, and which of them are at the same floor.
 
-    They are so if all errors that may be at a floor are the same, to `SAME`, and may be at one in
-    both series.
+    They are so if all errors that are at a floor are the same, to `SAME`, and are at one in both
+    series.
     """
     found: Leaders = {}
-    for n, one in enumerate(every):
-        kinds = one.floors()
-        for k in dict.fromkeys(kinds.values()):
-            own = one.measured.rows[k].errors
-            found[n, k] = next(
-                (
-                    (m, j)
-                    for (m, j), first in found.items()
-                    if (m, j) == first
-                    for other in (every[m],)
-                    if other.case is one.case
-                    and other.series.engine == one.series.engine
-                    and kinds.keys() <= other.floors().keys()
-                    and all(
-                        isclose(own[kind], other.measured.rows[j].errors[kind], rel_tol=SAME)
-                        for kind in kinds
-                    )
-                ),
-                (n, k),
-            )
+    for (n, k), rows in finer.items():
+        kinds = left_kinds(every[n], k, rows)
+        own = every[n].measured.rows[k].errors
+        if not kinds:
+            continue
+        found[n, k] = next(
+            (
+                (m, j)
+                for (m, j), first in found.items()
+                if (m, j) == first
+                for other in (every[m],)
+                if other.case is every[n].case
+                and other.series.engine == every[n].series.engine
+                and kinds <= left_kinds(other, j, finer[m, j])
+                and all(
+                    isclose(own[kind], other.measured.rows[j].errors[kind], rel_tol=SAME)
+                    for kind in kinds
+                )
+            ),
+            (n, k),
+        )
     return found
 
 
 def halve(
-    every: list[CaseSeries],
-    leaders: Leaders,
-    store: Store,
-    workers: Executor,
-    longest: float,
-    progress: Progress,
+    every: list[CaseSeries], store: Store, workers: Executor, longest: float, progress: Progress
 ) -> Halved:
-    """The rows of two finer steps, of one series of all that may be at the same floor.
+    """The rows of two finer steps, wherever a series may be at a floor.
 
     They are those of the series itself, of half the step or less in turn, where it goes so far, and
     half and a quarter of the step where it does not.
     """
-    places = dict.fromkeys(leaders.values())
+    places = [(n, k) for n, one in enumerate(every) for k in dict.fromkeys(one.floors().values())]
     found: Halved = {(n, k): every[n].own_halvings(k) for n, k in places}
     asked = [
         ((n, k), setting)
@@ -377,21 +373,25 @@ def left(one: CaseSeries, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
     return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
+def left_kinds(one: CaseSeries, k: int, finer: Sequence[StudyRow]) -> set[str]:
+    """The kinds of errors of setting number k that two halvings leave."""
+    return {kind for kind, at in one.floors().items() if at == k and left(one, k, kind, finer)}
+
+
 def perturb(
     every: list[CaseSeries],
-    finer: Halved,
+    leaders: Leaders,
     store: Store,
     workers: Executor,
     longest: float,
     progress: Progress,
 ) -> PerturbedRows:
-    """Change each possible cause where halvings leave an error, and where an order is another."""
+    """Change each possible cause where halvings leave an error, and where an order is another.
+
+    Of settings at the same floor in the first.
+    """
     places = dict.fromkeys(
-        [
-            (n, k)
-            for n, k in finer
-            if any(left(every[n], k, kind, finer[n, k]) for kind in every[n].floors())
-        ]
+        list(leaders.values())
         + [
             (n, k)
             for n, one in enumerate(every)
@@ -448,7 +448,7 @@ def disturb(
         (n, k)
         for n, k in finer
         for one in (every[n],)
-        if one.run == "dynamics"
+        if one.run == "dynamics" and (n, k) in perturbed
         for kind in one.floors()
         if left(one, k, kind, finer[n, k])
         and judge(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0] == UNKNOWN
@@ -494,19 +494,21 @@ def verdict(
     why = cause = evidence = ""
     floor = NAN
     if (k := one.floors().get(kind)) is not None:
-        place = leaders[n, k]
-        lead, row = every[place[0]], every[place[0]].measured.rows[place[1]]
-        first = finer[place][0]
+        first = finer[n, k][0]
         half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
         what = "twice as many segments"
         if one.run == "dynamics":
-            more = row.step / first.step if first.outcome == Outcome.RAN else 2.0
+            more = rows[k].step / first.step if first.outcome == Outcome.RAN else 2.0
             halves = isclose(more, 2.0, rel_tol=1e-6)
             what = "halving the step" if halves else f"{number(more, 3)} times the steps"
         why = (
-            f"{what} {factor(row.errors[kind] / half)}" if half > 0 else f"{what}: {first.outcome}"
+            f"{what} {factor(rows[k].errors[kind] / half)}"
+            if half > 0
+            else f"{what}: {first.outcome}"
         )
-        if left(lead, place[1], kind, finer[place]):
+        if left(one, k, kind, finer[n, k]):
+            place = leaders[n, k]
+            lead, row = every[place[0]], every[place[0]].measured.rows[place[1]]
             cause, evidence = judge(row.errors[kind], perturbed[place], kind, at_floor=True)
             why = "no cause that was changed changes it"
             floor = rows[k].errors[kind]

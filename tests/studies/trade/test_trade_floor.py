@@ -388,9 +388,15 @@ def scaled(kind: str, by: float) -> dict[str, tuple[float, ...]]:
     return {**FLOORED, kind: tuple(by * error for error in FLOORED[kind])}
 
 
+def leaders(*every: CaseSeries) -> dict[tuple[int, int], tuple[int, int]]:
+    """`find_leaders` of series whose own finer steps are the halvings."""
+    places = [(n, k) for n, one in enumerate(every) for k in {*one.floors().values()}]
+    return find_leaders(every, {(n, k): every[n].own_halvings(k) for n, k in places})
+
+
 def test_series_with_the_same_errors_are_at_one_floor_which_is_examined_once():
     first, again = series_at("Newton", FLOORED), series_at("CG", scaled("position", 1.009))
-    assert find_leaders([first, again]) == {(0, 2): (0, 2), (1, 2): (0, 2)}
+    assert leaders(first, again) == {(0, 2): (0, 2), (1, 2): (0, 2)}
 
 
 @pytest.mark.parametrize(
@@ -404,11 +410,23 @@ def test_series_with_the_same_errors_are_at_one_floor_which_is_examined_once():
     ids=["position", "velocity", "engine", "case"],
 )
 def test_series_with_another_error_engine_or_case_are_not(other):
-    assert find_leaders([series_at("Newton", FLOORED), other]) == {(0, 2): (0, 2), (1, 2): (1, 2)}
+    assert leaders(series_at("Newton", FLOORED), other) == {(0, 2): (0, 2), (1, 2): (1, 2)}
 
 
 def test_a_series_without_a_floor_of_a_kind_does_not_stand_for_one_with_it():
     """Velocities of the first still fall, and pass those of the second by chance."""
     falling = {**FLOORED, "velocity": (1.6e-3, 4e-4, 1e-4, 2.5e-5, 6e-6)}
-    found = find_leaders([series_at("Newton", falling), series_at("CG", FLOORED)])
+    found = leaders(series_at("Newton", falling), series_at("CG", FLOORED))
     assert found == {(0, 2): (0, 2), (1, 2): (1, 2)}
+
+
+def test_a_series_that_a_halving_does_not_leave_is_at_no_floor_of_another():
+    """Its step changes it, though it has the errors of one that it leaves."""
+    every = [series_at("Newton", FLOORED), series_at("CG", FLOORED)]
+    moved = [
+        replace(row, errors={k: 3 * v for k, v in row.errors.items()})
+        for row in every[1].own_halvings(2)
+    ]
+    assert find_leaders(every, {(0, 2): every[0].own_halvings(2), (1, 2): moved}) == {
+        (0, 2): (0, 2)
+    }
