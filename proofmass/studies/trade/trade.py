@@ -7,10 +7,10 @@ Free motions are disturbed first: errors of chaotic ones are judged up to where 
 something. Then every convergence series is refined, each setting run once for its errors, until the
 errors fall no further. The settings that may be on the Pareto front, and the engine's defaults,
 with which they are compared, are run once more for their time, and those that may be on it then in
-more rounds. Where a series may be at an error floor, its step
-is halved twice, and each possible cause is varied separately; so it is where a series shows another
-order than theory expects.  Series of a case and engine that end with the same errors are at one
-floor, and the first of them is examined for all.
+more rounds. Where a series may be at an error floor, its step is halved twice, and each possible
+cause is varied separately; so it is where a series shows another order than theory expects. Series
+of a case and engine that are at a floor with the same errors are at one floor: causes are varied in
+the first of them.
 """
 
 import json
@@ -59,7 +59,7 @@ SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
 Halved = dict[SeriesPlace, list[StudyRow]]
 Leaders = dict[SeriesPlace, SeriesPlace]
-"""Of each setting that may be at a floor the first one at the same floor, which is examined."""
+"""Of each setting at a floor the first one at the same floor, in which causes are changed."""
 
 
 @dataclass(frozen=True)
