@@ -53,8 +53,8 @@ Beside the chosen setting {count} random ones of the same engine and drive: half
 all integrators, steps, `solref`, `solimp`, solvers, iterations and tolerances of MuJoCo, or steps,
 iterations and `error_bias` of pymunk; half with one to three of these parameters different from
 the chosen ones. *As good* are those whose program is no more off than the chosen one's. They are
-timed in turn, {rounds} times; the four with the least times are timed in pairs with the chosen one,
-each first in every other pair, and *cheapest* is the least median of the ratios of {pairs} pairs.
+timed in turn, {rounds} times. The four with the least times are then timed in {pairs} pairs with
+the chosen one, each first in every other pair; *cheapest* is the least of their four median ratios.
 
 | case | engine | drive | error | settings | ran in time | as good | cheapest | its setting |
 |---|---|---|---|---|---|---|---|---|"""

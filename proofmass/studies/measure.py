@@ -327,8 +327,7 @@ def write_missing_reference(task: StudyRun, file: Path) -> None:
             lost[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
         else:
             if isinstance(found, Measurement):
-                words = f"{found.outcome}: {found.message}" if found.message else found.outcome
-                lost[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=words)
+                lost[file] = replace(found, message=f"its reference: {found.message}")
 
 
 def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:

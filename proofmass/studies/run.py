@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil, isnan
 from pathlib import Path
 
+from proofmass.case import Case
 from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, measure_task
 from proofmass.studies.record import NAN, Setting, StudyRow
@@ -169,9 +170,14 @@ def referred(tasks: Iterable[StudyRun], store: Store) -> list[StudyRun]:
     return found
 
 
+def is_shared(case: Case, kind: Kind) -> bool:
+    """Whether all settings of a run have one reference: that of a free motion without rods."""
+    return kind == "dynamics" and not case.drive and not case.rod
+
+
 def reference_of(task: StudyRun, store: Store) -> Path | None:
     """Where the reference of a free motion is kept, which all settings have in common."""
-    if task.run != "dynamics" or task.case.drive or task.case.rod:
+    if not is_shared(task.case, task.run):
         return None
     return store.folder / f"{key_of(replace(task, setting=Setting('mujoco')))}.reference.npz"
 

@@ -1,6 +1,7 @@
 """What a run of a study gives: errors as shares of a range, invariants, failures, wall times."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -319,3 +320,30 @@ def test_without_pinning_runs_are_not_said_to_be_pinned(monkeypatch):
     with own_core() as none:
         assert none is None
     assert not seen(0.01).pinned
+
+
+@pytest.mark.parametrize(
+    ("error", "outcome", "message"),
+    [
+        (TimedOut("no answer in 600 s"), "timed out", "its reference: no answer in 600 s"),
+        (InputError(Path("a"), "", "a stop is met"), "no reference", "a stop is met"),
+    ],
+)
+def test_a_reference_that_fails_is_tried_once_and_a_time_limit_is_no_verdict(
+    error, outcome, message, monkeypatch, tmp_path
+):
+    """One that took too long is told as such, so that a later study tries it again."""
+    asked = []
+
+    def fail(function, *args, **limits):
+        asked.append(function.__name__)
+        raise error
+
+    monkeypatch.setattr(measure, "isolated", fail)
+    monkeypatch.setattr(measure, "lost", {})
+    released = load_case(shipped("fourbar_released.toml"))
+    task = StudyRun(released, "dynamics", EULER, reference=tmp_path / "a.reference.npz")
+    for _ in range(2):
+        found = measure.measure_task(task, False, 30.0)
+        assert (found.outcome, found.message) == (outcome, message)
+    assert asked == ["write_reference"]

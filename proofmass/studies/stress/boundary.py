@@ -153,6 +153,11 @@ class Boundary(VariedRange):
         """Whether there are several boundaries, since a value beyond the first one holds again."""
         return self.again == self.again
 
+    @property
+    def last(self) -> str:
+        """The last value that held again, without its unit."""
+        return number(self.reach) if self.again == self.reach else exactly(self.again)
+
     def format_measured(self, digits: int = 3) -> str:
         """The boundary in words, without its unit; of several the first and the last.
 
@@ -162,7 +167,7 @@ class Boundary(VariedRange):
         '2 to 2.5'
         """
         if self.several:
-            return f"{exactly(self.breaks)} to {exactly(self.again)}"
+            return f"{exactly(self.breaks)} to {self.last}"
         return number(self.measured, digits)
 
     @property

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from proofmass.report.case_data import finite
 from proofmass.report.marks import MARKS, Tone
-from proofmass.studies.stress.boundary import DIGITS, Boundary, BoundaryKind
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, exactly
 from proofmass.wording import number, pretty, spoken
 
 
@@ -92,11 +92,11 @@ def solver_of(one: Boundary) -> str:
     return engine if one.setting == engine else f"{engine}, {one.setting}"
 
 
-def with_unit(one: Boundary, value: float, digits: int = 3) -> str:
+def with_unit(one: Boundary, value: str) -> str:
     """A value of the parameter in words."""
     if one.unit == "times":
-        return f"× {number(value, digits)}"
-    return number(value, digits) + ("" if one.unit == "1" else f" {pretty(one.unit)}")
+        return f"× {value}"
+    return value + ("" if one.unit == "1" else f" {pretty(one.unit)}")
 
 
 def measured(one: Boundary) -> str:
@@ -121,19 +121,24 @@ def sentence(one: Boundary) -> str:
     """
     way = "down" if one.reach < one.start else "up"
     if one.holds != one.holds:
-        words = f"Does not hold at {with_unit(one, one.start)}, the first value: {one.ending}."
-    elif one.found:
         words = (
-            f"Holds {way} to {with_unit(one, one.holds)} and fails at "
-            f"{with_unit(one, one.breaks)}: {one.ending}."
+            f"Does not hold at {with_unit(one, number(one.start))}, the first value: {one.ending}."
+        )
+    elif one.found:
+        told = exactly if one.several else number
+        words = (
+            f"Holds {way} to {with_unit(one, told(one.holds))} and fails at "
+            f"{with_unit(one, told(one.breaks))}: {one.ending}."
         )
         if one.several:
-            last = with_unit(one, one.again, DIGITS)
+            last = with_unit(one, one.last)
             words += f" Beyond, some values hold and others do not, up to {last}."
     elif one.unknown:
-        words = f"Held {way} to {with_unit(one, one.holds)}; not known beyond: {one.why}."
+        words = f"Held {way} to {with_unit(one, number(one.holds))}; not known beyond: {one.why}."
     else:
-        words = f"Holds {way} to {with_unit(one, one.reach)}, the last value that was tried."
+        words = (
+            f"Holds {way} to {with_unit(one, number(one.reach))}, the last value that was tried."
+        )
     return words + theory(one)
 
 
@@ -145,4 +150,4 @@ def theory(one: Boundary) -> str:
     if not isfinite(one.theory) or not one.theory:
         return f" Theory: no limit{law}."
     of = f", of which it is {number(one.ratio, 4)}" if one.ratio == one.ratio else ""
-    return f" Theory: {with_unit(one, one.theory, 4)}{of}{law}."
+    return f" Theory: {with_unit(one, number(one.theory, 4))}{of}{law}."

@@ -7,7 +7,7 @@ to be cheaper than what is good enough already.  The cheapest settings are then 
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ from proofmass.solve import prescribed_run
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import MOMENT, Progress, reference_of, run
+from proofmass.studies.run import MOMENT, Progress, is_shared, reference_of, run
 from proofmass.studies.store import Store, key_of, once
 from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
@@ -234,7 +234,7 @@ def search(
         All settings that were measured.
     """
     found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
-    longest, one_reference = limits.longest, not case.drive and not case.rod
+    longest = limits.longest
     timeout = longest + REFERENCE_TIMES * cached_reference_seconds(case, store)
     while tasks := [
         task
@@ -257,7 +257,7 @@ def search(
         )
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
-        if one_reference and any(row.outcome == Outcome.NO_REFERENCE for row in rows):
+        if is_shared(case, "dynamics") and any(row.outcome == Outcome.NO_REFERENCE for row in rows):
             break  # all settings have the same one
     rows = [row for family in found for row in family.rows]
     cheap = cheapest(rows, of, needed)
@@ -291,9 +291,8 @@ def search(
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
 
 
-def to_compare(plain: Iterable[StudyRow], of: str, needed: float) -> StudyRow:
+def to_compare(plain: Sequence[StudyRow], of: str, needed: float) -> StudyRow:
     """Of an engine's defaults the cheapest step that is good enough, or else the closest one."""
-    plain = list(plain)
     good = [row for row in plain if error(row, of) <= needed]
     if good:
         return min(good, key=lambda row: row.seconds)

@@ -243,7 +243,7 @@ def trade(
     finer = halve(every, store, workers, longest, progress)
     leaders = find_leaders(every, finer)
     perturbed = perturb(every, leaders, store, workers, longest, progress)
-    disturbed = disturb(every, finer, perturbed, store, workers, longest)
+    disturbed = disturb(every, leaders, finer, perturbed, store, workers, longest)
     return Trade(
         rows,
         [
@@ -301,12 +301,10 @@ def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
     They are so if all errors that are at a floor are the same, to `SAME`, and are at one in both
     series.
     """
+    kinds = {(n, k): left_kinds(every[n], k, rows) for (n, k), rows in finer.items()}
     found: Leaders = {}
-    for (n, k), rows in finer.items():
-        kinds = left_kinds(every[n], k, rows)
+    for n, k in filter(kinds.__getitem__, kinds):
         own = every[n].measured.rows[k].errors
-        if not kinds:
-            continue
         found[n, k] = next(
             (
                 (m, j)
@@ -315,10 +313,10 @@ def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
                 for other in (every[m],)
                 if other.case is every[n].case
                 and other.series.engine == every[n].series.engine
-                and kinds <= left_kinds(other, j, finer[m, j])
+                and kinds[n, k] <= kinds[m, j]
                 and all(
                     isclose(own[kind], other.measured.rows[j].errors[kind], rel_tol=SAME)
-                    for kind in kinds
+                    for kind in kinds[n, k]
                 )
             ),
             (n, k),
@@ -431,6 +429,7 @@ def perturb(
 
 def disturb(
     every: list[CaseSeries],
+    leaders: Leaders,
     finer: Halved,
     perturbed: PerturbedRows,
     store: Store,
@@ -446,12 +445,11 @@ def disturb(
     }
     places |= {
         (n, k)
-        for n, k in finer
+        for n, k in leaders.values()
         for one in (every[n],)
-        if one.run == "dynamics" and (n, k) in perturbed
-        for kind in one.floors()
-        if left(one, k, kind, finer[n, k])
-        and judge(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0] == UNKNOWN
+        if one.run == "dynamics"
+        for kind in left_kinds(one, k, finer[n, k])
+        if judge(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0] == UNKNOWN
     }
     futures = {
         place: workers.submit(rounding, every[place[0]].task(place[1]), store, longest)

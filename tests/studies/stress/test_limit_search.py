@@ -16,7 +16,7 @@ from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress import limit_search
-from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
 from proofmass.studies.stress.command import reached
 from proofmass.studies.stress.limit_search import LimitSearch, StressedCase, find_several, rounded
 from proofmass.studies.stress.page_data import sentence
@@ -223,3 +223,34 @@ def test_a_first_boundary_within_the_last_digit_is_told_as_a_value_that_fails():
     assert breaks == 1.777
     assert again == rounded(again)
     assert (test(holds), test(breaks), test(again)) == (None, GONE, None)
+
+
+def test_the_limit_as_it_is_printed_is_looked_beside():
+    """1.99 is printed, of 1.985 and 2: 2 % before it a value fails, and 2 % before 2 none does."""
+
+    def test(x: float) -> Failure | None:
+        return GONE if 1.949 <= x < 1.953 or x >= 2.0 else None
+
+    holds, breaks, _, again = find_several(test, 1.0, 9.0, 1.985, 2.0, GONE)
+    assert breaks == 1.951
+    assert again == 1.985
+    assert test(holds) is None
+
+
+def test_what_only_more_digits_tell_is_printed_with_them():
+    """Of 1.77634 both neighbours in four digits hold."""
+
+    def test(x: float) -> Failure | None:
+        return GONE if 1.7763 < x < 1.7764 or x >= 2.5 else None
+
+    holds, breaks, failure, again = find_several(test, 1.7, 9.0, 1.7763, 1.77634, GONE)
+    found = Boundary("", "", "", "step", "s", 1.7, 9.0, holds, breaks, failure="gone", again=again)
+    assert failure == GONE
+    assert reached(found).startswith("1.77634 to ")
+    assert "fails at 1.77634 s" in sentence(found)
+
+
+def test_the_last_value_that_was_tried_is_printed_as_where_nothing_fails():
+    """1e12 times 6.5797 is a value that nobody chose by its digits."""
+    found = Boundary("", "", "", "k", "1", 6.5797, 6.579736e12, 1.3e10, 1.341e10, again=6.579736e12)
+    assert reached(found) == "1.341e10 to 6.58e12"

@@ -5,10 +5,20 @@ from dataclasses import replace
 import pytest
 
 from benchmarks import ROOT
-from benchmarks.limits import CONFIRMED, confirm, is_confirmed, kept_cells, printed_limits, rows_of
+from benchmarks.limits import (
+    CONFIRMED,
+    PrintedLimit,
+    confirm,
+    is_confirmed,
+    kept_cells,
+    printed_limits,
+    rows_of,
+    try_sides,
+)
 from benchmarks.stress import with_rows
 from proofmass.studies.store import Store
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
+from proofmass.studies.stress.limit_search import LimitSearch
 
 PAGE = """
 ## pendulum
@@ -56,6 +66,18 @@ def test_several_boundaries_that_are_wrong_are_found(factors, result, tmp_path):
     first, last = (factor * one.value for factor in factors)
     (found,) = confirm([replace(one, value=first, again=last)], Store(tmp_path))
     assert found.result == result
+
+
+@pytest.mark.parametrize(("again", "result"), [(16.0, CONFIRMED), (15.0, "holds beyond it")])
+def test_beyond_the_last_value_that_stress_tries_nothing_must_fail(again, result):
+    """Values from 3.9 to 4.3 fail, and no others."""
+
+    def trial(x: float) -> TrialResult:
+        return TrialResult(Failure("gone", BoundaryKind.UNSTABLE) if 3.9 <= x < 4.3 else None)
+
+    search = LimitSearch("", "", "", "", "s", 1.0, 16.0, trial)
+    limit = PrintedLimit("", "", "", "", 3.9, f"3.9 to {again:g} s", again)
+    assert try_sides(limit, search).result == result
 
 
 def test_the_rows_are_of_the_limits_that_are_printed_now():

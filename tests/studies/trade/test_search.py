@@ -18,7 +18,13 @@ from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import search as module
 from proofmass.studies.trade.program import ProgramRun
-from proofmass.studies.trade.search import SettingFamily, families, finer_for_drives, search
+from proofmass.studies.trade.search import (
+    SettingFamily,
+    families,
+    finer_for_drives,
+    search,
+    to_compare,
+)
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import Check, other_drives
 from tests.shipped import shipped
@@ -337,3 +343,14 @@ def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path)
     assert len(rows) == len(list(families(case, "pymunk")))
     assert {row.outcome for row in rows} == {"no reference"}
     assert all("elbow" in row.message and row.steps == 0 for row in rows)
+
+
+def test_of_the_defaults_the_cheapest_good_step_is_compared_with_or_the_closest() -> None:
+    def row(error: float, seconds: float) -> StudyRow:
+        return StudyRow(
+            "", "", "", "", "", "", 1.0, errors={"position": error}, seconds=seconds, outcome="ran"
+        )
+
+    rows = [row(1e-3, 1.0), row(1e-5, 3.0), row(1e-4, 2.0)]
+    assert to_compare(rows, "position", 1e-4) is rows[2]
+    assert to_compare(rows, "position", 1e-6) is rows[1]
