@@ -132,9 +132,10 @@ def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]
 
     The integration of a free linkage takes longer than most runs that are compared with it.
     """
-    if (key := key_of(case, kind, curves)) not in cached:
-        cache_reference(key, reference_for(case, kind, curves).channels)
-    return cached[key]
+    key = key_of(case, kind, curves)
+    found = cached.pop(key) if key in cached else reference_for(case, kind, curves).channels
+    cache_reference(key, found)
+    return found
 
 
 def key_of(case: Case, kind: Kind, curves: Curves) -> Key:
@@ -144,7 +145,7 @@ def key_of(case: Case, kind: Kind, curves: Curves) -> Key:
 
 
 def cache_reference(key: Key, channels: dict[str, Array]) -> None:
-    """Remember a reference in this process, and forget the oldest one."""
+    """Remember a reference in this process, and forget the one that was not used the longest."""
     while len(cached) >= CACHED:
         del cached[next(iter(cached))]
     cached[key] = channels

@@ -22,13 +22,13 @@ from proofmass.case import Case
 from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, measure_task
 from proofmass.studies.record import NAN, Setting, StudyRow
-from proofmass.studies.store import Store, key_of
+from proofmass.studies.store import Store
 from proofmass.worker import stopping
 
 Progress = Callable[[str, int, int], None]
 Unit = tuple[str, int]  # the key of a task, and the number of a repeat; 0 is the run for errors
 CONNECT = "10s"
-SPAN = 0.5
+SPAN = 0.3
 """Wall time of repeats together [s] that tells a run's time: what disturbs a run for a moment, such
 as an interrupt or another process, takes a small share of so long a time."""
 MOMENT = 0.1
@@ -126,7 +126,7 @@ def run(
             )
     tasks = referred(tasks, store)
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # each key compiles a model in a worker
-        keys = list(threads.map(lambda task: task.key or key_of(task), tasks))
+        keys = list(threads.map(store.key, tasks))
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     again = set(keys) if repeated is None else {keys[k] for k in repeated}
     rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(again))
@@ -154,7 +154,7 @@ def repeats_needed(seconds: float, repeats: int) -> int:
     """How often a run that took so long [s] is repeated.
 
     >>> [repeats_needed(seconds, 5) for seconds in (0.01, 0.2, 1.5)]
-    [5, 2, 1]
+    [5, 1, 1]
     """
     return min(repeats, max(1, ceil(SPAN / seconds) - 1)) if seconds >= MOMENT else repeats
 
@@ -179,7 +179,8 @@ def reference_of(task: StudyRun, store: Store) -> Path | None:
     """Where the reference of a free motion is kept, which all settings have in common."""
     if not is_shared(task.case, task.run):
         return None
-    return store.folder / f"{key_of(replace(task, setting=Setting('mujoco')))}.reference.npz"
+    first = replace(task, setting=Setting("mujoco"), key="")
+    return store.folder / f"{store.key(first)}.reference.npz"
 
 
 @dataclass

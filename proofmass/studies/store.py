@@ -50,9 +50,20 @@ class Store:
     def __init__(self, folder: Path | str):
         self.folder = Path(folder).absolute()
         self.folder.mkdir(parents=True, exist_ok=True)
+        self.keys: dict[tuple[int, int, str], tuple[Case, str]] = {}
         for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
             if time.time() - half.stat().st_mtime > ABANDONED:
                 half.unlink()
+
+    def key(self, task: StudyRun) -> str:
+        """The key of a task, found once for each run and setting of a case."""
+        if task.key:
+            return task.key
+        case, changed = task.case, task.case.model_path.stat().st_mtime_ns
+        place = id(case), changed, f"{task.run} {task.setting}"
+        if place not in self.keys:
+            self.keys[place] = case, key_of(task)  # with the case, so that no other has its number
+        return self.keys[place][1]
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
         """What a run gave; None if it was not made, or was given up after less than `timeout`."""

@@ -25,6 +25,7 @@ from proofmass.solve import simulate
 from proofmass.strict import Kind
 from proofmass.studies import measure
 from proofmass.studies.measure import (
+    CACHED,
     StudyRun,
     cached_reference,
     not_finite,
@@ -112,6 +113,19 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
     os.utime(case.model_path, (0, 0))
     cached_reference(case, "dynamics", curves)
     assert len(asked) == 4
+
+
+def test_a_reference_that_is_asked_for_again_and_again_is_kept(monkeypatch):
+    case, x = FOURBAR, grid(FOURBAR, "dynamics")
+    value, rate, acceleration = driven(case, "dynamics", x)
+    monkeypatch.setattr(measure, "cached", {})
+    asked = cached_reference(case, "dynamics", Curves(x, {}, drive=(value, rate, acceleration)))
+    for k in range(2 * CACHED):
+        own = value + 1e-6 * (k + 1), rate, acceleration
+        cached_reference(case, "dynamics", Curves(x, {}, drive=own))
+        again = Curves(x, {}, drive=(value, rate, acceleration))
+        assert cached_reference(case, "dynamics", again) is asked
+        assert len(measure.cached) <= CACHED
 
 
 def test_curves_that_are_constant_have_no_share():

@@ -135,6 +135,26 @@ def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
     assert {key_of(task) for task in same} == {key_of(TASK)}
 
 
+def test_a_store_finds_each_key_once_and_anew_where_the_model_was_changed(
+    tmp_path, models, edit, monkeypatch
+):
+    def count(task):
+        asked.append(task)
+        return key_of(task)
+
+    asked: list[StudyRun] = []
+    monkeypatch.setattr(stores, "key_of", count)
+    store, own = Store(tmp_path / "store"), tasks(models)
+    for _ in range(2):
+        for task in own:
+            assert store.key(task) == key_of(task)
+            assert store.key(replace(task, study="choose")) == key_of(task)
+    assert len(asked) == len(own)
+    assert store.key(replace(own[0], key="known")) == "known"
+    edit("pendulum.xml", 'pos="0 -1 0" mass="1"', 'pos="0 -1.001 0" mass="1"')
+    assert store.key(own[0]) == key_of(own[0]) != key_of(TASK)
+
+
 def test_keys_tell_apart_what_matters(models, edit, monkeypatch):
     def key(**changed):
         return key_of(replace(TASK, case=TASK.case.model_copy(update=changed)))

@@ -256,9 +256,8 @@ class Driver:
             q = advance(self.tree, q, -inverse @ gap)
         raise CannotAssemble(f"the equalities stay open by {np.abs(gap).max():.3g}")
 
-    def moved(self, q: Array, values: Array) -> Array:
-        """The closed pose at new values of the drives, in strides along the branch."""
-        q, tangent = self.placed(q, q[self.places])
+    def moved(self, q: Array, tangent: Array, values: Array) -> tuple[Array, Array]:
+        """The closed pose at new values of the drives, in strides along the branch; the tangent."""
         share, done = 1.0, q[self.places]
         while (left := np.abs((values - done) / self.sizes[self.dofs]).max()) > 0:
             part = min(1.0, share * STRIDE / left)
@@ -278,15 +277,15 @@ class Driver:
             else:
                 at = ", ".join(f"{value:.6g}" for value in done)
                 raise SingularHere(f"no further than the drives at {at}: a limit position")
-        return q
+        return q, tangent
 
-    def rates(self, q: Array, rate: Array, acceleration: Array) -> tuple[Array, Array, Array]:
-        """Rates, accelerations and the tangent at a closed pose."""
-        _, inverse = self.solved(q, self.still)
-        rows = inverse.shape[1] - self.dofs.size
-        v = inverse[:, rows:] @ rate
+    def rates(
+        self, q: Array, tangent: Array, rate: Array, acceleration: Array
+    ) -> tuple[Array, Array]:
+        """Rates and accelerations at a closed pose with its tangent."""
+        v = tangent @ rate
         terms, inverse = self.solved(q, v)
-        return v, inverse @ np.append(terms.drift, acceleration), inverse[:, rows:]
+        return v, inverse @ np.append(terms.drift, acceleration)
 
 
 def driven_motion(
@@ -307,13 +306,15 @@ def driven_motion(
         The start pose is open; or the drives do not determine the motion, or lead no further.
     """
     q, _, gap = Holder(tree, source).start()
-    driver, poses = Driver(tree, source, joints), list[Array]()
+    driver, poses, tangents = Driver(tree, source, joints), list[Array](), list[Array]()
+    q, tangent = driver.placed(q, q[driver.places])
     for value in values:
-        q = driver.moved(q, value)
+        q, tangent = driver.moved(q, tangent, value)
         poses.append(q)
-    parts = [driver.rates(*one) for one in zip(poses, rates, accelerations, strict=True)]
-    v, a, tangents = (np.array(part) for part in zip(*parts, strict=True))
-    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations), tangents
+        tangents.append(tangent)
+    parts = [driver.rates(*one) for one in zip(poses, tangents, rates, accelerations, strict=True)]
+    v, a = (np.array(part) for part in zip(*parts, strict=True))
+    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations), np.array(tangents)
 
 
 def begin(holder: Holder, t: float, q: Array, v: Array, end: float) -> "DOP853":

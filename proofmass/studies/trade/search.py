@@ -282,6 +282,7 @@ def search(
             row.series,
             row.varied,
             row.value,
+            key=row.key,
         )
         for row in timed
     ]
