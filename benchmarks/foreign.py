@@ -1,38 +1,155 @@
-"""What becomes of models of anybody, without a sidecar: a table of model, outcome and message.
+"""How far the motions of anybody's models are known: the rungs of all MJCF files in a folder.
 
-    uv run python -m benchmarks.foreign FOLDER
+    python -m benchmarks.foreign FOLDER [FILE] [--quick]
 
-Each ``.xml`` below the folder is loaded and stepped for 0.1 s, as `proofmass check` does.  The
-public repository of MuJoCo has such folders, ``model`` and ``test``; files that are only parts of
-others are among them.
+For each file that MuJoCo compiles it prints what `proofmass check` says of a model without a
+sidecar, and writes a table of them into FILE.  The time until which a motion is known is tried
+with a method that was not asked for it: RK4 with 1/32 of the model's step, in MuJoCo alone, must
+stay until then within twice what two ways may differ by.
 """
 
 import sys
-from collections import Counter
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from proofmass.check import step_unchecked
-from proofmass.errors import InputError
+import numpy as np
+
+from benchmarks import command
+from proofmass.check import FOLLOWED, OWN, OWN_TIMEOUT, SAMPLES
+from proofmass.engines import engine_of
+from proofmass.ladder import WITHIN, Rung, why_lost
+from proofmass.sim.protocol import BadModel, OwnMotion
+from proofmass.wording import number
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
+
+FINER = 32
+TRIED = 40.0
+"""Wall time of the other method [s]."""
+BALL = '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+COLUMNS = (
+    *("model", "outcome", "known until [s]", "as it is, off by", "known to"),
+    *("a disturbance grows", "stiffer moves it by", "RK4 agrees until [s]", "wall [s]"),
+)
+HEAD = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|\n"
 
 
-def outcome(model: Path) -> tuple[str, str]:
-    """What comes of a model, and why; bad input is what the engine or proofmass refuses."""
+@dataclass(frozen=True)
+class Told:
+    """What is told of a model: cells of its row, its words, and whether RK4 agrees until T."""
+
+    cells: tuple[str, ...]
+    words: str
+    agrees: bool | None = None
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?")
+    parser.add_argument("file", type=Path, nargs="?")
+    given = parser.parse_args(argv)
+    if given.quick:
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "ball.xml"
+            file.write_text(BALL)
+            print("".join(table([(file.name, look(file))])))
+        return
+    if given.folder is None or not given.folder.is_dir():
+        parser.error("give a folder with MJCF files")
+    files = sorted(given.folder.rglob("*.xml"))
+    with ThreadPoolExecutor(2) as pool:
+        found = []
+        for file, told in zip(files, pool.map(look, files), strict=True):
+            found.append((str(file.relative_to(given.folder)), told))
+            print(f"{found[-1][0]}: {' | '.join(told.cells)}\n    {told.words}", file=sys.stderr)
+    text = "".join(table(found))
+    print(text)
+    if given.file:
+        given.file.write_text(text, encoding="utf-8")
+
+
+def table(found: Sequence[tuple[str, Told]]) -> Iterator[str]:
+    """All rows, and how many there are of each kind."""
+    compiled = [told for _, told in found if told.cells[0] != "does not compile"]
+    asked = [told for told in compiled if told.agrees is not None]
+    known = sum(told.cells[0] == "self-consistent" for told in compiled)
+    yield f"{len(compiled)} of {len(found)} compile, {known} of these are self-consistent for some "
+    yield f"time. RK4 agrees until then in {sum(bool(told.agrees) for told in asked)} of the "
+    yield f"{len(asked)} that it could be asked of.\n\n{HEAD}"
+    for name, told in found:
+        yield f"| {name} | {' | '.join(told.cells)} |\n"
+
+
+def look(file: Path) -> Told:
+    """What is told of a model, in a worker."""
+    began = time.perf_counter()
     try:
-        (found,) = step_unchecked(model)
-    except InputError as error:
-        return "refused", error.wrong
-    return found.outcome, found.message
+        return isolated(told_here, file, timeout=OWN_TIMEOUT + 2 * TRIED)
+    except BadModel as error:
+        return Told(("does not compile", *7 * ("",)), str(error)[:200])
+    except (Crashed, TimedOut, OutOfMemory) as error:
+        seconds = number(time.perf_counter() - began, 2)
+        return Told((type(error).__name__, *6 * ("",), seconds), str(error))
 
 
-def main(folder: Path) -> None:
-    """Print the table, and how often each outcome stands in it."""
-    counts = Counter[str]()
-    for model in sorted(folder.rglob("*.xml")):
-        word, message = outcome(model)
-        counts[word] += 1
-        print(f"{model.relative_to(folder)} | {word} | {message}", flush=True)
-    print(", ".join(f"{count} {word}" for word, count in counts.most_common()))
+def told_here(file: Path) -> Told:
+    """What is told of a model, in this process."""
+    began = time.perf_counter()
+    motion = engine_of("mujoco").own_motion(file, FOLLOWED, SAMPLES, OWN)
+    seconds = number(time.perf_counter() - began, 2)
+    if lost := why_lost(motion):
+        return Told(("diverged", *6 * ("",), seconds), lost)
+    rung = Rung(motion)
+    grown = number(rung.growth, 2)
+    if not rung.consistent:
+        return Told(("unchecked", *3 * ("",), grown, "", "", seconds), rung.words())
+    agreed = agrees_until(file, motion, rung) if motion.freedoms else None
+    cells = (
+        "self-consistent",
+        number(rung.until, 3),
+        rung.length(rung.error(motion.runs[0])),
+        rung.length(rung.known),
+        grown,
+        "" if np.isnan(rung.softness) else rung.length(rung.softness),
+        "" if agreed is None else number(agreed, 3),
+        seconds,
+    )
+    return Told(cells, rung.words(), None if agreed is None else agreed >= rung.until)
+
+
+def agrees_until(file: Path, motion: OwnMotion, rung: Rung) -> float | None:
+    """Until when RK4 with a small step, in MuJoCo alone, is where the best way is [s].
+
+    None where it takes too long.
+    """
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    if model.nkey:
+        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "start")
+        mujoco.mj_resetDataKeyframe(model, data, max(0, key))
+    per_sample = round(float(motion.times[1]) / model.opt.timestep) * FINER
+    model.opt.timestep /= FINER
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    moving = model.body_weldid[: model.nbody] > 0
+    began, until = time.perf_counter(), 0.0
+    for k in range(rung.last + 1):
+        for _ in range(per_sample if k else 0):
+            mujoco.mj_step(model, data)
+            if time.perf_counter() - began > TRIED:
+                return None
+        mujoco.mj_kinematics(model, data)
+        centres = rung.best.points[k, :, 0]
+        off = np.linalg.norm(data.xipos[moving] - centres, axis=-1).max(initial=0.0)
+        if not off <= 2 * WITHIN * rung.sizes[k]:
+            return until
+        until = float(motion.times[k])
+    return until
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main()

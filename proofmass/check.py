@@ -6,28 +6,34 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExec
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
-
-import numpy as np
+from typing import cast
 
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare, with_reference
 from proofmass.diagnosis import Diagnosis, describe_loss, find_causes
+from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model
+from proofmass.ladder import Rung, why_lost
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, GOOD, LOST, OPEN, Outcome
 from proofmass.reference import grid
 from proofmass.refined import Finer, Ran, RefinedRow, errors, refinements
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import NATIVE
-from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
-from proofmass.solve import run_here, simulate
+from proofmass.sim.protocol import BadModel, Curves, Diverged, Unsupported
+from proofmass.solve import run_here
 from proofmass.strict import Kind
 from proofmass.validate import validate
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
 
 CheckTask = tuple[Case, Kind, str] | Finer | Path
 LOADING = 60.0  # [s] until the reading of a sidecar is given up
+OWN = 36.0
+"""Wall time of all ways to solve the motion of a model without a sidecar [s]."""
+OWN_TIMEOUT = 90.0
+"""Wall time after which they are given up [s]: a step of a large model may take long."""
+FOLLOWED, SAMPLES = 1.0, 101
+"""How long it is followed [s], and at how many moments the ways are compared."""
 CAUSES = 60.0  # [s] until the search for the causes of one run's differences is given up
 
 
@@ -275,20 +281,47 @@ def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> Input
     )
 
 
-def step_unchecked(model: Path) -> list[Comparison]:
-    """Load and step a model that has no sidecar; it is listed, not judged."""
-    run, cost = Run("passive", np.linspace(0, 0.1, 2), ()), dict[str, Any]()
+def check_model(model: Path) -> list[Comparison]:
+    """Tell the rung of a model that has no sidecar, see `proofmass.ladder`."""
     try:
-        curves = isolated(simulate, NATIVE, model, run, timeout=60.0)
-        outcome, message = Outcome.UNCHECKED, "no sidecar; it loads and steps"
-        cost = {"seconds": curves.seconds, "steps": curves.steps, "violation": curves.violation}
+        return [isolated(rung_of, model, timeout=OWN_TIMEOUT)]
     except BadModel as error:
         raise in_model(model, error) from None
     except tuple(FAILURES) as error:
         outcome, message = FAILURES[type(error)], str(error)
-    return [
-        Comparison(model.stem, NATIVE, "dynamics", "", "", outcome=outcome, message=message, **cost)
-    ]
+    return [Comparison(model.stem, NATIVE, "dynamics", "", "", outcome=outcome, message=message)]
+
+
+def rung_of(model: Path) -> Comparison:
+    """Do what `check_model` does, in this process.
+
+    The comparison's error is that of the model's own run, `at` the time until which it is known.
+    """
+    motion = engine_of(NATIVE).own_motion(model, FOLLOWED, SAMPLES, OWN)
+    own = motion.runs[0]
+    found = Comparison(
+        model.stem,
+        NATIVE,
+        "dynamics",
+        "",
+        "m",
+        seconds=own.seconds,
+        steps=round(float(motion.times[len(own.points) - 1]) / own.step),
+        violation=float(own.gap.max(initial=0.0)),
+    )
+    if lost := why_lost(motion):
+        return replace(found, outcome=Outcome.DIVERGED, message=lost)
+    rung = Rung(motion)
+    if not rung.consistent:
+        return replace(found, outcome=Outcome.UNCHECKED, message=rung.words())
+    return replace(
+        found,
+        error_max=rung.error(own),
+        at=rung.until,
+        uncertainty=rung.known,
+        outcome=Outcome.SELF_CONSISTENT,
+        message=rung.words(),
+    )
 
 
 def check(
@@ -512,7 +545,7 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
 def one_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:
     """A run of a case, or a look at a model without a sidecar."""
     if isinstance(task, Path):
-        return step_unchecked(task), None
+        return check_model(task), None
     hold = partial(compare, detectable=detectable)
     return run_one(*task[:3], hold=errors if isinstance(task, Finer) else hold)
 

@@ -35,6 +35,10 @@ class Outcome(StrEnum):
         "the curve is not known closely enough to tell whether it is within the tolerance",
     )
     UNCHECKED = "unchecked", "no tolerance covers the channel of this solver"
+    SELF_CONSISTENT = (
+        "self-consistent",
+        "two ways of solving the model's own equations agree until a time; nothing else judges it",
+    )
     UNSUPPORTED = "unsupported", "the engine does not deliver the channel in this run"
     DIVERGED = "diverged", "the engine lost the motion, or found no pose"
     CRASHED = "crashed", "the process of the run died, or the engine raised an error"
@@ -50,8 +54,8 @@ class Outcome(StrEnum):
 
 CHECKED = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED)
 """Outcomes of channels that were held against a tolerance."""
-OPEN = (Outcome.UNCHECKED, Outcome.UNSUPPORTED)
-"""Outcomes of channels that were not checked."""
+OPEN = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
+"""Outcomes of channels and models that nothing of their own judges."""
 GOOD = (Outcome.AGREES, *OPEN)
 LOST = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
 """Outcomes of runs that gave no curves.

@@ -18,7 +18,7 @@ from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED, Comparison
 from proofmass.diagnosis import Diagnosis
-from proofmass.outcome import CHECKED, Outcome
+from proofmass.outcome import CHECKED, OPEN, Outcome
 from proofmass.reference import reads_model
 
 KEYS = (
@@ -42,6 +42,7 @@ KEYS = (
 LOOK: dict[str, tuple[str, str]] = {
     Outcome.AGREES: ("✓", "green"),
     Outcome.UNCHECKED: ("·", "dim"),
+    Outcome.SELF_CONSISTENT: ("≈", "cyan"),
     Outcome.UNSUPPORTED: ("–", "dim"),
 }
 FAILED = ("✗", "bold red")
@@ -284,6 +285,9 @@ def failures(result: Result, link: Callable[[Comparison], str] | None = None) ->
             yield Text(f"  {link(c)}", style="dim")
     for case in result.unchecked:
         yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
+    for c in result.comparisons:
+        if c.outcome in OPEN and c.message and not c.channel:
+            yield Text.assemble(mark(c.outcome), f" {c.case}: {c.message}")
     for line in notes(result):
         yield Text(f"· {line}", style="dim")
     for case in result.cases:

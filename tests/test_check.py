@@ -15,8 +15,10 @@ from typer.testing import CliRunner
 from proofmass.check import (
     FAILURES,
     LOADING,
+    OWN_TIMEOUT,
     Result,
     check,
+    check_model,
     collect,
     family_of,
     file_of,
@@ -28,7 +30,6 @@ from proofmass.check import (
     one_task,
     read,
     run_one,
-    step_unchecked,
     stopped,
     tell_apart,
 )
@@ -378,27 +379,30 @@ def test_a_sweep_that_ends_early_says_where(short):
     )
 
 
-def test_a_model_without_a_sidecar_is_stepped_and_not_judged(short, workers):
+def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(short, workers):
     model = short.with_suffix(".xml")
-    (found,) = step_unchecked(model)
-    assert workers[-1] == ("simulate", 60.0, None)
+    (found,) = check_model(model)
+    assert workers[-1] == ("rung_of", OWN_TIMEOUT, None)
     assert (found.case, found.solver, found.run, found.channel, found.unit) == (
         "pendulum",
         "mujoco",
         "dynamics",
         "",
-        "",
+        "m",
     )
-    assert (found.outcome, found.message) == ("unchecked", "no sidecar; it loads and steps")
-    assert found.steps == 100  # a tenth of a second at 1 ms, in one stride
+    assert found.outcome == "self-consistent"
+    assert found.message.startswith("until 1 s, its end, known to ")
+    assert found.at == 1.0
+    assert 0.0 < found.uncertainty < 1e-6  # m
+    assert np.isnan(found.allowed)
+    assert found.steps == 1000  # of 1 ms
     assert found.seconds > 0
-    assert found.violation == 0.0
     for kind, outcome in FAILURES.items():
-        workers.fails["simulate"] = kind("why")
-        (found,) = step_unchecked(model)
+        workers.fails["rung_of"] = kind("why")
+        (found,) = check_model(model)
         assert (found.outcome, found.message) == (outcome, "why")
-    workers.fails["simulate"] = BadModel("pendulum.xml: broken")
-    assert wrong(step_unchecked, model) == ("", "broken")
+    workers.fails["rung_of"] = BadModel("pendulum.xml: broken")
+    assert wrong(check_model, model) == ("", "broken")
 
 
 def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path):
@@ -431,7 +435,7 @@ def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatc
     """And what two runs say alike is said once."""
     lone = short.with_name("fourbar.xml")
     lone.with_suffix(".toml").unlink()
-    workers.fails["simulate"] = OSError("no more files")
+    workers.fails["rung_of"] = OSError("no more files")
     found = check([lone, short])
     (error,) = found.errors
     assert (error.file, error.key) == (lone, "")

@@ -66,6 +66,7 @@ SYMBOLS: dict[str, str] = {
     Outcome.DIFFERS: "✗",
     Outcome.UNDECIDED: "?",
     Outcome.UNCHECKED: "○",
+    Outcome.SELF_CONSISTENT: "≈",
     Outcome.UNSUPPORTED: "–",
     **dict.fromkeys(LOST, "⚠"),
 }

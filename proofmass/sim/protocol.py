@@ -402,6 +402,80 @@ class Curves:
         )
 
 
+@dataclass(frozen=True)
+class OwnRun:
+    """One way to solve the motion of a model by itself.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``Euler, 2 ms``.
+    step : float
+        Its time step [s]; 0 of a way that chooses its steps by itself.
+    seconds : float
+        Wall time [s].
+    points : ndarray (samples, bodies, points, 3)
+        Of each body [m]; fewer samples where it ended early.
+    energy, depth, gap : ndarray (samples,)
+        Energy of the motion and of gravity and springs [J], the deepest penetration of a contact
+        [m], and the largest opening of a loop [m, or rad of some].
+    stopped, late : str, bool
+        Why it ended early, and whether because its wall time was over.
+    """
+
+    name: str
+    step: float
+    seconds: float
+    points: Array
+    energy: Array
+    depth: Array
+    gap: Array
+    stopped: str = ""
+    late: bool = False
+
+
+@dataclass(frozen=True)
+class OwnMotion:
+    """The motion of a model that no sidecar speaks of, solved in several ways.
+
+    Attributes
+    ----------
+    times : ndarray (samples,)
+        [s]
+    extent : float
+        Size of the model [m].
+    runs : tuple of OwnRun
+        With the model's own settings: its step, half of it, a quarter of it, ..; the finer ones may
+        have fewer samples.
+    close, rough : OwnRun
+        By an integrator that chooses its steps, with a narrow and with a wide allowance.
+    compared : int
+        Number of the run that the following one differs from by its start pose.
+    disturbed : OwnRun
+        With a start pose that differs by `disturbance`.
+    others : tuple of OwnRun
+        With other settings and the model's own step.
+    stiffer : OwnRun or None
+        As the run `compared`, with stiffer contacts, loops and limits; None where there are none.
+    freedoms : int
+        Degrees of freedom, without those that loops take away.
+    disturbance : float
+        Of the start pose, as a share of the size [1] and in rad.
+    """
+
+    times: Array
+    extent: float
+    runs: tuple[OwnRun, ...]
+    close: OwnRun
+    rough: OwnRun
+    compared: int
+    disturbed: OwnRun
+    others: tuple[OwnRun, ...]
+    stiffer: OwnRun | None
+    freedoms: int
+    disturbance: float = 1e-9
+
+
 ParameterValue = str | float | int | bool | tuple[float, ...]
 """A value of a setting."""
 ParameterValues = Mapping[str, ParameterValue]
@@ -660,6 +734,17 @@ class Engine:
             `proofmass.errors.InputError`, which names a file of its own that is at fault.
         """
         raise NotImplementedError
+
+    def own_motion(self, model: Path, until: float, samples: int, seconds: float) -> OwnMotion:
+        """Solve the motion of a model that no sidecar speaks of, in several ways.
+
+        For about so long [s], with so many samples, in about so many `seconds` of wall time.
+
+        Raises
+        ------
+        BadModel, Unsupported
+        """
+        raise Unsupported(f"{self.title} runs no model that no sidecar speaks of")
 
     def check_settings(self, settings: Mapping[str, object]) -> None:
         """Raise `BadSetting` if the engine cannot be set so.

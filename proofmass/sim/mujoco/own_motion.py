@@ -1,0 +1,387 @@
+"""A model's own motion, solved in several ways: with finer and finer steps, and without steps.
+
+A model that no sidecar speaks of starts from its key, or from its initial pose, and its actuators
+have the controls of the key.  Its equations are those of MuJoCo, with soft contacts, soft loops and
+limits as they are.  They are solved
+
+* with the model's integrator and step, and with 1/2, 1/4, 1/8, .. of that step;
+* by DOP853, which integrates the accelerations of ``mj_forward`` and chooses its steps by the error
+  that it allows itself, with two allowances;
+* once more with a start pose that differs by 1e-9 of the model's size;
+* with settings that somebody would try: RK4, and contacts and loops that are four times as stiff.
+
+`proofmass.ladder` judges what came of it.
+"""
+
+import copy
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.mjcf import collected_warnings
+from proofmass.sim.mujoco.model import load
+from proofmass.sim.mujoco.settling import lost
+from proofmass.sim.protocol import OwnMotion, OwnRun, Run
+
+NAMES = {"euler": "Euler", "rk4": "RK4"}
+HALVINGS, FEWEST = 6, 3
+SHORT = 1.0  # s
+CLOSE, ROUGH = 1e-9, 1e-6
+"""What DOP853 allows itself, relative and in SI units."""
+DISTURBANCE = 1e-9
+"""Of the start pose, as a share of the model's size and in rad."""
+STIFFER = 4.0
+"""By how much the time constants of contacts and loops are shortened."""
+MANY = 60
+"""Bodies of which three points are watched; of more, one of each."""
+SHARES = {"steps": 0.4, "close": 0.25, "rough": 0.1, "disturbed": 0.1, "others": 0.15}
+"""Of the wall time that all may take."""
+
+
+class OutOfTime(Exception):
+    """The wall time of a way to solve it is over."""
+
+
+@dataclass
+class Watched:
+    """What is written down of a run at each of its samples."""
+
+    points: Callable[[mujoco.MjData], Array]
+    rows: list[Array] = field(default_factory=list)
+    energy: list[float] = field(default_factory=list)
+    depth: list[float] = field(default_factory=list)
+    gap: list[float] = field(default_factory=list)
+
+    def sample(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Write down the present state, with the contacts and the loops of the last forward pass.
+
+        Raises
+        ------
+        FloatingPointError
+            It is not finite.
+        """
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        row = self.points(data)
+        if not np.isfinite(row).all():
+            raise FloatingPointError("not finite")
+        loops = data.efc_pos[: data.ne]
+        self.rows.append(row)
+        self.energy.append(float(data.energy.sum()))
+        self.depth.append(max(0.0, -float(data.contact.dist.min(initial=0.0))))
+        self.gap.append(float(np.abs(loops).max(initial=0.0)))
+
+    def run(self, name: str, step: float, began: float, stopped: Exception | None = None) -> OwnRun:
+        """What was written down, as a run, and what ended it early."""
+        return OwnRun(
+            name,
+            step,
+            time.perf_counter() - began,
+            np.array(self.rows),
+            np.array(self.energy),
+            np.array(self.depth),
+            np.array(self.gap),
+            str(stopped or ""),
+            isinstance(stopped, OutOfTime),
+        )
+
+
+def solve_own_motion(path: Path, until: float, samples: int, seconds: float) -> OwnMotion:
+    """Solve the motion of a model by itself in several ways; see the module.
+
+    Parameters
+    ----------
+    path : Path
+        The MJCF file.
+    until, samples : float, int
+        How long it is followed [s], and at how many moments about, whole steps apart.
+    seconds : float
+        Wall time that all of it may take, about [s].
+
+    Raises
+    ------
+    BadModel
+        The model does not compile.
+    """
+    model, data = load(path, Run("passive", np.zeros(0), ()))
+    step, own = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
+    count = max(1, round(until / (samples - 1) / step))
+    most = max(1, round(until / (count * step)))
+    times = np.linspace(0.0, most * count * step, most + 1)
+    points = watched_points(model)
+
+    def stepped(
+        name: str, parts: int, limit: float, n: int, disturbed: float = 0.0, **changed: Any
+    ) -> OwnRun:
+        return by_steps(
+            changed_copy(model, step / parts, **changed),
+            disturbed_start(model, data, disturbed),
+            Watched(points),
+            n,
+            count * parts,
+            name,
+            limit,
+        )
+
+    limit = {way: share * seconds for way, share in SHARES.items()}
+    runs = [stepped(spoken(own, step), 1, limit["steps"], times.size)]
+    if runs[0].seconds < SHORT:  # what is done for the first time takes longer
+        runs = [stepped(spoken(own, step), 1, limit["steps"], times.size)]
+    halvings, n = affordable(runs[0], limit["steps"])
+    for k in range(1, halvings + 1):
+        runs.append(stepped(spoken(own, step / 2**k), 2**k, limit["steps"], n))
+    close, rough = (
+        without_steps(model, data, Watched(points), times[:n], allowed, limit[way])
+        for way, allowed in (("close", CLOSE), ("rough", ROUGH))
+    )
+    k = max((k for k, one in enumerate(runs) if one.seconds < limit["disturbed"]), default=0)
+    other = stepped("disturbed", 2**k, limit["disturbed"], n, DISTURBANCE)
+    ways = list[OwnRun]()
+    if own != mujoco.mjtIntegrator.mjINT_RK4:
+        name = spoken(mujoco.mjtIntegrator.mjINT_RK4, step)
+        ways.append(stepped(name, 1, limit["others"], n, integrator=mujoco.mjtIntegrator.mjINT_RK4))
+    stiffer = None
+    if runs[k].depth.any() or model.neq or model.jnt_limited.any():
+        stiffer = stepped("stiffer", 2**k, limit["others"], n, stiffer=STIFFER)
+    return OwnMotion(
+        times,
+        float(model.stat.extent),
+        tuple(runs),
+        close,
+        rough,
+        k,
+        other,
+        tuple(ways),
+        stiffer,
+        int(model.nv),
+    )
+
+
+def affordable(own: OwnRun, limit: float) -> tuple[int, int]:
+    """How often the step may be halved in some wall time [s], and how many samples are followed.
+
+    Where not even three halvings of the whole run fit, less of it is followed.
+
+    >>> none = np.zeros((101, 1, 1, 3))
+    >>> run = OwnRun("Euler, 2 ms", 2e-3, 0.1, none, *3 * (np.zeros(101),))
+    >>> affordable(run, 10.0), affordable(run, 4.0), affordable(run, 0.5)
+    ((5, 101), (4, 101), (3, 35))
+    """
+    samples = len(own.points)
+    for halvings in range(HALVINGS, FEWEST - 1, -1):
+        if own.seconds * (2 ** (halvings + 1) - 2) <= limit:
+            return halvings, samples
+    return FEWEST, max(2, int(samples * limit / (own.seconds * (2 ** (FEWEST + 1) - 2))))
+
+
+def spoken(integrator: mujoco.mjtIntegrator, step: float) -> str:
+    """An integrator with its step, in words.
+
+    >>> spoken(mujoco.mjtIntegrator.mjINT_EULER, 0.002)
+    'Euler, 2 ms'
+    """
+    name = integrator.name.removeprefix("mjINT_").lower()
+    return f"{NAMES.get(name, name)}, {1e3 * step:.4g} ms"
+
+
+def changed_copy(
+    model: mujoco.MjModel,
+    step: float,
+    integrator: mujoco.mjtIntegrator | None = None,
+    stiffer: float = 1.0,
+) -> mujoco.MjModel:
+    """A model with another step [s], another integrator, and shorter time constants."""
+    changed = copy.copy(model)
+    changed.opt.timestep = step
+    if integrator is not None:
+        changed.opt.integrator = integrator
+    if stiffer != 1.0:
+        for name in ("geom_solref", "eq_solref", "jnt_solref", "tendon_solref_lim"):
+            soft = getattr(changed, name)
+            soft[:, 0] = np.where(soft[:, 0] > 0, soft[:, 0] / stiffer, soft[:, 0] * stiffer**2)
+            soft[:, 1] = np.where(soft[:, 0] > 0, soft[:, 1], soft[:, 1] * stiffer)
+    return changed
+
+
+def disturbed_start(model: mujoco.MjModel, data: mujoco.MjData, size: float) -> mujoco.MjData:
+    """A copy of the start, with all coordinates moved by random shares of a size."""
+    start = copy.copy(data)
+    if size and model.nv:
+        shares = np.random.default_rng(20).uniform(-1.0, 1.0, model.nv)
+        slides = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE))
+        for joint in np.flatnonzero(slides):
+            first = model.jnt_dofadr[joint]
+            last = first + (3 if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE else 1)
+            shares[first:last] *= model.stat.extent
+        mujoco.mj_integratePos(model, start.qpos, shares, size)
+    return start
+
+
+def watched_points(model: mujoco.MjModel) -> Callable[[mujoco.MjData], Array]:
+    """Gives of a state three points of each body that may move (bodies, 3 points, 3) [m].
+
+    They are its centre of mass and two that are a radius of gyration from it; of many bodies the
+    first alone.
+    """
+    moving = np.flatnonzero(model.body_weldid[: model.nbody] > 0)
+    inertia, mass = model.body_inertia[moving], model.body_mass[moving]
+    radius = np.sqrt(inertia.sum(axis=1) / np.maximum(2.0 * mass, 1e-300))
+    radius = np.where(mass > 0, np.minimum(radius, model.stat.extent), 0.0)
+
+    def centres(data: mujoco.MjData) -> Array:
+        return data.xipos[moving][:, None, :].copy()
+
+    def three(data: mujoco.MjData) -> Array:
+        centre = data.xipos[moving]
+        axes = data.ximat[moving].reshape(-1, 3, 3)
+        return np.stack(
+            [centre, *(centre + radius[:, None] * axes[:, :, k] for k in (0, 1))], axis=1
+        )
+
+    return three if moving.size <= MANY else centres
+
+
+def by_steps(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    kept: Watched,
+    samples: int,
+    count: int,
+    name: str,
+    limit: float,
+) -> OwnRun:
+    """Step over all samples with `count` steps in each, until the wall time is over [s]."""
+    began, step = time.perf_counter(), float(model.opt.timestep)
+    stopped: Exception | None = None
+    stride = max(1, min(count, 100))
+    with collected_warnings():
+        mujoco.mj_forward(model, data)
+        try:
+            kept.sample(model, data)
+            for _ in range(samples - 1):
+                left = count
+                while left:
+                    mujoco.mj_step(model, data, min(left, stride))
+                    left -= min(left, stride)
+                    if time.perf_counter() - began > limit:
+                        raise OutOfTime(f"{limit:.3g} s of wall time were over")
+                if words := lost(data):
+                    raise FloatingPointError(words)
+                kept.sample(model, data)
+        except (OutOfTime, FloatingPointError) as error:
+            stopped = error
+    return kept.run(name, step, began, stopped)
+
+
+def without_steps(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    kept: Watched,
+    times: Array,
+    allowed: float,
+    limit: float,
+) -> OwnRun:
+    """Integrate the accelerations of ``mj_forward`` by DOP853, until the wall time is over [s]."""
+    model, data = copy.copy(model), copy.copy(data)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # which depends on the step
+    model.opt.tolerance = 1e-14
+    began = time.perf_counter()
+    stopped: Exception | None = None
+    with collected_warnings(), np.errstate(all="ignore"):  # what is not finite is told
+        mujoco.mj_forward(model, data)
+        try:
+            for t, state in integrated(model, data, times, allowed, began + limit):
+                put(model, data, t, state)
+                mujoco.mj_forward(model, data)
+                kept.sample(model, data)
+        except (OutOfTime, FloatingPointError) as error:
+            stopped = error
+    return kept.run(f"DOP853 at {allowed:.0e}".replace("e-0", "e-"), 0.0, began, stopped)
+
+
+def integrated(
+    model: mujoco.MjModel, data: mujoco.MjData, times: Array, allowed: float, until: float
+) -> Iterator[tuple[float, Array]]:
+    """Time and state (poses, rates, activations) at each sample."""
+    from scipy.integrate import DOP853  # slow to load
+
+    turn = Turning(model)
+
+    def slope(t: float, state: Array) -> Array:
+        if time.perf_counter() > until:
+            raise OutOfTime("its wall time was over")
+        put(model, data, t, state)
+        mujoco.mj_forward(model, data)
+        return np.concatenate([turn.rates(data.qpos, data.qvel), data.qacc, data.act_dot])
+
+    state = np.concatenate([data.qpos, data.qvel, data.act])
+    if not state.size:
+        yield from ((float(t), state) for t in times)
+        return
+    yield float(times[0]), state
+    solver = DOP853(slope, float(times[0]), state, float(times[-1]), rtol=allowed, atol=allowed)
+    k = 1
+    while k < times.size:
+        words = solver.step()
+        if solver.status == "failed":
+            raise FloatingPointError(str(words))
+        if times[k] > solver.t:
+            continue
+        inside = solver.dense_output()
+        while k < times.size and times[k] <= solver.t:
+            yield float(times[k]), inside(times[k])
+            k += 1
+
+
+def put(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> None:
+    """Put a model into a state."""
+    data.time = t
+    data.qpos[:], data.qvel[:] = state[: model.nq], state[model.nq : model.nq + model.nv]
+    data.act[:] = state[model.nq + model.nv :]
+    mujoco.mj_normalizeQuat(model, data.qpos)
+
+
+class Turning:
+    """How coordinates change with rates: quaternions by half their product with the rates."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        quaternions, scalars, rates, turns = list[int](), list[int](), list[int](), list[int]()
+        for kind, pose, dof in zip(
+            model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True
+        ):
+            ball = kind == mujoco.mjtJoint.mjJNT_BALL
+            free = kind == mujoco.mjtJoint.mjJNT_FREE
+            plain = 0 if ball else 3 if free else 1
+            scalars += range(pose, pose + plain)
+            rates += range(dof, dof + plain)
+            if ball or free:
+                quaternions.append(pose + plain)
+                turns.append(dof + plain)
+        self.scalars, self.rates_of = np.array(scalars, int), np.array(rates, int)
+        self.quaternions = np.array(quaternions, int)[:, None] + np.arange(4)
+        self.turns = np.array(turns, int)[:, None] + np.arange(3)
+
+    def rates(self, pose: Array, speed: Array) -> Array:
+        """Rates of the coordinates (poses,)."""
+        found = np.empty_like(pose)
+        found[self.scalars] = speed[self.rates_of]
+        w, x, y, z = pose[self.quaternions].T
+        a, b, c = speed[self.turns].T
+        found[self.quaternions] = 0.5 * np.stack(
+            [
+                -x * a - y * b - z * c,
+                w * a + y * c - z * b,
+                w * b + z * a - x * c,
+                w * c + x * b - y * a,
+            ],
+            axis=-1,
+        )
+        return found

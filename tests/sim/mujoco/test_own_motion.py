@@ -1,0 +1,115 @@
+"""A model's own motion by several ways, against formulas that know none of them."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from proofmass.sim.mujoco.own_motion import Turning, changed_copy, solve_own_motion
+from proofmass.sim.protocol import BadModel
+
+SPIN = """<mujoco><option gravity="0 0 0"/><worldbody><body name="b" pos="0 0 1"><freejoint/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 2 3"/><geom size="0.1"/></body></worldbody>
+  <keyframe><key qpos="0 0 1 1 0 0 0" qvel="0.1 0 0 0.01 2 0.01"/></keyframe></mujoco>"""
+PENDULUM = """<mujoco><option timestep="0.01"/><worldbody><body name="b"><joint name="j"
+  axis="0 1 0"/><inertial pos="0 0 -1" mass="1" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody>
+  <keyframe><key qpos="1"/></keyframe></mujoco>"""
+MIXED = """<mujoco><worldbody>
+  <body name="a"><joint name="s" type="slide" axis="1 0 0"/><joint name="h"/><geom size=".1"/>
+    <body name="c" pos="1 0 0"><joint name="b" type="ball"/><geom size=".1" pos=".1 0 0"/></body>
+  </body><body name="f" pos="0 0 2"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+
+
+def solved(tmp_path, text, **asked):
+    file = tmp_path / "model.xml"
+    file.write_text(text)
+    return solve_own_motion(file, **{"until": 1.0, "samples": 51, "seconds": 30.0, **asked})
+
+
+def test_rates_of_coordinates_are_those_of_the_engine():
+    """`mj_integratePos` by a tiny step tells them as well."""
+    model = mujoco.MjModel.from_xml_string(MIXED)
+    chosen = np.random.default_rng(3)
+    pose, speed = model.qpos0.copy(), chosen.normal(size=model.nv)
+    mujoco.mj_integratePos(model, pose, chosen.normal(size=model.nv), 1.0)
+    h = 1e-6
+    ahead, back = pose.copy(), pose.copy()
+    mujoco.mj_integratePos(model, ahead, speed, h)
+    mujoco.mj_integratePos(model, back, speed, -h)
+    slope = (ahead - back) / (2 * h)
+    assert np.abs(Turning(model).rates(pose, speed) - slope).max() < 1e-9  # of central differences
+
+
+def test_a_spinning_body_is_that_of_eulers_equations(tmp_path):
+    """Written here with a rotation matrix, and integrated by another method."""
+    motion = solved(tmp_path, SPIN)
+    inertia = np.array([1.0, 2.0, 3.0])
+
+    def slope(_, state):
+        turn, rate = state[:9].reshape(3, 3), state[9:]
+        x, y, z = rate
+        across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return [*(turn @ across).ravel(), *(-np.cross(rate, inertia * rate) / inertia)]
+
+    begin = [*np.eye(3).ravel(), 0.01, 2.0, 0.01]
+    options = {"method": "Radau", "rtol": 1e-10, "atol": 1e-12, "t_eval": motion.times}
+    true = solve_ivp(slope, (0.0, motion.times[-1]), begin, **options)
+    radius = min(np.sqrt(inertia.sum() / 2), motion.extent)
+    axes = true.y[:9].T.reshape(-1, 3, 3)
+    points = motion.close.points[:, 0]
+    assert np.abs(points[:, 0] - [0, 0, 1] - 0.1 * motion.times[:, None] * [1, 0, 0]).max() < 1e-9
+    for k in (0, 1):
+        assert np.abs(points[:, 1 + k] - points[:, 0] - radius * axes[:, :, k]).max() < 1e-7
+    assert len(motion.runs) == 7
+
+
+def test_a_pendulum_is_its_equation_and_steps_are_halved(tmp_path):
+    motion = solved(tmp_path, PENDULUM)
+    options = {"method": "Radau", "rtol": 1e-11, "atol": 1e-12, "t_eval": motion.times}
+    true = solve_ivp(
+        lambda _, y: [y[1], -9.81 * np.sin(y[0])], (0.0, motion.times[-1]), [1.0, 0.0], **options
+    ).y[0]
+    place = -np.stack([np.sin(true), 0 * true, np.cos(true)], axis=-1)
+    errors = [np.abs(one.points[:, 0, 0] - place).max() for one in motion.runs]
+    assert np.abs(motion.close.points[:, 0, 0] - place).max() < 1e-8
+    assert [one.step for one in motion.runs] == [0.01 / 2**k for k in range(7)]
+    assert np.allclose(np.array(errors[:-1]) / errors[1:], 2.0, rtol=0.1)  # Euler's order
+    (rk4,) = motion.others
+    assert np.abs(rk4.points[:, 0, 0] - place).max() < 1e-3 * errors[0]
+    assert motion.stiffer is None
+    parted = np.abs(motion.disturbed.points - motion.runs[motion.compared].points).max()
+    assert 1e-11 < parted < 1e-8
+    energy = motion.close.energy
+    assert np.ptp(energy) < 1e-7  # of 9.81 J
+
+
+def test_samples_are_whole_steps_apart_and_the_step_is_the_models_own(tmp_path):
+    motion = solved(tmp_path, PENDULUM.replace("0.01", "0.003"), samples=101)
+    assert motion.runs[0].step == 0.003
+    assert np.allclose(np.diff(motion.times), 0.009)
+    assert motion.times[-1] == pytest.approx(0.999)
+    slow = solved(tmp_path, PENDULUM.replace("0.01", "0.2"))
+    assert np.allclose(np.diff(slow.times), 0.2)
+
+
+def test_a_wall_time_that_is_short_ends_runs_and_none_of_them_is_dropped(tmp_path):
+    motion = solved(tmp_path, PENDULUM.replace("0.01", "1e-5"), seconds=0.5)
+    assert len(motion.runs) == 4
+    sizes = [len(one.points) for one in motion.runs]
+    assert min(sizes[1:]) < motion.times.size
+    assert all(one.late for one in motion.runs if len(one.points) < min(sizes[0], sizes[1]))
+
+
+def test_stiffer_is_stiffer():
+    model = mujoco.MjModel.from_xml_string(MIXED)
+    model.geom_solref[1] = -100.0, -2.0
+    changed = changed_copy(model, 1e-3, stiffer=4.0)
+    assert changed.geom_solref[0].tolist() == [0.005, 1.0]
+    assert changed.geom_solref[1].tolist() == [-1600.0, -8.0]
+    assert model.geom_solref[0].tolist() == [0.02, 1.0]
+    assert (model.opt.timestep, changed.opt.timestep) == (0.002, 1e-3)
+
+
+def test_a_model_that_does_not_compile_is_bad(tmp_path):
+    with pytest.raises(BadModel):
+        solved(tmp_path, "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>")

@@ -1,0 +1,195 @@
+"""Rungs of models without a sidecar, on motions that are made up: what is known, and until when."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from proofmass.check import check
+from proofmass.ladder import WITHIN, Rung, why_lost
+from proofmass.outcome import Outcome
+from proofmass.sim.protocol import OwnMotion, OwnRun
+
+TIMES = np.linspace(0.0, 1.0, 101)
+STEPS = [2e-3 / 2**k for k in range(7)]
+SIZE = 2.0  # m
+OFF = 0.05  # m of error per second of motion and millisecond of step
+
+
+def run(off, name="Euler, 2 ms", step=2e-3, seconds=1.0, **changed):
+    """A body that moves along x, off by some way [m] at each time."""
+    points = np.zeros((TIMES.size, 1, 3, 3))
+    points[:, 0, :, 0] = (TIMES + off)[:, None]
+    return OwnRun(name, step, seconds, points, TIMES, 0 * TIMES, 0 * TIMES, **changed)
+
+
+def motion(order=1.0, spread=0.0, **changed):
+    """Steps of an order, DOP853 to 1e-10 m, and a disturbance that grows at some rate [1/s]."""
+    runs = tuple(
+        run(OFF * TIMES * (step / 2e-3) ** order, f"Euler, {1e3 * step:.4g} ms", step, 2.0**k)
+        for k, step in enumerate(STEPS)
+    )
+    disturbed = run(runs[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * np.exp(spread * TIMES))
+    own = OwnMotion(
+        TIMES,
+        SIZE,
+        runs,
+        run(1e-10 * TIMES, "DOP853 at 1e-9", 0.0),
+        run(1e-7 * TIMES, "DOP853 at 1e-6", 0.0),
+        4,
+        disturbed,
+        (run(1e-4 * TIMES, "RK4, 2 ms", seconds=3.0),),
+        None,
+        1,
+    )
+    return replace(own, **changed)
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_a_motion_that_converges_is_known_to_its_end(order):
+    rung = Rung(motion(order))
+    assert rung.until == 1.0
+    assert rung.order == pytest.approx(order, abs=0.01)
+    assert rung.error(rung.motion.runs[0]) == pytest.approx(OFF, rel=1e-6)
+    assert rung.known == pytest.approx(OFF / 2 ** (6 * order), rel=1e-5)
+    better = rung.better()
+    assert (better.name, better.times) == ("RK4, 2 ms", 3.0)
+    (cheaper,) = [rung.motion.others[0]]
+    coarse = replace(rung.motion, others=(replace(cheaper, seconds=1e3),))
+    assert Rung(coarse).better().name == ("Euler, 0.125 ms" if order == 1 else "Euler, 0.5 ms")
+    few = replace(coarse, runs=coarse.runs[:2], compared=1, others=())
+    assert Rung(few).better().name == "Euler, 1 ms"
+    words = rung.words()
+    known = "781 µm" if order == 1 else "12 µm"
+    said = f"until 1 s, its end, known to {known} and off by 50 mm as it is (Euler, 2 ms). Steps"
+    assert words.startswith(said)
+    assert f"converge with order {order:g}, DOP853 at 1e-9 agrees with them and" in words
+
+
+def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():
+    """Steps and disturbance grow as e^(30 t): 1e-9 becomes 1e-3 at 0.46 s."""
+    own = motion(spread=30.0)
+    grown = np.exp(30.0 * TIMES)
+    off = [run(1e-9 * SIZE * grown * 2.0**-k, step=step) for k, step in enumerate(STEPS)]
+    disturbed = run(off[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * grown)
+    rung = Rung(replace(own, runs=tuple(off), disturbed=disturbed))
+    last = np.log(WITHIN / 1e-9 * 2**5) / 30.0  # of the differences of the two finest steps
+    assert rung.until == pytest.approx(last, abs=0.03)
+    assert "a disturbance of 1e-9 has grown" in rung.words()
+    assert rung.growth == pytest.approx(np.exp(30.0), rel=1e-6)
+
+
+def test_a_limit_that_is_wrong_in_silence_is_not_believed():
+    """DOP853 sticks at a force jump at 0.5 s; its two allowances agree, the steps do not."""
+    stuck = np.where(TIMES > 0.5, 0.5 - TIMES, 0.0)
+    own = motion(close=run(stuck, "DOP853 at 1e-9"), rough=run(stuck, "DOP853 at 1e-6"))
+    rung = Rung(own)
+    assert rung.until == 1.0
+    assert rung.best is own.runs[-1]
+    assert rung.error(own.runs[0]) == pytest.approx(OFF * (1 - 2**-6), rel=1e-6)
+    assert rung.known == pytest.approx(OFF * 2**-6, rel=0.02)
+    assert "DOP853" not in rung.words()
+
+
+def test_steps_that_do_not_converge_are_ill_posed_unless_something_else_agrees():
+    """From 0.3 s on each step leads elsewhere, by 1 cm and at random; nothing is chaotic."""
+    chosen = np.random.default_rng(1)
+    late = TIMES > 0.3
+    runs = tuple(run(1e-6 * step + late * chosen.uniform(-1e-2, 1e-2), step=step) for step in STEPS)
+    same = run(runs[4].points[:, 0, 0, 0] - TIMES)
+    rung = Rung(motion(runs=runs, disturbed=same))
+    assert rung.until == pytest.approx(0.3)
+    assert "finer steps do not converge there, though a disturbance grows" in rung.words()
+
+
+def test_one_of_three_is_not_enough():
+    stuck = run(0.1 * TIMES, "DOP853 at 1e-9")
+    far = run(0.2 * TIMES)
+    assert Rung(motion(close=stuck, rough=stuck)).until == 1.0
+    assert Rung(motion(disturbed=far)).until == 1.0
+    rung = Rung(motion(close=stuck, rough=stuck, disturbed=far))
+    assert rung.until < 0.03
+    apart = run(0.1 + TIMES, "DOP853 at 1e-9")
+    none = Rung(replace(rung.motion, close=apart, rough=apart, disturbed=run(0.2 + TIMES)))
+    assert not none.consistent
+    assert none.words().startswith("no two ways of solving its motion agree at any time: ")
+
+
+def test_the_softness_of_contacts_is_told_where_it_matters_more_than_the_step():
+    assert "as stiff move it by 200 mm" in Rung(motion(stiffer=stiff(0.2))).words()
+    assert "as stiff" not in Rung(motion(stiffer=stiff(1e-6))).words()
+
+
+def stiff(off):
+    """A run with stiffer contacts, off the one that it is compared with."""
+    return run(motion().runs[4].points[:, 0, 0, 0] - TIMES + off * TIMES, "stiffer")
+
+
+def first(one, samples, **changed):
+    """The first samples of a run."""
+    own = {name: getattr(one, name)[:samples] for name in ("points", "energy", "depth", "gap")}
+    return replace(one, **own, **changed)
+
+
+def test_what_takes_too_long_is_known_as_far_as_it_was_followed():
+    own = motion()
+    runs = own.runs[0], *(first(one, 31) for one in own.runs[1:4])
+    rung = Rung(replace(own, runs=runs, compared=3))
+    assert rung.until == pytest.approx(0.3)
+    assert "no more was followed in the time that there is" in rung.words()
+
+
+def test_a_run_that_is_lost_is_no_motion():
+    own = motion()
+    lost = first(own.runs[0], 11, stopped="MuJoCo warning badqacc")
+    assert (
+        why_lost(replace(own, runs=(lost, *own.runs[1:]))) == "MuJoCo warning badqacc, after 0.1 s"
+    )
+    late = first(own.runs[0], 11, stopped="its wall time was over", late=True)
+    assert not why_lost(replace(own, runs=(late, *own.runs[1:])))
+    assert not why_lost(own)
+    finest = first(own.runs[-1], 31, stopped="not finite")
+    rung = Rung(replace(own, runs=(*own.runs[:-1], replace(finest, name="Euler, 31 us"))))
+    assert rung.until == pytest.approx(0.3)
+    assert "Euler, 31 us is lost: not finite" in rung.words()
+
+
+def test_points_that_move_apart_in_one_body_alone_are_seen():
+    """A body that turns: its centre stays, and one of its three points does not."""
+    own = motion()
+    turned = np.array(own.runs[-1].points)
+    turned[50:, 0, 2, 1] += 0.1 * SIZE
+    worse = replace(own, close=replace(own.close, points=turned), disturbed=run(0.1 * TIMES))
+    assert Rung(worse).until < 0.5
+
+
+BALL = """<mujoco><option timestep="0.004"/><worldbody>
+  <body name="ball" pos="0 0 10"><freejoint/><geom size="0.1"/></body>
+</worldbody></mujoco>"""
+WALL = '<geom type="plane" size="1 1 1" pos="0 0 {}"/>'
+
+
+def test_a_ball_that_falls_is_self_consistent_and_off_by_half_a_step(tmp_path):
+    """Euler's method is off by g t dt / 2: 20 mm after 1 s with steps of 4 ms."""
+    file = tmp_path / "ball.xml"
+    file.write_text(BALL)
+    result = check([file])
+    (found,) = result.comparisons
+    assert found.outcome == Outcome.SELF_CONSISTENT
+    assert result.exit_code == 0
+    assert found.at == pytest.approx(1.0, abs=0.01)
+    assert found.error_max == pytest.approx(9.81 * found.at * 4e-3 / 2, rel=1e-6)
+    assert "RK4, 4 ms: 0 m" not in found.message
+
+
+def test_a_model_that_is_lost_says_so(tmp_path):
+    """A spring that no step of the model can follow."""
+    file = tmp_path / "spring.xml"
+    file.write_text(
+        '<mujoco><option timestep="0.1" integrator="RK4"/><worldbody><body><joint name="j" '
+        'type="slide" axis="1 0 0" stiffness="1e5"/><geom size="0.1"/></body></worldbody>'
+        '<keyframe><key qpos="0.1"/></keyframe></mujoco>'
+    )
+    (found,) = check([file]).comparisons
+    assert found.outcome == Outcome.DIVERGED
+    assert "MuJoCo warning" in found.message
