@@ -1,6 +1,6 @@
-"""How far the motions of anybody's models are known: the rungs of all MJCF files in a folder.
+"""How far the motions of anybody's models are known: the rungs of MJCF files, and of those in folders.
 
-    python -m benchmarks.foreign FOLDER [FILE] [--quick]
+    python -m benchmarks.foreign PATH ... [-o FILE] [--quick]
 
 For each file that MuJoCo compiles it prints what `proofmass check` says of a model without a
 sidecar, and writes a table of them into FILE.  The time until which a motion is known is tried
@@ -48,8 +48,8 @@ class Told:
 
 def main(argv: Sequence[str] | None = None) -> None:
     parser = command(__doc__)
-    parser.add_argument("folder", type=Path, nargs="?")
-    parser.add_argument("file", type=Path, nargs="?")
+    parser.add_argument("paths", type=Path, nargs="*")
+    parser.add_argument("-o", dest="file", type=Path, help="where the table is written")
     given = parser.parse_args(argv)
     if given.quick:
         with TemporaryDirectory() as folder:
@@ -57,13 +57,17 @@ def main(argv: Sequence[str] | None = None) -> None:
             file.write_text(BALL)
             print("".join(table([(file.name, look(file))])))
         return
-    if given.folder is None or not given.folder.is_dir():
-        parser.error("give a folder with MJCF files")
-    files = sorted(given.folder.rglob("*.xml"))
+    files = [
+        file
+        for path in given.paths
+        for file in (sorted(path.rglob("*.xml")) if path.is_dir() else [path])
+    ]
+    if not files:
+        parser.error("give MJCF files, or folders of them")
     with ThreadPoolExecutor(2) as pool:
         found = []
         for file, told in zip(files, pool.map(look, files), strict=True):
-            found.append((str(file.relative_to(given.folder)), told))
+            found.append((file.stem, told))
             print(f"{found[-1][0]}: {' | '.join(told.cells)}\n    {told.words}", file=sys.stderr)
     text = "".join(table(found))
     print(text)

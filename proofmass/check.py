@@ -29,9 +29,9 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
 CheckTask = tuple[Case, Kind, str] | Finer | Path
 LOADING = 60.0  # [s] until the reading of a sidecar is given up
 OWN = 36.0
-"""Wall time of all ways to solve the motion of a model without a sidecar [s]."""
-OWN_TIMEOUT = 90.0
-"""Wall time after which they are given up [s]: a step of a large model may take long."""
+"""Processor time of all ways to solve the motion of a model without a sidecar [s]."""
+OWN_TIMEOUT = 240.0
+"""Wall time after which they are given up [s]: other processes may have the processor."""
 FOLLOWED, SAMPLES = 1.0, 101
 """How long it is followed [s], and at how many moments the ways are compared."""
 CAUSES = 60.0  # [s] until the search for the causes of one run's differences is given up

@@ -14,8 +14,8 @@ points of all bodies until a time; it counts as a share of the model's size, or 
 point has gone until then, if that is longer.  Three things are looked at:
 
 steps
-    The two finest steps differ by less than `WITHIN`, and each halving left less of the difference
-    than 1 / `FALLS`, twice.
+    The two finest steps differ by less than `WITHIN`, and the last two halvings left less of the
+    difference before them than 1 / `FALLS`^2.
 close
     An integrator that chooses its steps is as near to the finest steps, and to itself with a wider
     allowance.
@@ -42,7 +42,7 @@ Bools = NDArray[np.bool_]
 WITHIN = 1e-3
 """Share of the size within which two ways agree; an eye sees no less."""
 FALLS = 1.6
-"""A difference of first order that contacts spread falls by this, rather than by 2."""
+"""Errors of first order that contacts scatter fall by this with half the step, rather than by 2."""
 ROUNDING = 1e-9
 """Share of the size below which a difference need not fall any more."""
 CHAOTIC = 1e3
@@ -105,9 +105,8 @@ class Rung:
         """Whether finer steps converge, sample by sample."""
         if len(self.differences) < 3:
             return np.zeros(self.count, bool)
-        first, second, last = self.differences[-3:]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            falls = (first >= FALLS * second) & (second >= FALLS * last)
+        first, _, last = self.differences[-3:]
+        falls = first >= FALLS**2 * last
         return (last <= WITHIN * self.sizes) & (falls | (last <= ROUNDING * self.sizes))
 
     @cached_property
@@ -230,8 +229,8 @@ class Rung:
             )
         if len(self.differences) < 3:
             return f"{len(self.motion.runs)} steps alone were tried"
-        first, second, last = (float(one[self.last + 1]) for one in self.differences[-3:])
-        if min(first / max(second, 1e-300), second / max(last, 1e-300)) < FALLS:
+        first, _, last = (float(one[self.last + 1]) for one in self.differences[-3:])
+        if first < FALLS**2 * last:
             return (
                 "finer steps do not converge there, though a disturbance grows "
                 f"{number(growth, 2)} times only: a force jumps, or contacts chatter"
@@ -290,7 +289,7 @@ class Rung:
             order = "" if np.isnan(self.order) else f" with order {number(self.order, 2)}"
             yield f"steps down to {self.steps(self.fine)} converge{order}"
         if self.closely[k]:
-            yield f"{self.motion.close.name} agrees with them"
+            yield f"{self.motion.close.name} agrees with the finest"
         if self.steady[k]:
             yield f"a start that differs by {number(self.motion.disturbance)} leads there as well"
 

@@ -63,7 +63,7 @@ def test_a_motion_that_converges_is_known_to_its_end(order):
     known = "781 µm" if order == 1 else "12 µm"
     said = f"until 1 s, its end, known to {known} and off by 50 mm as it is (Euler, 2 ms). Steps"
     assert words.startswith(said)
-    assert f"converge with order {order:g}, DOP853 at 1e-9 agrees with them and" in words
+    assert f"converge with order {order:g}, DOP853 at 1e-9 agrees with the finest and" in words
 
 
 def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():

@@ -413,14 +413,14 @@ class OwnRun:
     step : float
         Its time step [s]; 0 of a way that chooses its steps by itself.
     seconds : float
-        Wall time [s].
+        Processor time [s].
     points : ndarray (samples, bodies, points, 3)
         Of each body [m]; fewer samples where it ended early.
     energy, depth, gap : ndarray (samples,)
         Energy of the motion and of gravity and springs [J], the deepest penetration of a contact
         [m], and the largest opening of a loop [m, or rad of some].
     stopped, late : str, bool
-        Why it ended early, and whether because its wall time was over.
+        Why it ended early, and whether because its processor time was over.
     """
 
     name: str
@@ -738,7 +738,7 @@ class Engine:
     def own_motion(self, model: Path, until: float, samples: int, seconds: float) -> OwnMotion:
         """Solve the motion of a model that no sidecar speaks of, in several ways.
 
-        For about so long [s], with so many samples, in about so many `seconds` of wall time.
+        For about so long [s], with so many samples, in about so many `seconds` of processor time.
 
         Raises
         ------

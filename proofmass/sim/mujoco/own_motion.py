@@ -41,11 +41,11 @@ STIFFER = 4.0
 MANY = 60
 """Bodies of which three points are watched; of more, one of each."""
 SHARES = {"steps": 0.4, "close": 0.25, "rough": 0.1, "disturbed": 0.1, "others": 0.15}
-"""Of the wall time that all may take."""
+"""Of the processor time that all may take."""
 
 
 class OutOfTime(Exception):
-    """The wall time of a way to solve it is over."""
+    """The processor time of a way to solve it is over."""
 
 
 @dataclass
@@ -84,7 +84,7 @@ class Watched:
         return OwnRun(
             name,
             step,
-            time.perf_counter() - began,
+            time.process_time() - began,
             np.array(self.rows),
             np.array(self.energy),
             np.array(self.depth),
@@ -166,14 +166,14 @@ def solve_own_motion(path: Path, until: float, samples: int, seconds: float) -> 
 
 
 def affordable(own: OwnRun, limit: float) -> tuple[int, int]:
-    """How often the step may be halved in some wall time [s], and how many samples are followed.
+    """How often the step may be halved in some processor time [s], and the samples followed.
 
     Where not even three halvings of the whole run fit, less of it is followed.
 
     >>> none = np.zeros((101, 1, 1, 3))
     >>> run = OwnRun("Euler, 2 ms", 2e-3, 0.1, none, *3 * (np.zeros(101),))
     >>> affordable(run, 10.0), affordable(run, 4.0), affordable(run, 0.5)
-    ((5, 101), (4, 101), (3, 35))
+    ((5, 101), (4, 101), (3, 36))
     """
     samples = len(own.points)
     for halvings in range(HALVINGS, FEWEST - 1, -1):
@@ -258,8 +258,8 @@ def by_steps(
     name: str,
     limit: float,
 ) -> OwnRun:
-    """Step over all samples with `count` steps in each, until the wall time is over [s]."""
-    began, step = time.perf_counter(), float(model.opt.timestep)
+    """Step over all samples with `count` steps in each, until the processor time is over [s]."""
+    began, step = time.process_time(), float(model.opt.timestep)
     stopped: Exception | None = None
     stride = max(1, min(count, 100))
     with collected_warnings():
@@ -271,8 +271,8 @@ def by_steps(
                 while left:
                     mujoco.mj_step(model, data, min(left, stride))
                     left -= min(left, stride)
-                    if time.perf_counter() - began > limit:
-                        raise OutOfTime(f"{limit:.3g} s of wall time were over")
+                    if time.process_time() - began > limit:
+                        raise OutOfTime(f"{limit:.3g} s of processor time were over")
                 if words := lost(data):
                     raise FloatingPointError(words)
                 kept.sample(model, data)
@@ -289,11 +289,11 @@ def without_steps(
     allowed: float,
     limit: float,
 ) -> OwnRun:
-    """Integrate the accelerations of ``mj_forward`` by DOP853, until the wall time is over [s]."""
+    """Integrate the accelerations of ``mj_forward`` by DOP853, until its time is over [s]."""
     model, data = copy.copy(model), copy.copy(data)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # which depends on the step
     model.opt.tolerance = 1e-14
-    began = time.perf_counter()
+    began = time.process_time()
     stopped: Exception | None = None
     with collected_warnings(), np.errstate(all="ignore"):  # what is not finite is told
         mujoco.mj_forward(model, data)
@@ -316,8 +316,8 @@ def integrated(
     turn = Turning(model)
 
     def slope(t: float, state: Array) -> Array:
-        if time.perf_counter() > until:
-            raise OutOfTime("its wall time was over")
+        if time.process_time() > until:
+            raise OutOfTime("its processor time was over")
         put(model, data, t, state)
         mujoco.mj_forward(model, data)
         return np.concatenate([turn.rates(data.qpos, data.qvel), data.qacc, data.act_dot])
