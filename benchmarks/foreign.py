@@ -1,4 +1,4 @@
-"""How far the motions of anybody's models are known: the rungs of MJCF files, and of those in folders.
+"""How far the motions of anybody's models are known: rungs of MJCF files and folders of them.
 
     python -m benchmarks.foreign PATH ... [-o FILE] [--quick]
 
