@@ -19,9 +19,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks import command
-from proofmass.check import FOLLOWED, OWN, OWN_TIMEOUT, SAMPLES
+from proofmass.check import FOLLOWED, OWN_TIMEOUT, SAMPLES
 from proofmass.engines import engine_of
-from proofmass.ladder import WITHIN, Rung, why_lost
+from proofmass.ladder import PROCESSOR, WITHIN, Rung, why_lost
 from proofmass.sim.protocol import BadModel, OwnMotion
 from proofmass.wording import number
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
@@ -89,6 +89,8 @@ def table(found: Sequence[tuple[str, Told]]) -> Iterator[str]:
 
 def look(file: Path) -> Told:
     """What is told of a model, in a worker."""
+    from benchmarks.foreign import told_here  # a worker does not know this module as __main__
+
     began = time.perf_counter()
     try:
         return isolated(told_here, file, timeout=OWN_TIMEOUT + 2 * TRIED)
@@ -102,7 +104,7 @@ def look(file: Path) -> Told:
 def told_here(file: Path) -> Told:
     """What is told of a model, in this process."""
     began = time.perf_counter()
-    motion = engine_of("mujoco").own_motion(file, FOLLOWED, SAMPLES, OWN)
+    motion = engine_of("mujoco").own_motion(file, FOLLOWED, SAMPLES, PROCESSOR)
     seconds = number(time.perf_counter() - began, 2)
     if lost := why_lost(motion):
         return Told(("diverged", *6 * ("",), seconds), lost)

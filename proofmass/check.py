@@ -13,7 +13,7 @@ from proofmass.compare import Comparison, compare, with_reference
 from proofmass.diagnosis import Diagnosis, describe_loss, find_causes
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model
-from proofmass.ladder import Rung, why_lost
+from proofmass.ladder import PROCESSOR, Rung, why_lost
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILURES, GOOD, LOST, OPEN, Outcome
 from proofmass.reference import grid
@@ -28,8 +28,6 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
 
 CheckTask = tuple[Case, Kind, str] | Finer | Path
 LOADING = 60.0  # [s] until the reading of a sidecar is given up
-OWN = 36.0
-"""Processor time of all ways to solve the motion of a model without a sidecar [s]."""
 OWN_TIMEOUT = 240.0
 """Wall time after which they are given up [s]: other processes may have the processor."""
 FOLLOWED, SAMPLES = 1.0, 101
@@ -297,7 +295,7 @@ def rung_of(model: Path) -> Comparison:
 
     The comparison's error is that of the model's own run, `at` the time until which it is known.
     """
-    motion = engine_of(NATIVE).own_motion(model, FOLLOWED, SAMPLES, OWN)
+    motion = engine_of(NATIVE).own_motion(model, FOLLOWED, SAMPLES, PROCESSOR)
     own = motion.runs[0]
     found = Comparison(
         model.stem,

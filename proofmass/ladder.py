@@ -39,6 +39,8 @@ from proofmass.sim.protocol import OwnMotion, OwnRun
 from proofmass.wording import listed, number
 
 Bools = NDArray[np.bool_]
+PROCESSOR = 36.0
+"""Processor time of all ways to solve the motion of a model [s]."""
 WITHIN = 1e-3
 """Share of the size within which two ways agree; an eye sees no less."""
 FALLS = 1.6
@@ -154,6 +156,11 @@ class Rung:
         """The way that others are held against: the close one, where the steps agree with it."""
         return self.motion.close if self.closely[: self.last + 1].all() else self.fine
 
+    @property
+    def sure(self) -> bool:
+        """Whether the way that chooses its steps is right until the end of what was asked."""
+        return self.whole_run and self.consistent and self.best is self.motion.close
+
     def error(self, run: OwnRun) -> float:
         """How far a run is off the best one until T [m]; infinite where it ended before."""
         found = self.apart(run, self.best)
@@ -164,16 +171,17 @@ class Rung:
         """To what the motion is known until T [m]: what two ways differ by, or steps have to go."""
         if self.best is not self.fine:
             return self.error(self.fine)
-        ratio = 2.0 ** min(max(self.order, log2(FALLS)), 4.0)
+        order = log2(FALLS) if np.isnan(self.order) else self.order
+        ratio = 2.0 ** min(max(order, log2(FALLS)), 4.0)
         return float(self.differences[-1][self.last]) / (ratio - 1.0) if self.differences else inf
 
     @property
     def order(self) -> float:
-        """Order with which the steps converge until T; NaN where no difference is left."""
-        if len(self.differences) < 2:
+        """Order with which the last two halvings converge until T; NaN where nothing is left."""
+        if len(self.differences) < 3:
             return nan
-        coarse, fine = (float(one[self.last]) for one in self.differences[-2:])
-        return log2(coarse / fine) if fine > ROUNDING * self.sizes[self.last] else nan
+        coarse, _, fine = (float(one[self.last]) for one in self.differences[-3:])
+        return log2(coarse / fine) / 2.0 if fine > ROUNDING * self.sizes[self.last] else nan
 
     @property
     def growth(self) -> float:

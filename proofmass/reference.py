@@ -5,7 +5,9 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import chain
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Self
 
@@ -18,12 +20,14 @@ from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.analytic.remember import answered
 from proofmass.case import Case, ProfileTable
 from proofmass.drive import FunctionLaw, InProportion, Samples, State, Steady, Swing
+from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model, suggest
+from proofmass.ladder import PROCESSOR, Rung, why_lost
 from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
-from proofmass.sim.contents import joints
-from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadModel, BadRod, Curves
+from proofmass.sim.contents import channel_names, joints
+from proofmass.sim.mjcf import NATIVE, compile_model
+from proofmass.sim.protocol import BadModel, BadRod, Curves, NotSolved, Run, Unsupported
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.strict import Kind
 from proofmass.units import same_quantity, si_unit
@@ -351,7 +355,8 @@ def call(
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
     One that asks for ``inertia`` is told whether moments and forces are those of a motion, one that
     asks for ``only`` which of its quantities are used, None for all, one that asks for
-    ``terms`` is given those of the equations of motion as MuJoCo computes them.
+    ``terms`` is given those of the equations of motion as MuJoCo computes them, and one that asks
+    for ``closely`` the sensors of the model's own motion, see `solve_closely`.
     """
     known = [
         p.name
@@ -365,6 +370,7 @@ def call(
         "inertia": lambda: case.has_inertia(kind),
         "only": lambda: only,
         "terms": lambda: smooth_terms(compiled(case), case.start),
+        "closely": lambda: partial(solve_closely, case),
         "controls": lambda: {
             load.actuator: law(np.asarray(x, float))[0]
             for load, law in zip(case.load, load_laws(case, kind), strict=True)
@@ -435,6 +441,42 @@ def under_loads(
     return found, rates
 
 
+def solve_closely(case: Case, x: Array) -> dict[str, Array]:
+    """All sensors of a model that moves by itself, solved without time steps, at times x [s].
+
+    Raises
+    ------
+    NotCovered
+        The motion is not known until the end.
+    """
+    if case.drive or case.rod:
+        raise NotCovered("drives and rods; the model must move by itself")
+    if x.size < 2:
+        raise NotCovered("a single moment; give a run of some length")
+    found, _ = closely_once(
+        case.model_path, case.model_path.stat().st_mtime_ns, case.start, x.tobytes()
+    )
+    return found
+
+
+@lru_cache(8)
+def closely_once(file: Path, changed: int, start: str, x: bytes) -> tuple[dict[str, Array], str]:
+    """All sensors, and what shows that the motion is known."""
+    engine, times = engine_of(NATIVE), np.frombuffer(x)
+    motion = engine.own_motion(file, float(times[-1]), times.size, PROCESSOR, start)
+    if lost := why_lost(motion):
+        raise NotCovered(f"the model itself is lost: {lost}")
+    rung = Rung(motion)
+    if not rung.sure:
+        raise NotCovered(f"its motion is not known until {times[-1]:.3g} s: {rung.words()}")
+    names = channel_names(compile_once(file, changed, ()), start).values()
+    run = Run("dynamics", times, tuple(chain(*names)), start=start)
+    try:
+        return engine.solve_closely(file, run).channels, rung.words()
+    except (Unsupported, NotSolved) as error:
+        raise NotCovered(str(error)) from None
+
+
 def facts(case: Case, beside: str | None = None) -> dict[str, str]:
     """What the closed form says of the mechanism as a whole: class, limits, stroke; or nothing."""
     tell = getattr(module_of(case), "facts", None)
@@ -442,6 +484,10 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
         return {}
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
     own: dict[str, Any] = {}
+    if "evidence" in inspect.signature(tell).parameters:
+        file, times = case.model_path, grid(case, next(iter(case.run)))
+        found = closely_once(file, file.stat().st_mtime_ns, case.start, times.tobytes())
+        own = {"evidence": found[1]}
     if "terms" in inspect.signature(tell).parameters:  # of a motion of the model itself
         model, kind = compiled(case), next(iter(case.run))
         x = grid(case, kind)

@@ -27,6 +27,7 @@ REFERENCES = {
     },
     "planar": "proofmass.analytic.planar",
     "spatial": "proofmass.analytic.spatial",
+    "refined": "proofmass.analytic.refined",
     "balancer": "proofmass.analytic.balancer",
     "balancer_posture": "proofmass.analytic.balancer.posture",
     "spring_release": "proofmass.analytic.balancer.spring_release",
@@ -46,5 +47,5 @@ REFERENCES = {
     },
 }
 """Modules by the name that a sidecar gives as its ``reference``."""
-IN_SPACE = ("spatial",)
+IN_SPACE = ("spatial", "refined")
 """References of motions in space, which engines of the plane cannot run."""

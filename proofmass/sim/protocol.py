@@ -735,8 +735,10 @@ class Engine:
         """
         raise NotImplementedError
 
-    def own_motion(self, model: Path, until: float, samples: int, seconds: float) -> OwnMotion:
-        """Solve the motion of a model that no sidecar speaks of, in several ways.
+    def own_motion(
+        self, model: Path, until: float, samples: int, seconds: float, start: str = "start"
+    ) -> OwnMotion:
+        """Solve the motion of a model by itself in several ways, from its key `start` or its first.
 
         For about so long [s], with so many samples, in about so many `seconds` of processor time.
 
@@ -744,7 +746,16 @@ class Engine:
         ------
         BadModel, Unsupported
         """
-        raise Unsupported(f"{self.title} runs no model that no sidecar speaks of")
+        raise Unsupported(f"{self.title} solves no model's own equations in several ways")
+
+    def solve_closely(self, model: Path, run: Run) -> Curves:
+        """Do a free motion without time steps, as closely as can be.
+
+        Raises
+        ------
+        BadModel, Unsupported, NotSolved
+        """
+        raise Unsupported(f"{self.title} has no motion without time steps")
 
     def check_settings(self, settings: Mapping[str, object]) -> None:
         """Raise `BadSetting` if the engine cannot be set so.

@@ -13,7 +13,7 @@ from proofmass.sim.mujoco import scans, stability
 from proofmass.sim.mujoco.default_tolerances import ACCURACY
 from proofmass.sim.mujoco.dynamics import dynamics, passive
 from proofmass.sim.mujoco.model import load, loop_gap
-from proofmass.sim.mujoco.own_motion import solve_own_motion
+from proofmass.sim.mujoco.own_motion import solve_closely, solve_own_motion
 from proofmass.sim.mujoco.program import IMPOSED as IMPOSED
 from proofmass.sim.mujoco.program import write_program as write_program
 from proofmass.sim.mujoco.quasi_static import equilibrium, sweep
@@ -200,12 +200,18 @@ class Mujoco(Engine):
         """See `simulate`."""
         return simulate(model, run)
 
-    def own_motion(self, model: Path, until: float, samples: int, seconds: float) -> OwnMotion:
+    def own_motion(
+        self, model: Path, until: float, samples: int, seconds: float, start: str = "start"
+    ) -> OwnMotion:
         """See `proofmass.sim.mujoco.own_motion`."""
         try:
-            return solve_own_motion(model, until, samples, seconds)
+            return solve_own_motion(model, until, samples, seconds, start)
         except mujoco.FatalError as error:
             raise refusal(error) from None
+
+    def solve_closely(self, model: Path, run: Run) -> Curves:
+        """See `proofmass.sim.mujoco.own_motion`."""
+        return solve_closely(model, run)
 
     def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
         """See `proofmass.sim.mujoco.scans.at_step`."""

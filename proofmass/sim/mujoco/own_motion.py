@@ -25,13 +25,17 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.mjcf import collected_warnings
-from proofmass.sim.mujoco.model import load
+from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.model import Recorder, load
+from proofmass.sim.mujoco.sensors import withhold_interactions
 from proofmass.sim.mujoco.settling import lost
-from proofmass.sim.protocol import OwnMotion, OwnRun, Run
+from proofmass.sim.protocol import Curves, NotSolved, OwnMotion, OwnRun, Run, Unsupported
 
 NAMES = {"euler": "Euler", "rk4": "RK4"}
 HALVINGS, FEWEST = 6, 3
 SHORT = 1.0  # s
+LONGEST = 300.0
+"""Processor time of a motion without steps that is a reference [s]."""
 CLOSE, ROUGH = 1e-9, 1e-6
 """What DOP853 allows itself, relative and in SI units."""
 DISTURBANCE = 1e-9
@@ -94,7 +98,9 @@ class Watched:
         )
 
 
-def solve_own_motion(path: Path, until: float, samples: int, seconds: float) -> OwnMotion:
+def solve_own_motion(
+    path: Path, until: float, samples: int, seconds: float, start: str = "start"
+) -> OwnMotion:
     """Solve the motion of a model by itself in several ways; see the module.
 
     Parameters
@@ -104,14 +110,16 @@ def solve_own_motion(path: Path, until: float, samples: int, seconds: float) -> 
     until, samples : float, int
         How long it is followed [s], and at how many moments about, whole steps apart.
     seconds : float
-        Wall time that all of it may take, about [s].
+        Processor time that all of it may take, about [s].
+    start : str
+        Key that it starts from, or else the first one.
 
     Raises
     ------
     BadModel
         The model does not compile.
     """
-    model, data = load(path, Run("passive", np.zeros(0), ()))
+    model, data = load(path, Run("passive", np.zeros(0), (), start=start))
     step, own = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
     count = max(1, round(until / (samples - 1) / step))
     most = max(1, round(until / (count * step)))
@@ -291,8 +299,7 @@ def without_steps(
 ) -> OwnRun:
     """Integrate the accelerations of ``mj_forward`` by DOP853, until its time is over [s]."""
     model, data = copy.copy(model), copy.copy(data)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # which depends on the step
-    model.opt.tolerance = 1e-14
+    free_of_steps(model)
     began = time.process_time()
     stopped: Exception | None = None
     with collected_warnings(), np.errstate(all="ignore"):  # what is not finite is told
@@ -305,6 +312,46 @@ def without_steps(
         except (OutOfTime, FloatingPointError) as error:
             stopped = error
     return kept.run(f"DOP853 at {allowed:.0e}".replace("e-0", "e-"), 0.0, began, stopped)
+
+
+def free_of_steps(model: mujoco.MjModel) -> None:
+    """Let accelerations depend on the state alone, and solve for them to rounding."""
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # which depends on the step
+    model.opt.tolerance = 1e-14
+
+
+def solve_closely(path: Path, run: Run) -> Curves:
+    """Do a free motion by DOP853 with an allowance of 1e-9, and read every sensor at every sample.
+
+    Loops are closed at the start as in a run with steps, see `proofmass.sim.mujoco.dynamics`.
+
+    Raises
+    ------
+    BadModel
+        The model does not compile, or lacks a named element.
+    Unsupported
+        Joints are driven.
+    NotSolved
+        A value is not finite, or the processor time is over.
+    """
+    if run.drives:
+        raise Unsupported("drives: the motion of a model by itself has none")
+    model, data = load(path, run)
+    record = Recorder(model, data, run.channels, run.x.size)
+    missing = withhold_interactions(record)
+    Linkage(model, data, ()).release()
+    free_of_steps(model)
+    began = time.process_time()
+    with collected_warnings(), np.errstate(all="ignore"):
+        try:
+            for k, (t, state) in enumerate(integrated(model, data, run.x, CLOSE, began + LONGEST)):
+                put(model, data, t, state)
+                for _ in range(2):  # the first one shows the kinetic energy of the state before
+                    mujoco.mj_forward(model, data)
+                record.sample(k)
+        except (OutOfTime, FloatingPointError) as error:
+            raise NotSolved(str(error)) from None
+    return Curves(run.x, record.curves(), missing, seconds=time.process_time() - began)
 
 
 def integrated(

@@ -1,0 +1,90 @@
+"""The reference of a model's own equations: against other references, and what it refuses."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass import reference
+from proofmass.compare import compare
+from proofmass.errors import InputError
+from proofmass.ladder import Rung
+from proofmass.reference import evaluate, grid
+from proofmass.sidecar import load_case
+from proofmass.solve import solve
+from tests.shipped import shipped
+
+BOX = shipped("tumbling_box.toml")
+
+
+def refined(name, **run):
+    """A shipped case with this reference instead of its own."""
+    case = load_case(shipped(f"{name}.toml"))
+    kept = case.run["dynamics"].model_copy(update=run)
+    return case.model_copy(update={"reference": "refined", "run": {"dynamics": kept}})
+
+
+def test_the_engines_sensor_of_kinetic_energy_is_an_evaluation_late():
+    """MuJoCo 4.0.0 evaluates it with the positions, before it knows that the rates are others."""
+    model = mujoco.MjModel.from_xml_path(str(shipped("heavy_top.xml")))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    shown = []
+    for factor in (1.0, 1.01, 1.01):
+        data.qvel[:] = factor * model.key_qvel[0]
+        mujoco.mj_forward(model, data)
+        shown.append(float(data.sensor("kinetic").data[0]))
+    first, late, right = shown
+    assert late == first
+    assert right == pytest.approx(1.01**2 * first)
+
+
+@pytest.mark.parametrize(("name", "until"), [("heavy_top", 0.5), ("euler_top", 2.0)])
+def test_a_motion_without_contacts_is_that_of_the_spatial_reference(name, until):
+    """Which integrates the same equations with an allowance of 3e-14."""
+    case = refined(name, until=until, n=41)
+    x = grid(case, "dynamics")
+    found = evaluate(case, "dynamics", x, None).channels
+    other = case.model_copy(update={"reference": "spatial"})
+    true = evaluate(other, "dynamics", x, None).channels
+    for channel, curve in true.items():
+        assert np.abs(found[channel] - curve).max() < 1e-6 * max(1.0, np.abs(curve).max()), channel
+
+
+def test_steps_that_are_six_times_as_long_are_noticed():
+    case = load_case(BOX)
+    slow = case.model_copy(update={"settings": {"mujoco": {"timestep": 6e-3}}})
+    for one in (case, slow):
+        found = compare(one, "dynamics", "mujoco", solve(one, "dynamics", "mujoco"))
+        assert ("differs" in {c.outcome for c in found}) == (one is slow)
+
+
+def test_errors_fall_with_the_step():
+    """Of first order, scattered by where in a step an impact falls."""
+    case = load_case(BOX)
+    worst = []
+    for step in (1e-3, 2e-5):
+        one = case.model_copy(update={"settings": {"mujoco": {"timestep": step}}})
+        found = compare(one, "dynamics", "mujoco", solve(one, "dynamics", "mujoco"))
+        worst.append(max(c.error_max for c in found if c.unit == "m"))
+    assert worst[0] > 10 * worst[1]
+
+
+def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
+    reference.closely_once.cache_clear()
+    monkeypatch.setattr(Rung, "sure", False)
+    with pytest.raises(InputError, match=r"motion is not known until .* s: until .* s, its end"):
+        evaluate(load_case(BOX), "dynamics", grid(load_case(BOX), "dynamics"), None)
+    reference.closely_once.cache_clear()
+
+
+def test_drives_are_refused():
+    case = load_case(shipped("universal_joint.toml"))
+    driven = case.model_copy(update={"reference": "refined"})
+    with pytest.raises(InputError, match="drives and rods; the model must move by itself"):
+        evaluate(driven, "dynamics", grid(driven, "dynamics"), None)
+
+
+def test_the_page_says_why_the_motion_is_known():
+    told = reference.facts(load_case(BOX))
+    assert "with soft contacts" in told["equations of motion"]
+    assert told["self-consistent"].startswith("until 0.4 s, its end, known to ")
