@@ -387,6 +387,10 @@ def state_at(case: Case, time: float) -> tuple[Array, Array]:
         "jointvel": mujoco.mjtSensor.mjSENS_JOINTVEL,
     }
     for joint in spec.joints:
+        if joint.type in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+            raise Unsupported(
+                f"the joint {joint.name!r} moves in space; another start is known of planar motions"
+            )
         for word, sensor in kinds.items():
             spec.add_sensor(
                 name=f"{word} {joint.name}",

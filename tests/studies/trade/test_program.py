@@ -31,6 +31,7 @@ from proofmass.studies.trade.program import (
     tried,
     written,
 )
+from proofmass.studies.trade.verify import moved_on
 from tests.shipped import shipped
 from tests.studies.trade.driven import driven
 
@@ -522,3 +523,9 @@ def test_large_files_of_a_model_are_named_by_their_place(
     text = write_program(model, run, "", "")
     assert str(tmp_path / "shapes" / "m.stl") in text
     assert bare(text, tmp_path)["t"].size == run.x.size
+
+
+def test_another_start_of_a_motion_in_space_is_not_known():
+    case = load_case(shipped("tumbling_box.toml"))
+    with pytest.raises(Unsupported, match="moves in space"):
+        moved_on(case, 0.1)
