@@ -38,6 +38,7 @@ OWN = (
     "only",
     "controls",
     "terms",
+    "closely",
     "load_rates",
 )  # what a reference is given of the case itself
 
