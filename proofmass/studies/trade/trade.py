@@ -17,7 +17,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field
-from itertools import pairwise, product
+from itertools import product
 from math import inf, isclose, isnan, nan
 from pathlib import Path
 
@@ -126,14 +126,6 @@ class CaseSeries:
             if off(*self.orders(kind))
             else None
         )
-
-    def own_halvings(self, k: int) -> list[StudyRow]:
-        """The next two settings after number k, if these halve the step in turn, or more."""
-        if self.run != "dynamics" or self.series.varied != "timestep":
-            return []
-        steps, rows = self.series.sizes[k : k + 3], self.measured.rows[k + 1 : k + 3]
-        halved = all(fine <= coarse / 2 for coarse, fine in pairwise(steps))
-        return rows if halved and len(rows) == 2 else []
 
     def task(self, k: int) -> StudyRun:
         """Setting number k."""
@@ -327,17 +319,12 @@ def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
 def halve(
     every: list[CaseSeries], store: Store, workers: Executor, longest: float, progress: Progress
 ) -> Halved:
-    """The rows of two finer steps, wherever a series may be at a floor.
-
-    They are those of the series itself, of half the step or less in turn, where it goes so far, and
-    half and a quarter of the step where it does not.
-    """
+    """The rows of half and a quarter of the step, wherever a series may be at a floor."""
     places = [(n, k) for n, one in enumerate(every) for k in dict.fromkeys(one.floors().values())]
-    found: Halved = {(n, k): every[n].own_halvings(k) for n, k in places}
+    found: Halved = {place: [] for place in places}
     asked = [
         ((n, k), setting)
         for n, k in places
-        if not found[n, k]
         for one in (every[n],)
         for setting in halvings(
             one.run, one.series, one.series.settings[k], float(compiled(one.case).opt.timestep)
@@ -494,11 +481,7 @@ def verdict(
     if (k := one.floors().get(kind)) is not None:
         first = finer[n, k][0]
         half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
-        what = "twice as many segments"
-        if one.run == "dynamics":
-            more = rows[k].step / first.step if first.outcome == Outcome.RAN else 2.0
-            halves = isclose(more, 2.0, rel_tol=1e-6)
-            what = "halving the step" if halves else f"{number(more, 3)} times the steps"
+        what = "halving the step" if one.run == "dynamics" else "twice as many segments"
         why = (
             f"{what} {factor(rows[k].errors[kind] / half)}"
             if half > 0

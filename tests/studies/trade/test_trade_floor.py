@@ -11,6 +11,7 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
+from proofmass.studies.trade import trade as trade_module
 from proofmass.studies.trade.floor import (
     SIGNIFICANT,
     gain,
@@ -20,7 +21,7 @@ from proofmass.studies.trade.floor import (
     list_perturbations,
 )
 from proofmass.studies.trade.series import MeasuredSeries
-from proofmass.studies.trade.trade import CaseSeries, find_leaders
+from proofmass.studies.trade.trade import CaseSeries, find_leaders, halve
 from proofmass.studies.trade.varied import ConvergenceSeries
 from tests.shipped import shipped
 
@@ -391,7 +392,12 @@ def scaled(kind: str, by: float) -> dict[str, tuple[float, ...]]:
 def leaders(*every: CaseSeries) -> dict[tuple[int, int], tuple[int, int]]:
     """`find_leaders` of series whose own finer steps are the halvings."""
     places = [(n, k) for n, one in enumerate(every) for k in {*one.floors().values()}]
-    return find_leaders(every, {(n, k): every[n].own_halvings(k) for n, k in places})
+    return find_leaders(every, {(n, k): next_two(every[n], k) for n, k in places})
+
+
+def next_two(one: CaseSeries, k: int) -> list[StudyRow]:
+    """The rows after number k, whose steps are a half and a quarter of it."""
+    return one.measured.rows[k + 1 : k + 3]
 
 
 def test_series_with_the_same_errors_are_at_one_floor_which_is_examined_once():
@@ -425,8 +431,23 @@ def test_a_series_that_a_halving_does_not_leave_is_at_no_floor_of_another():
     every = [series_at("Newton", FLOORED), series_at("CG", FLOORED)]
     moved = [
         replace(row, errors={k: 3 * v for k, v in row.errors.items()})
-        for row in every[1].own_halvings(2)
+        for row in next_two(every[1], 2)
     ]
-    assert find_leaders(every, {(0, 2): every[0].own_halvings(2), (1, 2): moved}) == {
-        (0, 2): (0, 2)
-    }
+    assert find_leaders(every, {(0, 2): next_two(every[0], 2), (1, 2): moved}) == {(0, 2): (0, 2)}
+
+
+def test_a_floor_is_tried_with_half_and_a_quarter_of_its_step_exactly(monkeypatch):
+    """Steps of a series go down by a little more than a half, which a force may not survive."""
+    asked = list[StudyRun]()
+
+    def ran(tasks, *_, **__):
+        asked.extend(tasks)
+        return [series_at("Newton", FLOORED).measured.rows[0] for _ in tasks]
+
+    monkeypatch.setattr(trade_module, "run", ran)
+    one = series_at("Newton", FLOORED)
+    found = halve([one], None, None, 1.0, lambda *_: None)
+    (place,) = found
+    step = one.series.settings[place[1]].parameters["timestep"]
+    assert [task.setting.parameters["timestep"] for task in asked] == [step / 2, step / 4]
+    assert len(found[place]) == 2
