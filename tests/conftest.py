@@ -5,7 +5,7 @@ import os
 import re
 import sys
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.worker import ALONE, WITHOUT_WINDOWS
-from tests.long import LONG
+from tests.long import LONG, SOME
 from tests.shipped import MODELS, every_file
 
 pytest_plugins = ["pytester"]
@@ -99,6 +99,13 @@ def edit(models: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
+def second(edit: Callable[..., Path]) -> Path:
+    """The copy of the pendulum's sidecar, of which one second is run."""
+    edit("pendulum.toml", "until = 10.0", "until = 1.0")
+    return edit("pendulum.toml", "n = 1001", "n = 101")
+
+
+@pytest.fixture
 def keep_solver(models: Path) -> Callable[[str, str], Path]:
     """``keep_solver(name, solver)`` leaves a sidecar one solver and the tolerances for it."""
 
@@ -165,17 +172,34 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     in_order = sorted(items, key=lambda item: item.nodeid)
     names = [item.nodeid for item in in_order]
 
-    def begin_with(words: str) -> list[pytest.Item]:
-        first = bisect_left(names, words)
-        return list(takewhile(lambda item: item.nodeid.startswith(words), in_order[first:]))
+    def begin_with(start: str) -> list[pytest.Item]:
+        first = bisect_left(names, start)
+        return list(takewhile(lambda item: item.nodeid.startswith(start), in_order[first:]))
 
     left = {name: begin_with(name) for name in LONG}
+    words = {f"{file}::{test}": some for file, of in SOME.items() for test, some in of.items()}
+    families = {name: begin_with(f"{name}[") for name in words}
+    for name, family in families.items():
+        left[name] = [item for item in family if not chosen(item, words[name])]
     for item in {item for found in left.values() for item in found}:
         item.add_marker(pytest.mark.slow)
     if config.args != config.getini("testpaths"):
         return
-    for name, like in LONG.items():
-        quick = [item for item in begin_with(like) if not item.get_closest_marker("slow")]
-        for words, found in ((name, left[name]), (like, quick)):
-            if not found:
-                raise pytest.UsageError(f"tests/long.py: there is no test {words}")
+
+    def runs(found: list[pytest.Item]) -> bool:
+        return any(not item.get_closest_marker("slow") for item in found)
+
+    wanted = [(like, runs(begin_with(like))) for like in LONG.values()]
+    for name, family in families.items():
+        wanted += [
+            (f"{name}[{word}", runs([item for item in family if chosen(item, [word])]))
+            for word in words[name]
+        ]
+    if none := [name for name, there in (*left.items(), *wanted) if not there]:
+        raise pytest.UsageError("tests/long.py: there is no test\n" + "\n".join(none))
+
+
+def chosen(item: pytest.Item, words: Iterable[str]) -> bool:
+    """Whether the parameters of a test hold one of these words."""
+    parameters = item.nodeid.partition("[")[2]
+    return any(word in parameters for word in words)

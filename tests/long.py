@@ -1,12 +1,15 @@
 """Tests that take seconds, each with a faster like of it: the marker ``slow`` by their names.
 
-A row is the beginning of the names of tests, of sidecars as well, and that of a test which checks
-the same in less time.  `tests/conftest.py` marks the former, and refuses a row of which either is
-not there when all tests are collected.  Families over all shipped models choose their
-representatives in their own files.
+`LONG` has a row for single tests: the beginning of the names of tests, of sidecars as well, and
+that of a test which checks the same in less time.  `SOME` has a row for a test with parameters: its
+name, and words of which one stands in the parameters of each that runs by default; all others are
+slow.  `tests/conftest.py` marks them, and refuses a row that marks none, or of which a like or a
+word is not there, or is slow itself, when all tests are collected.  Families over all shipped
+models choose their representatives in their own files.
 """
 
 PLANE = "models/linkages"
+SPACE = "models/spatial"
 BALANCERS = "models/balancers"
 RODS = "models/rods"
 FOUR = f"{BALANCERS}/balancer4_sam_prescribed.toml::pymunk"
@@ -14,7 +17,15 @@ MUTATIONS = "tests/test_mutations.py::test_a_wrong"
 LENGTHS = (
     "tests/test_mutations.py::test_a_length_wrong_by_three_times_its_detectable_change_differs"
 )
+EXTENSION = (
+    "tests/analytic/balancer/test_balancer_extension.py"
+    "::test_engines_agree_and_another_extension_turns_the_verdict"
+)
+HELD = (
+    "tests/sim/pymunk/test_pymunk_statics.py::test_balancers_hold_the_moments_of_their_equilibria"
+)
 SNAPS = "tests/sim/test_rod_snap_engines.py::test_engines_snap_where_their_chain_does"
+BENCHMARK = "tests/test_benchmarks.py::test_benchmark_runs_quickly_and_writes_no_documents"
 FIRST_PLACES = (
     "tests/sim/test_rods_2rfr.py::test_the_pin_begins_the_documents_circles_and_rectangles"
 )
@@ -25,7 +36,8 @@ LONG = {
     f"{PLANE}/fivebar_equal.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
     f"{PLANE}/fivebar_circle.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
     f"{PLANE}/fivebar_rectangle.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
-    f"{PLANE}/double_crank_crossed.toml::pymunk": f"{PLANE}/double_crank.toml::pymunk",
+    f"{PLANE}/double_crank.toml::pymunk": f"{PLANE}/fourbar.toml::pymunk",
+    f"{PLANE}/double_crank_crossed.toml::pymunk": f"{PLANE}/fourbar.toml::pymunk",
     f"{PLANE}/double_rocker.toml::pymunk": f"{PLANE}/triple_rocker.toml::pymunk",
     f"{PLANE}/fourbar_crossed.toml::pymunk": f"{PLANE}/fourbar.toml::pymunk",
     f"{PLANE}/inverted_slider_crank_equal.toml::pymunk": (
@@ -38,7 +50,8 @@ LONG = {
         f"{PLANE}/inverted_slider_crank.toml::pymunk"
     ),
     f"{PLANE}/slider_crank_mirrored.toml::pymunk": f"{PLANE}/slider_crank.toml::pymunk",
-    f"{PLANE}/slider_crank_inclined.toml::pymunk": f"{PLANE}/slider_crank_offset.toml::pymunk",
+    f"{PLANE}/slider_crank_inclined.toml::pymunk": f"{PLANE}/slider_crank.toml::pymunk",
+    f"{PLANE}/slider_crank_offset.toml::pymunk": f"{PLANE}/slider_crank.toml::pymunk",
     f"{PLANE}/hacksaw_sampled.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
     f"{PLANE}/hacksaw_inventor_shaped.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
     f"{PLANE}/hacksaw_recorded.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
@@ -52,9 +65,24 @@ LONG = {
     f"{PLANE}/inverted_slider_crank_classic.toml::pymunk": (
         f"{PLANE}/inverted_slider_crank.toml::pymunk"
     ),
-    f"{PLANE}/threeprr_second.toml::pymunk": f"{PLANE}/threeprr.toml::pymunk",
+    f"{PLANE}/threeprr.toml::pymunk": f"{PLANE}/threeprr_circle.toml::pymunk",
+    f"{PLANE}/threeprr_second.toml::pymunk": f"{PLANE}/threeprr_circle.toml::pymunk",
     f"{PLANE}/chebyshev_lambda.toml::pymunk": f"{PLANE}/watt.toml::pymunk",
     f"{PLANE}/stephenson.toml::pymunk": f"{PLANE}/watt.toml::pymunk",
+    f"{PLANE}/peaucellier.toml::pymunk": f"{PLANE}/watt.toml::pymunk",
+    f"{PLANE}/hacksaw_forces.toml::pymunk": f"{PLANE}/slider_crank_forces.toml::pymunk",
+    f"{PLANE}/fivebar_forces.toml::pymunk": f"{PLANE}/fourbar_forces.toml::pymunk",
+    f"{PLANE}/threeprr_forces.toml::pymunk": f"{PLANE}/fourbar_forces.toml::pymunk",
+    f"{PLANE}/shaft_pendulum.toml::pymunk": (
+        "tests/sim/test_friction.py::test_stick_and_slip_change_in_the_sample_of_the_closed_form"
+        "[pymunk"
+    ),
+    f"{PLANE}/fourbar_released.toml::mujoco:default": f"{PLANE}/pendulum.toml::mujoco:default",
+    f"{PLANE}/hacksaw.toml::mujoco:fine": f"{SPACE}/changing_gear.toml::mujoco:fine",
+    f"{SPACE}/slider_crank_spatial.toml::mujoco:default": (
+        f"{SPACE}/universal_joint.toml::mujoco:default"
+    ),
+    f"{SPACE}/bricard.toml::mujoco:default": f"{SPACE}/universal_joint.toml::mujoco:default",
     # balancers of one template
     f"{BALANCERS}/balancer4_sam_shaped.toml::pymunk": FOUR,
     f"{BALANCERS}/balancer4_sam.toml::pymunk": FOUR,
@@ -68,9 +96,8 @@ LONG = {
     f"{BALANCERS}/balancer_progressive_contact.toml::mujoco:settled": (
         f"{BALANCERS}/balancer_sine_free_preload.toml::mujoco:settled"
     ),
-    f"{BALANCERS}/balancer_progressive_locked.toml::pymunk": (
-        f"{BALANCERS}/balancer_progressive_contact.toml::pymunk"
-    ),
+    f"{BALANCERS}/balancer_progressive_contact.toml::pymunk": f"{HELD}[contact",
+    f"{BALANCERS}/balancer_progressive_locked.toml::pymunk": f"{HELD}[contact",
     f"{BALANCERS}/balancer_prototype.toml::pymunk": (
         "tests/sim/test_friction.py::test_the_built_balancer_rubs_in_pymunk_as_in_its_reference"
     ),
@@ -82,15 +109,31 @@ LONG = {
         f"{BALANCERS}/balancer_sine_free_preload.toml::pymunk"
     ),
     f"{BALANCERS}/balancer_third_preload_at_once.toml::pymunk": (
-        f"{BALANCERS}/balancer_third_preload.toml::pymunk"
+        f"{BALANCERS}/balancer_sine_free_preload.toml::pymunk"
     ),
+    f"{BALANCERS}/balancer_third_preload.toml::pymunk": (
+        f"{BALANCERS}/balancer_sine_free_preload.toml::pymunk"
+    ),
+    f"{BALANCERS}/balancer_extending.toml::pymunk": f"{EXTENSION}[change0",
+    f"{BALANCERS}/balancer_sine_nonlinear.toml::pymunk": f"{HELD}[nonlinear",
     # rods
     f"{RODS}/rfr2_circles.toml": f"{FIRST_PLACES}[rfr2_circles",
     f"{RODS}/rfr2_rectangles.toml": f"{FIRST_PLACES}[rfr2_rectangles",
     f"{RODS}/rfr2_driven.toml::pymunk": (
         "tests/sim/test_rods_2rfr.py::test_a_motion_of_both_motors_is_that_of_the_chains[pymunk"
     ),
-    f"{RODS}/pfr3.toml::pymunk": f"{RODS}/rfr2_load_path.toml::pymunk",
+    f"{RODS}/pfr3.toml::pymunk": (
+        "tests/sim/test_rods_platform.py::test_sliders_lead_the_platform[pymunk"
+    ),
+    f"{RODS}/rfr3.toml::pymunk": (
+        "tests/sim/test_rods_platform.py::test_both_solutions_of_table_8_rest[pymunk-S1"
+    ),
+    f"{RODS}/rfr2_load_path.toml::pymunk": (
+        "tests/sim/test_rods_2rfr.py::test_a_motion_of_both_motors_is_that_of_the_chains[pymunk"
+    ),
+    f"{RODS}/rod_released.toml::pymunk": (
+        "tests/sim/test_rods_released.py::test_a_released_cantilever[pymunk"
+    ),
     f"{RODS}/rfr2_missed.toml::pymunk": f"{RODS}/rfr2_natural.toml::pymunk",
     f"{RODS}/rod_into_circle.toml::pymunk": f"{RODS}/rod_cantilever.toml::pymunk",
     f"{RODS}/rod_wind.toml::pymunk": f"{RODS}/rod_cantilever.toml::pymunk",
@@ -181,10 +224,6 @@ LONG = {
     f"{LENGTHS}[balancer_sine_free_preload-pendulum-pymunk": (
         f"{LENGTHS}[balancer4_sam_prescribed-pendulum-pymunk"
     ),
-    f"{LENGTHS}[balancer4_sine-pendulum-mujoco": (
-        f"{LENGTHS}[balancer4_sam_prescribed-pendulum-mujoco"
-    ),
-    f"{LENGTHS}[hacksaw_recorded-crank-mujoco": f"{LENGTHS}[hacksaw-crank-mujoco",
     "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
     "[balancer_prototype-1-mujoco": (
         "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
@@ -215,9 +254,7 @@ LONG = {
     "tests/test_examples_chosen.py::test_true_rates_are_derivatives[fourbar_released": (
         "tests/test_examples_chosen.py::test_true_rates_are_derivatives"
     ),
-    "tests/test_benchmarks.py::test_benchmark_runs_quickly_and_writes_no_documents[rod]": (
-        "tests/test_benchmarks.py::test_benchmark_runs_quickly_and_writes_no_documents[rod_table2"
-    ),
+    f"{BENCHMARK}[rod]": f"{BENCHMARK}[rod_table2",
     "tests/report/test_report.py::test_drawing_has_the_names_of_the_mjcf[hacksaw": (
         "tests/report/test_report.py::test_drawing_has_the_names_of_the_mjcf[fivebar"
     ),
@@ -231,12 +268,6 @@ LONG = {
         "tests/studies/diet/test_diet_models.py::test_a_longer_step_is_held_against_the_reference"
     ),
     # pages in a browser
-    "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[balancer_sine": (
-        "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[slider_crank"
-    ),
-    "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[fourbar": (
-        "tests/report/test_browser.py::test_every_channel_of_every_run_can_be_shown[slider_crank"
-    ),
     "tests/studies/diet/test_diet_chart.py::test_axe_finds_nothing[dark": (
         "tests/studies/diet/test_diet_chart.py::test_axe_finds_nothing[light"
     ),
@@ -275,4 +306,231 @@ LONG = {
     "tests/analytic/rods/test_rod_cantilever.py::test_potential_by_virtual_work[load2": (
         "tests/analytic/rods/test_rod_cantilever.py::test_potential_by_virtual_work[load0"
     ),
+    "tests/sim/test_rods_platform.py::test_a_mirrored_platform_differs": (
+        "tests/sim/test_rods_platform.py::test_a_wrong_mechanism_differs[guide's direction"
+    ),
+    "tests/sim/test_rods_platform.py::test_the_misprinted_angle_does_not_agree": (
+        "tests/analytic/rods/test_rod_platform.py::test_the_misprinted_angle_is_another_mechanism"
+    ),
+    "tests/analytic/rods/test_rod_continuation.py::test_rectangle_returns": (
+        "tests/analytic/rods/test_rod_continuation.py::test_ring"
+    ),
+    "tests/analytic/rods/test_rod_platform.py::test_a_third_of_a_turn": (
+        "tests/analytic/rods/test_rod_continuation.py::test_platform_follows_a_circle"
+    ),
+    "tests/studies/diet/test_diet_chart.py::test_model_and_filters_are_kept": (
+        "tests/studies/stress/test_stress_chart.py::test_case_and_parameter_are_chosen_and_kept"
+    ),
+    "tests/analytic/rods/test_rod_continuation.py::test_sheet_and_loci_have_the_symmetry": (
+        "tests/analytic/rods/test_rod_maps.py::test_direct_singularities_by_differences"
+    ),
+    "tests/analytic/rods/test_rod_continuation.py::test_straight_line_and_its_divisions": (
+        "tests/analytic/rods/test_rod_continuation.py::test_ring"
+    ),
+    "tests/analytic/rods/test_rod_pair_driven.py::test_both_motors_lead_the_pin_round_a_ring": (
+        "tests/analytic/rods/test_rod_pair_driven.py::test_turns_of_the_motors_join_the_equilibria"
+    ),
+    "tests/studies/trade/test_disturbed.py::test_a_disturbance_grows": (
+        "tests/studies/trade/test_disturbed.py::test_a_chaotic_motion_is_told"
+    ),
+    "tests/test_proposal.py::test_a_model_with_sensors_is_not_copied": (
+        "tests/test_proposal.py::test_a_drive_stays_clear_of_the_limit"
+    ),
+    f"{BENCHMARK}[limits": (
+        "tests/studies/stress/test_stress_limits.py::test_a_limit_that_is_5_percent_off_is_found"
+    ),
+    f"{BENCHMARK}[notebooks": "tests/test_notebooks.py::test_a_notebook_runs[fourbar",
 }
+SOME = {
+    "tests/report/test_browser.py": {
+        "test_every_channel_of_every_run_can_be_shown": ["rod_cantilever", "slider_crank"],
+    },
+    "tests/report/test_pictures.py": {
+        "test_a_first_screen_that_was_changed_is_told": ["a missing panel"],
+    },
+    "tests/report/test_views.py": {
+        "test_springs_are_drawn_as_spirals": ["3"],
+    },
+    "tests/report/test_chart_sheet.py": {
+        "test_panels_are_a_grid_named_at_its_edges": ["1-grid0", "4-grid3", "5-grid4"],
+    },
+    "tests/report/test_index_browser.py": {
+        "test_a_third_engine_has_room_beside_the_others": ["390", "1280"],
+    },
+    "tests/analytic/rods/test_rod_continuation.py": {
+        "test_unloading": ["S2"],
+    },
+    "tests/analytic/rods/test_rod_platform.py": {
+        "test_shooting_finds_the_same": ["load0"],
+    },
+    "tests/analytic/rods/test_rod_cosserat.py": {
+        "test_shooting_in_the_frame_of_the_sections": ["weight and force", "axial", "shear"],
+    },
+    "tests/analytic/rods/test_rod_shooting.py": {
+        "test_guess_selects_the_branch": ["document", "exact-guess0"],
+        "test_shooting_converges_quadratically": ["0", "1"],
+    },
+    "tests/analytic/rods/test_rod_snap.py": {
+        "test_shapes_are_rods_from_the_clamp_to_the_pin": ["0.5", "0.8"],
+        "test_the_fold_is_where_shooting_is_singular": ["0.5", "0.8"],
+        "test_each_fold_adds_a_direction_to_fall_in": ["0.5", "0.8"],
+        "test_beyond_the_fold_one_rest_is_left": ["54.338"],
+    },
+    "tests/analytic/rods/test_rod_solutions.py": {
+        "test_every_known_equilibrium_is_found_with_its_energy_and_stability": ["rfr2", "unloaded"],
+        "test_verified_by_shooting": ["rfr2", "rfr3"],
+    },
+    "tests/analytic/rods/test_rod_cantilever.py": {
+        "test_boundary_value_problem_by_collocation": ["load2"],
+    },
+    "tests/analytic/rods/test_rod_follower.py": {
+        "test_shooting_in_the_frame_of_the_sections": ["load1"],
+    },
+    "tests/analytic/balancer/test_balancer_friction.py": {
+        "test_postures_are_of_least_energy_and_dissipation": ["friction2"],
+    },
+    "tests/analytic/balancer/test_balancer_extension.py": {
+        "test_engines_agree_and_another_extension_turns_the_verdict": ["change0", "change3"],
+    },
+    "tests/analytic/balancer/test_spring_release.py": {
+        "test_a_wrong_spring_or_contact_is_found": [
+            "series-range",
+            "series-stiffness",
+            'parallel-springref="0.0405"',
+        ],
+    },
+    "tests/analytic/planar/test_planar_free.py": {
+        "test_parallelograms_pass_their_flat_poses_on_the_motion_of_a_pendulum": ["11", "321"],
+    },
+    "tests/analytic/linkages/test_threeprr_maps.py": {
+        "test_aspects_are_where_the_inverse_problem_has_their_sign": ["--0.4-"],
+        "test_type_2_is_a_zero_with_a_change_of_sign": ["--0.4-"],
+    },
+    "tests/design/test_design_search.py": {
+        "test_an_interrupted_search_gives_what_an_uninterrupted_one_gives": ["2"],
+    },
+    "tests/design/test_design_synthesis.py": {
+        "test_a_batch_is_worth_what_each_design_alone_is": [
+            "1_1",
+            "laevo 3 nonlinear",
+            "laevo 4",
+            "progressive",
+            "sine180",
+            "sine 3 linear standard -1",
+        ],
+    },
+    "tests/studies/stress/test_stress_limits.py": {
+        "test_several_boundaries_that_are_wrong_are_found": ["factors0", "factors1"],
+    },
+    "tests/studies/stress/test_stress_theory.py": {
+        "test_a_spring_that_is_not_the_one_of_the_theory_is_noticed": ["0.8"],
+    },
+    "tests/studies/stress/test_stress_singular.py": {
+        "test_arms_reach_as_far_as_their_ends_are_apart": ["fourbar"],
+    },
+    "tests/studies/stress/test_stress.py": {
+        "test_scaled_mechanisms_have_scaled_curves": [
+            "sweep",
+            "slider_crank-dynamics-3e-06-mujoco",
+            "fourbar_released-dynamics-3e-06-pymunk",
+        ],
+    },
+    "tests/studies/stress/test_stress_bare.py": {
+        "test_small_models_have_the_limits_of_theory_in_the_engines_themselves": ["spring", "hung"],
+        "test_time_steps_of_mujoco": ["RK4"],
+    },
+    "tests/studies/trade/test_program.py": {
+        "test_a_program_gives_what_the_harness_gives": ["fourbar", "pendulum"],
+        "test_the_program_of_a_fourbar_is_right": ["drive0", "drive1"],
+    },
+    "tests/studies/trade/test_program_rods.py": {
+        "test_defaults_do_not_reach_the_links_of_a_program": ["defaults2"],
+        "test_other_drives_move_rods": ["drive1"],
+    },
+    "tests/studies/trade/test_pymunk_program.py": {
+        "test_a_program_does_what_simulate_does": ["fourbar", "hacksaw", "threeprr", "pendulum"],
+    },
+    "tests/test_compare.py": {
+        "test_a_wrong_gear_ratio_is_found_by_a_constant_rate": ["-0.001"],
+    },
+    "tests/sim/test_limits.py": {
+        "test_a_sweep_across_a_limit_position_stops_there": ["mujoco-fourbar", "pymunk-planar"],
+    },
+    "tests/sim/test_changing_loads.py": {
+        "test_rates_under_a_load_that_grows_are_slopes_of_the_path": ["case0"],
+        "test_a_four_bar_whose_rocker_is_loaded_more_and_more": ["to = 6.28"],
+    },
+    "tests/sim/test_rods_loads.py": {
+        "test_another_load_is_noticed": ["load = [4.1", "load = .*", "gear=", "refsite"],
+    },
+    "tests/sim/test_rods_taut.py": {
+        "test_a_wrong_rod_is_noticed": ["axial"],
+    },
+    "tests/sim/test_rods_strained.py": {
+        "test_another_stiffness_of_the_rod_is_noticed": ["42.0", "19.0"],
+    },
+    "tests/sim/test_rods_driven.py": {
+        "test_a_wrong_rod_is_found": ["1.02", "naive"],
+    },
+    "tests/sim/test_disable_flags.py": {
+        "test_what_is_disabled_is_as_if_it_were_not_there": [
+            "dynamics",
+            "mujoco-sweep",
+            "pymunk-sweep-spring",
+            "pymunk-sweep-limit",
+            "pymunk-sweep-frictionloss",
+            "pymunk-sweep-equality",
+            "mujoco-settled-equality",
+            "mujoco-settled-limit",
+            "mujoco-settled-actuation",
+        ],
+    },
+    "tests/sim/test_engine_decides.py": {
+        "test_springs_1_percent_stiffer_differ": [
+            "balancer4_sam_prescribed",
+            "balancer4_sine-sweep-mujoco:settled",
+            "balancer_sine",
+            "pfr3",
+            "rfr2",
+            "rod",
+            "springs",
+        ],
+    },
+    "tests/sim/test_numbers.py": {
+        "test_a_change_is_where_it_was_meant_and_nowhere_else": [
+            "fourbar",
+            "balancer_sine_free_preload",
+            "pendulum",
+            "rfr2_natural",
+        ],
+    },
+    "tests/sim/mujoco/test_mujoco.py": {
+        "test_sweep_is_the_closed_form_to_rounding": ["fourbar"],
+    },
+    "tests/sim/mujoco/test_mujoco_settled.py": {
+        "test_the_engine_settles_where_the_sweep_rests": ["contact", "four"],
+    },
+    "tests/sim/mujoco/test_written_settings.py": {
+        "test_a_program_slides_as_the_product_s_own_run": ["settings1", "settings2"],
+    },
+    "tests/sim/pymunk/test_pymunk_stops.py": {
+        "test_a_preload_presses_a_joint_on_its_stop_for_good": ["four"],
+    },
+    "tests/sim/test_friction.py": {
+        "test_every_friction_of_a_shipped_model_is_noticed": [
+            "mujoco",
+            "shaft_pendulum-0-pymunk",
+            "slider_crank_friction-1-pymunk",
+        ],
+    },
+    "tests/test_mutations.py": {
+        "test_a_wrong_inertia_turns_the_moment_of_a_drive": ["mujoco", "fourbar-1.30"],
+        "test_a_wrong_mass_turns_what_knows_it_and_nothing_else": ["mujoco", '"1.5 0 0" mass'],
+        "test_a_wrong_number_turns_the_motion_of_the_parallelograms": ["mujoco", "qpos"],
+        "test_a_wrong_load_on_the_slider_turns_the_holding_moment_alone": [
+            'slider_crank_offset-ctrl="0 -50"-ctrl="0 -50.001"-mujoco',
+            'hacksaw_cutting-ctrl="0 10"-ctrl="0 10.001"-pymunk',
+        ],
+    },
+}
+"""Tests of one claim on many cases, by their files: words in the parameters of those that run."""

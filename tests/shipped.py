@@ -4,6 +4,8 @@ import re
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from proofmass.sidecar import as_toml, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
@@ -31,6 +33,17 @@ def fewer_samples(n: int) -> int:
 def models_like(pattern: str = "*.toml") -> list[Path]:
     """The files below `models/` whose names match, sorted by name."""
     return sorted(MODELS.rglob(pattern), key=lambda file: file.name)
+
+
+def each_case() -> list:
+    """The shipped sidecars as parameters of a test: one for each reference, the others slow."""
+    seen, found = set[str](), []
+    for file in models_like():
+        reference = loaded(file).reference
+        marks = [pytest.mark.slow] if reference in seen else []
+        found.append(pytest.param(file, id=file.stem, marks=marks))
+        seen.add(reference)
+    return found
 
 
 @cache

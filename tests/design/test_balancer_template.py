@@ -150,8 +150,8 @@ def write(folder: Path, chain: dict, solver: str) -> Path:
 
 
 def fewer(file: Path) -> Path:
-    """A tenth of the places, each of which rests by itself."""
-    text, hits = re.subn(r"(?m)^n = 181\b", "n = 19", file.read_text())
+    """A twentieth of the places, each of which rests by itself."""
+    text, hits = re.subn(r"(?m)^n = 181\b", "n = 9", file.read_text())
     assert hits == 1
     file.write_text(text)
     return file
@@ -222,7 +222,7 @@ def test_a_spring_without_stiffness_is_a_constant_moment(tmp_path):
     _, data = at_start(file.with_suffix(".xml"))
     assert data.qfrc_actuator.tolist() == [0.0, 0.0, -0.369, 0.0]
     assert "energy" not in load_case(file).channels  # nothing stores what it gives
-    assert check([fewer(file)]).exit_code == 0
+    assert check([fewer(file)], detectable=False, causes=False).exit_code == 0
 
 
 def test_words_with_quotes_are_kept_and_others_stand_beside(tmp_path):

@@ -22,7 +22,7 @@ from tests.shipped import shipped
 def quick(request, monkeypatch):
     """Searches of a second, but in slow tests."""
     if "slow" not in request.keywords:
-        monkeypatch.setattr(command, "times", lambda _, seed: Effort(((12, 2), (4, 3)), seed))
+        monkeypatch.setattr(command, "times", lambda _, seed: Effort(((8, 2), (4, 2)), seed))
 
 
 def run(*args):

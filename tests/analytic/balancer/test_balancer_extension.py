@@ -127,7 +127,7 @@ def test_engines_agree_and_another_extension_turns_the_verdict(change, tmp_path)
         parameters=FREE | GROWS | {"weight": 1.0},
         target="weight",
     )
-    text = file.read_text().replace("n = 181", "n = 9")
+    text = file.read_text().replace("n = 181", "n = 5")
     if change is TALLER:
         model = file.with_suffix(".xml")
         assert TALLER[0] in model.read_text()

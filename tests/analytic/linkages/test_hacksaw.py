@@ -189,10 +189,17 @@ def test_reference_points(row):
         assert curve == pytest.approx(row[name], rel=4e-14, abs=4e-14), name
 
 
+@pytest.fixture(scope="module")
+def dense():
+    """The sweep at 400,001 samples."""
+    return hacksaw.solve(
+        *hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 400001)), **LINK
+    )
+
+
 @pytest.mark.parametrize("name", [name for name in DATA["extrema"] if name != "source"])
-def test_extrema_of_the_sweep(name):
-    law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 400001))
-    curve = hacksaw.solve(*law, **LINK)[name]
+def test_extrema_of_the_sweep(name, dense):
+    curve = dense[name]
     if name.startswith(DEGREES):
         curve = np.degrees(curve)
     for sign, expected in zip((-1, 1), DATA["extrema"][name], strict=True):

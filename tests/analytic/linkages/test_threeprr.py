@@ -143,19 +143,23 @@ def test_any_two_legs_may_be_parallel(pair, off):
     assert np.abs(leg_errors(rows.T, still, where)).max() <= 1e-14  # rounding
 
 
-@RANDOM
-@given(mechanisms())
-def test_round_trip_of_random_mechanisms(mechanism):
-    where, pose = mechanism
-    size = where["leg"] + where["side"] + np.abs([*pose[:2], *list(where.values())[2:]]).max()
-    for triple in all_triples(pose, where):
-        assert np.abs(leg_errors(pose, triple, where)).max() <= 1e-15 * size  # rounding
-        found = poses(triple, **where)
-        rows = there(found)
-        assert np.abs(leg_errors(rows.T, triple, where)).max() <= 3e-14 * size  # rounding
-        near = np.argmin(np.abs(rows - pose).max(axis=1))
-        if abs(found["singularity"][near]) > 1e-3:  # rounding over the determinant
-            assert nearest(rows, pose) <= 1e-11 * max(1.0, size)
+@pytest.mark.parametrize("count", [20, pytest.param(60, marks=pytest.mark.slow)])
+def test_round_trip_of_random_mechanisms(count):
+    @settings(RANDOM, max_examples=count)
+    @given(mechanisms())
+    def run(mechanism):
+        where, pose = mechanism
+        size = where["leg"] + where["side"] + np.abs([*pose[:2], *list(where.values())[2:]]).max()
+        for triple in all_triples(pose, where):
+            assert np.abs(leg_errors(pose, triple, where)).max() <= 1e-15 * size  # rounding
+            found = poses(triple, **where)
+            rows = there(found)
+            assert np.abs(leg_errors(rows.T, triple, where)).max() <= 3e-14 * size  # rounding
+            near = np.argmin(np.abs(rows - pose).max(axis=1))
+            if abs(found["singularity"][near]) > 1e-3:  # rounding over the determinant
+                assert nearest(rows, pose) <= 1e-11 * max(1.0, size)
+
+    run()
 
 
 @RANDOM

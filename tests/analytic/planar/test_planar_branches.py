@@ -96,25 +96,30 @@ def test_a_sample_on_the_change_point_is_singular():
         solve(np.array([0.0, np.pi, 4.0]), model=four_bar(1, 2, 2, 3), joints=("crank",))
 
 
-@settings(RELAXED, max_examples=12)
-@given(four_bars(clear=0.0, turn=6.0))
-def test_success_is_on_the_branch_and_failure_at_a_limit(linkage):
+@pytest.mark.parametrize("mechanisms", [6, pytest.param(12, marks=pytest.mark.slow)])
+def test_success_is_on_the_branch_and_failure_at_a_limit(mechanisms):
     """Over a turn that may have limits: what is kept is the closed form; what is not has none."""
-    try:
-        follower = branch(linkage.model)
-    except SingularHere:
-        assert np.sin(linkage.solve(linkage.way[0, 0])["transmission_angle"]) < 1e-3
-        return
-    q, failure = follower.follow(linkage.way)
-    x = linkage.way[:, 0]
-    truth = linkage.solve(x[: len(q)])  # raises where there is no pose
-    loose = 1e-13 / np.maximum(np.sin(truth["transmission_angle"]), 1e-7)
-    wrong = np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"]))
-    assert (wrong < np.maximum(loose, 1e-12)).all()
-    if failure is not None:
-        gap = np.linspace(x[len(q) - 1] if len(q) else x[0], x[len(q)], 100_001)
-        with contextlib.suppress(ValueError):
-            assert np.sin(linkage.solve(gap)["transmission_angle"]).min() < 1e-4
+
+    @settings(RELAXED, max_examples=mechanisms)
+    @given(four_bars(clear=0.0, turn=6.0))
+    def run(linkage):
+        try:
+            follower = branch(linkage.model)
+        except SingularHere:
+            assert np.sin(linkage.solve(linkage.way[0, 0])["transmission_angle"]) < 1e-3
+            return
+        q, failure = follower.follow(linkage.way)
+        x = linkage.way[:, 0]
+        truth = linkage.solve(x[: len(q)])  # raises where there is no pose
+        loose = 1e-13 / np.maximum(np.sin(truth["transmission_angle"]), 1e-7)
+        wrong = np.abs(np.exp(1j * q[:, 2]) - np.exp(1j * truth["rocker_angle"]))
+        assert (wrong < np.maximum(loose, 1e-12)).all()
+        if failure is not None:
+            gap = np.linspace(x[len(q) - 1] if len(q) else x[0], x[len(q)], 100_001)
+            with contextlib.suppress(ValueError):
+                assert np.sin(linkage.solve(gap)["transmission_angle"]).min() < 1e-4
+
+    run()
 
 
 def test_one_long_stride_keeps_the_branch():

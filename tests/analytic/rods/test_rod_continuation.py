@@ -183,14 +183,14 @@ def test_inverse_singularity_ends_a_line_of_poses():
 
 
 def test_a_sheet_of_poses_is_the_path_through_it():
-    sheet = spread(centre(), np.linspace(0.0, 0.6, 9), np.linspace(-0.5, 0.0, 6))
+    sheet = spread(centre(), np.linspace(0.0, 0.6, 5), np.linspace(-0.5, 0.0, 6))
     x, y = np.meshgrid(sheet.first, sheet.second, indexing="ij")
     kept = sheet.states[sheet.reached]
-    assert sheet.reached.sum() > 40
+    assert sheet.reached.sum() > 20
     off = kept.pose - np.stack([x, y], axis=-1)[sheet.reached]
     assert np.abs(off).max() <= 1e-15  # rounding of steps of up to 0.6 m
     assert np.abs(closure(kept)[0]).max() <= 1e-9
-    for node in ((1, 1), (4, 3), (7, 4)):
+    for node in ((1, 1), (2, 3), (3, 4)):
         goal = sheet.states[node]
         path = follow(centre(), pose=goal.pose[None])
         assert np.abs(path.last.inputs - goal.inputs).max() <= 1e-8

@@ -43,7 +43,7 @@ def test_loads_of_the_surface_end_in_an_inflection(charts: list[Chart]) -> None:
     rng = np.random.default_rng(8)
     for mode, panel in enumerate(charts[1].panels, 1):
         field = panel.field
-        for _ in range(12):
+        for _ in range(5):
             i = int(rng.integers(3, field.x.size - 3))
             j = int(rng.integers(6, field.y.size - 6))
             psi, k_rel, size = field.x[i], field.y[j], 10.0 ** field.values[i, j]

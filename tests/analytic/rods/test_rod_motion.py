@@ -51,12 +51,12 @@ def test_a_small_fall_is_that_of_a_beam():
 
 @pytest.mark.parametrize("theta0", [0.0, pytest.param(2.2, marks=pytest.mark.slow)])
 def test_a_large_motion_is_the_limit_of_chains(theta0):
-    """Chains of 6, 12 and 24 links, by equations of their own, extrapolated in 1/n^2."""
+    """Chains of 5, 10 and 20 links, by equations of their own, extrapolated in 1/n^2."""
     t = np.linspace(0.0, 0.45, 10)
     found = rod_released.solve(t, theta0=theta0, **ROD)
     tip = found["tip_x"] + 1j * found["tip_y"]
     rod = {key: value for key, value in ROD.items() if key != "length"}
-    chains = [released_chain(t, n, theta0=theta0, **rod).tip for n in (6, 12, 24)]
+    chains = [released_chain(t, n, theta0=theta0, **rod).tip for n in (5, 10, 20)]
     errors = [np.abs(one - tip).max() for one in chains]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.2)

@@ -202,10 +202,10 @@ def test_page_draws_the_document_s_shooting_from_its_guess_to_the_solution(page)
 
 def test_every_iterate_is_newton_s_step_from_the_one_before(page):
     """By central differences along the rod's own integration: J times the step takes f away."""
-    log = pinned(*PIN, (0.1, 0.1, 0.1), stiffness=EI, nodes=121).log
+    log = pinned(*PIN, (0.1, 0.1, 0.1), stiffness=EI, nodes=61).log
 
     def miss(unknowns):
-        rod = integrate(*unknowns, stiffness=EI, nodes=121)
+        rod = integrate(*unknowns, stiffness=EI, nodes=61)
         return np.array([rod.x[-1] - PIN[0], rod.y[-1] - PIN[1], rod.m[-1]])
 
     halvings = []
