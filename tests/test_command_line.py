@@ -16,15 +16,7 @@ def run(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])
 
 
-@pytest.fixture
-def models(models):
-    """The copies of all models, of whose pendulum one second is run."""
-    sidecar = models / "pendulum.toml"
-    text = sidecar.read_text()
-    assert "until = 10.0" in text
-    assert "n = 1001" in text
-    sidecar.write_text(text.replace("until = 10.0", "until = 1.0").replace("n = 1001", "n = 101"))
-    return models
+pytestmark = pytest.mark.usefixtures("second")
 
 
 def test_exit_0_and_json_where_all_agree(models):
@@ -135,7 +127,7 @@ def test_report_writes_figures_for_papers_on_demand(models, tmp_path, options, t
 
 
 def test_sidecars_are_pytest_items(models, pytester):
-    result = pytester.runpytest_subprocess(
+    result = pytester.runpytest_inprocess(
         models / "pendulum.toml",
         f"{models / 'slider_crank.toml'}::mujoco",
         "-v",

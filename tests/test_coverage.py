@@ -10,6 +10,7 @@ import random
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree
 from typing import ClassVar
 from xml.etree import ElementTree
 
@@ -172,23 +173,28 @@ def holds(case: Case, one: Finding, folder: Path) -> None:
 def quick(name: str) -> Case:
     """A case of which much is asked here.
 
-    The four-bar has a sixth of its samples at rest and a sixth of its turn in time, which pymunk
-    does not run; what is noticed is asked of these same runs.
+    The four-bar has a seventh of its samples at rest and a twentieth of its turn in time, which
+    pymunk does not run; what is noticed is asked of these same runs.
     """
     case = load_case(shipped(f"{name}.toml"))
     if name != "fourbar":
         return case
-    sweep = case.run["sweep"].model_copy(update={"n": 61})
-    few = {"solvers": ("mujoco",), "until": 1.0, "n": 61}
+    sweep = case.run["sweep"].model_copy(update={"n": 49})
+    few = {"solvers": ("mujoco",), "until": 0.3, "n": 13}
     dynamics = case.run["dynamics"].model_copy(update=few)
     return case.model_copy(update={"run": {"sweep": sweep, "dynamics": dynamics}})
 
 
 @pytest.fixture(scope="module")
-def covered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Coverage]:
+def findings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of what some cases notice."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="module")
+def covered(findings: Path) -> dict[str, Coverage]:
     """What some cases notice, found once."""
-    folder = tmp_path_factory.mktemp("cache")
-    return {name: coverage_of(quick(name), 2, folder=folder) for name in QUICK}
+    return {name: coverage_of(quick(name), 2, folder=findings) for name in QUICK}
 
 
 def sample() -> list[tuple[str, int]]:
@@ -390,17 +396,17 @@ def test_a_sweep_is_searched_at_some_of_its_own_samples():
     assert stride_of(load_case(shipped("hacksaw_recorded.toml")), "sweep") == 1
 
 
-def test_what_was_found_is_kept_and_read_again(tmp_path, monkeypatch):
-    case = load_case(shipped("rod_cantilever.toml"))
+def test_what_was_found_is_kept_and_read_again(covered, findings, tmp_path, monkeypatch):
+    case, found = load_case(shipped("rod_cantilever.toml")), covered["rod_cantilever"]
     assert stored_coverage(case, tmp_path) is None
-    found = coverage_of(case, 1, folder=tmp_path)
+    copytree(findings / "coverage", tmp_path / "coverage")
     monkeypatch.setattr(coverage_module, "Search", None)  # nothing is searched
     assert str(coverage_of(case, 1, folder=tmp_path)) == str(found)
     assert str(stored_coverage(case, tmp_path)) == str(found)
     looser = case.tolerance[0].model_copy(update={"abs": None, "relative_to_range": 0.5})
     other = case.model_copy(update={"tolerance": (looser, *case.tolerance[1:])})
     assert stored_coverage(other, tmp_path) is None
-    (file,) = tmp_path.rglob("*.json")
+    (file,) = tmp_path.rglob("rod_cantilever-*.json")
     for text in ("not json", "{}", '{"groups": 1, "coverage": null, "seconds": 0}'):
         file.write_text(text)
         with pytest.raises(InputError, match="delete it"):

@@ -16,7 +16,7 @@ from proofmass.sidecar import as_toml, fill_runs, load_case, match_quantity
 from proofmass.sim.mujoco.default_tolerances import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.default_tolerances import ACCURACY as PYMUNK
 from proofmass.terminal import failures
-from tests.shipped import models_like, shipped
+from tests.shipped import each_case, shipped
 
 SHORT = """title = "t"
 source = "s"
@@ -59,7 +59,7 @@ def wrong(folder: Path, more: str = "", tables: str = "") -> str:
     return str(error.value).removeprefix(f"{folder}/")
 
 
-@pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", each_case())
 def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
     """With all keys, and with those alone that change something."""
     again = tmp_path / file.name

@@ -221,7 +221,7 @@ def test_readme_is_short_and_its_sidecar_agrees(tmp_path: Path) -> None:
     assert len(sidecar.splitlines()) <= 15
     shutil.copy(ROOT / "models" / "linkages" / "fourbar.xml", tmp_path / "mine.xml")
     (tmp_path / "mine.toml").write_text(sidecar, encoding="utf-8")
-    result = check([tmp_path / "mine.toml"])
+    result = check([tmp_path / "mine.toml"], detectable=False, causes=False)
     assert not result.errors
     outcomes = [c.outcome for c in result.comparisons]
     assert set(outcomes) <= set(GOOD), result.comparisons

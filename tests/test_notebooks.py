@@ -226,6 +226,8 @@ def test_what_a_notebook_shows_of_cases_and_comparisons(edit: Callable[..., Path
     assert as_html(case) == case._repr_html_()
     assert "<b>pendulum</b>: a &lt;b&gt; and" in case._repr_html_()
     assert '<img src="data:image/svg+xml;base64,' in case._repr_html_()
+    brief = case.run["dynamics"].model_copy(update={"until": 1.0, "n": 101})
+    case = case.model_copy(update={"run": {"dynamics": brief}})
     curves = solve(case, "dynamics", "mujoco")
     rows = compare(case, "dynamics", "mujoco", curves, detectable=False)
     table = rows._repr_html_()

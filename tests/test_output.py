@@ -12,6 +12,8 @@ from proofmass.errors import InputError
 from proofmass.files import read_bytes, read_text, write_whole
 from proofmass.recorded import read_recorded
 
+pytestmark = pytest.mark.usefixtures("second")
+
 
 def run(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])

@@ -48,10 +48,14 @@ class Verdict:
 
 
 class Judge:
-    """A process that judges one input after the other; it is started again when it is lost."""
+    """A process that judges one input after the other; it is started again when it is lost.
 
-    def __init__(self, folder: Path):
-        self.folder, self.process, self.count = folder, None, 0
+    The causes of differences are sought where they are asked for: they take seconds, and whatever
+    goes wrong there is a line of a diagnosis.
+    """
+
+    def __init__(self, folder: Path, causes: bool = True):
+        self.folder, self.causes, self.process, self.count = folder, causes, None, 0
         self.words = None
 
     def start(self) -> subprocess.Popen:
@@ -91,7 +95,7 @@ class Judge:
         self.count += 1
         write(files, place)
         limit, stated = time_limit(files, name)
-        process.stdin.write((json.dumps([str(place), name, limit]) + "\n").encode())
+        process.stdin.write((json.dumps([str(place), name, limit, self.causes]) + "\n").encode())
         process.stdin.flush()
         ready, _, _ = select.select([process.stdout], [], [], limit + 5)
         line = process.stdout.readline() if ready else b""
@@ -157,7 +161,7 @@ def stuck(words: str) -> str:
 # in the process
 
 
-def examine(folder: Path, name: str) -> Verdict:
+def examine(folder: Path, name: str, causes: bool) -> Verdict:
     """Check a folder as the command line does, and judge what comes of it."""
     from proofmass.check import check
     from proofmass.terminal import as_json, failures, summary
@@ -165,7 +169,7 @@ def examine(folder: Path, name: str) -> Verdict:
 
     answer = Verdict()
     try:
-        result = check([folder / f"{name}.toml"], jobs=1)
+        result = check([folder / f"{name}.toml"], jobs=1, causes=causes)
         answer.exit_code = result.exit_code
         as_json(result)
         list(summary(result, True))
@@ -223,10 +227,10 @@ def main() -> None:
     importlib.import_module("proofmass.check").LOADING = TIMEOUT  # proofmass.check is a function
     print("started", file=answers, flush=True)
     for line in sys.stdin:
-        folder, name, limit = json.loads(line)
+        folder, name, limit, causes = json.loads(line)
         faulthandler.dump_traceback_later(limit)
         began = time.perf_counter()
-        answer = examine(Path(folder), name)
+        answer = examine(Path(folder), name, causes)
         faulthandler.cancel_dump_traceback_later()
         answer.seconds = time.perf_counter() - began
         answers.write(json.dumps(answer.__dict__) + "\n")

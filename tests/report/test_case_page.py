@@ -33,7 +33,7 @@ from proofmass.report.words import closeness
 from proofmass.sidecar import load_case
 from proofmass.sim.motion import Motion, motion
 from proofmass.solve import plan
-from tests.report.whole import lost_result, whole_result
+from tests.report.whole import lost_result, whole_result, without_figures
 from tests.shipped import shipped
 
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
@@ -163,7 +163,8 @@ def test_curves_that_are_no_numbers_somewhere_are_drawn_elsewhere(
         comparisons=[*compare(fourbar, "sweep", "mujoco", curves, detectable=False), *rows],
         curves={**result.curves, (fourbar.name, "sweep", "mujoco"): curves},
     )
-    page = write_report(found, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
+    with without_figures():
+        page = write_report(found, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
     own = json.loads(DATA.search(page)[1])["runs"]["sweep"]["solvers"]["mujoco"]  # type: ignore[index]
     off = unpacked(own["differences"]["pin.x"], "<f4")
     assert np.isfinite(off).tolist() == [k < 200 for k in range(361)]
@@ -383,7 +384,8 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
         "proofmass.report.case_page.told",
         lambda case, beyond, function, otherwise: function(case),
     )
-    index = write_report(result, tmp_path / "pages")
+    with without_figures():
+        index = write_report(result, tmp_path / "pages")
     page = index.with_name("fourbar.html").read_text(encoding="utf-8")
     panel = page[page.index('id="not-checked"') : page.index('id="to-do"')]
     assert "inertia of crank: all runs that are checked are at rest" in panel
@@ -428,7 +430,8 @@ def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path:
     assert (none.title, none.lines) == ("Cause: none of those that were tried", ("no less",))
     assert none.rows == ()
     assert causes(fourbar.model_copy(update={"file": Path("other.toml")}), found) == []
-    page = write_report(replace(result, diagnoses=found), tmp_path).with_name("fourbar.html")
+    with without_figures():
+        page = write_report(replace(result, diagnoses=found), tmp_path).with_name("fourbar.html")
     text = page.read_text(encoding="utf-8")
     assert text.index("Cause: rocker is longer") < text.index("Not checked")
     assert "Tried: sign and unit." in text
@@ -476,7 +479,8 @@ def test_what_happened_is_told_once_for_all_runs(
     (panel,) = causes(fourbar, found.diagnoses)
     assert (panel.title, panel.rows) == ("What happened", ())
     assert panel.where == "The same in 2 runs: MuJoCo in dynamics and pymunk in dynamics."
-    page = write_report(found, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
+    with without_figures():
+        page = write_report(found, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
     first = page[page.index("What happened") : page.index("Not checked")]
     assert "Pin.x left the tolerance first." in first or "pin.x left the tolerance first." in first
     assert re.search(r"MuJoCo is drawn until 1\.7\d* s: diverged", page)

@@ -25,7 +25,7 @@ from proofmass.report.record import (
 from proofmass.report.trend import Trend, growth_words, trend_of
 from proofmass.sidecar import load_case
 from tests.report.index_rows import of
-from tests.report.whole import whole_result
+from tests.report.whole import whole_result, without_figures
 from tests.shipped import shipped
 from tests.visit import PHONE, Visit
 
@@ -207,7 +207,8 @@ def folder(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     result = whole_result(fourbar, off=OFF)
     laws = [lambda c, k=k: planted(c, k) for k in (1, 2, 3, 4)]
     write_record(out, record_of(result, MADE), history_of(result, *laws))
-    write_report(result, out)
+    with without_figures():
+        write_report(result, out)
     return out
 
 
@@ -356,7 +357,8 @@ def test_the_index_leads_to_it(folder: Path, browser: Any) -> None:
 
 def test_one_report_says_when_the_trend_begins(fourbar: Case, browser: Any, tmp_path: Path) -> None:
     result = whole_result(fourbar, off=OFF)
-    write_report(result, tmp_path)
+    with without_figures():
+        write_report(result, tmp_path)
     with Visit(browser, tmp_path / "fourbar.html", reduced_motion="reduce") as visit:
         assert "The trend begins with the second report" in visit.page.inner_text("#trend")
         assert visit.page.locator("#trend-body").count() == 0
@@ -366,7 +368,8 @@ def test_one_report_says_when_the_trend_begins(fourbar: Case, browser: Any, tmp_
     text = json.loads(file.read_text())
     text["history"]["reports"][0]["date"] = 3
     file.write_text(json.dumps(text))
-    write_report(result, tmp_path)
+    with without_figures():
+        write_report(result, tmp_path)
     page = (tmp_path / "fourbar.html").read_text(encoding="utf-8")
     assert page.count("The history in results.json is damaged; left out: report 1 of 1 (date") == 1
     index = (tmp_path / "index.html").read_text(encoding="utf-8")

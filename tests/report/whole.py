@@ -1,16 +1,35 @@
 """Results of cases with curves of all their solvers, made from the references: no engine runs."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, compare
 from proofmass.diagnosis import Diagnosis
 from proofmass.reference import evaluate
+from proofmass.report import drawing
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
+
+
+@contextmanager
+def without_figures(*but: str) -> Iterator[None]:
+    """Pages without the drawing at several poses, but of cases with views and of those named."""
+    isolated = drawing.isolated
+
+    def left_out(function, case, *args, **limits):
+        if function is drawing.draw and not case.view and case.name not in but:
+            return {}
+        return isolated(function, case, *args, **limits)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawing, "isolated", left_out)
+        yield
 
 
 def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> Result:

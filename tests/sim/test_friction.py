@@ -71,7 +71,7 @@ def test_a_cycle_of_the_shaft_loses_its_closed_area(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_stick_and_slip_change_in_the_sample_of_the_closed_form(engine):
-    run = plan(few(SHAFT), "sweep", engine)
+    run = plan(brief(SHAFT), "sweep", engine)
     found = simulate(engine, SHAFT.model_path, run)
     (shaft,) = run.motion(run.x)[0]
     truth = shaft_pendulum.solve(shaft, **SHAFT.parameters)
@@ -183,11 +183,12 @@ def test_the_built_balancer_rubs_in_pymunk_as_in_its_reference():
     assert "agrees" in {one.outcome for one in found}
 
 
-def few(case):
-    """A case of a third of its intervals, whose drives turn on samples as before."""
-    n = (case.run["sweep"].n - 1) // 3 + 1
-    run = case.run["sweep"].model_copy(update={"n": n})
-    return case.model_copy(update={"run": {"sweep": run}})
+def brief(case):
+    """The first way to and fro of a case, of a third of the intervals; the drive turns on one."""
+    sweep, period = case.run["sweep"], case.leader.period
+    ways = round((sweep.until or period) / period)
+    few = {"n": (sweep.n - 1) // (3 * ways) + 1, "until": period}
+    return case.model_copy(update={"run": {"sweep": sweep.model_copy(update=few)}})
 
 
 NUMBERS = [
@@ -216,7 +217,7 @@ def test_every_friction_of_a_shipped_model_is_noticed(name, number, engine, mode
     place = list(FRICTION.finditer(text))[number]
     larger = repr(1.001 * float(place[1]))
     file.write_text(text[: place.start(1)] + larger + text[place.end(1) :])
-    case = few(load_case(models / f"{name}.toml"))
+    case = brief(load_case(models / f"{name}.toml"))
     found = compare(case, "sweep", engine, run_here(case, "sweep", engine), detectable=False)
     assert "differs" in {one.outcome for one in found}
 

@@ -300,10 +300,10 @@ def test_a_study_killed_ten_times_gives_the_same_table(tmp_path):
 
 
 def test_an_interrupt_from_the_keyboard_stores_no_crash(tmp_path):
-    said = killed(tmp_path, 8, 2, 0.0, signal.SIGINT)  # the workers get it as well
+    said = killed(tmp_path, 4, 2, 0.0, signal.SIGINT)  # the workers get it as well
     assert "KeyboardInterrupt" in said
-    assert begin(tmp_path, 8).communicate()[1] == ""
-    assert [one.outcome for one in read_table(tmp_path / "trade.csv")] == ["ran"] * 8
+    assert begin(tmp_path, 4).communicate()[1] == ""
+    assert [one.outcome for one in read_table(tmp_path / "trade.csv")] == ["ran"] * 4
 
 
 def test_runs_side_by_side_are_those_one_after_the_other(tmp_path):

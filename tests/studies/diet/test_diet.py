@@ -271,6 +271,8 @@ def test_the_digits_are_put_back():
 def test_sidecars_say_what_a_model_is_for(models, edit):
     # two cases of one model: both keys stay; a sensor that no channel reads goes
     edit("pendulum.toml", r"kinetic = .*\n", "")
+    edit("pendulum.toml", r"until = 10\.0", "until = 1.0")
+    edit("pendulum.toml", "n = 1001", "n = 101")
     (models / "other.toml").write_text(
         (models / "pendulum.toml")
         .read_text()
