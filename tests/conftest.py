@@ -99,13 +99,6 @@ def edit(models: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def second(edit: Callable[..., Path]) -> Path:
-    """The copy of the pendulum's sidecar, of which one second is run."""
-    edit("pendulum.toml", "until = 10.0", "until = 1.0")
-    return edit("pendulum.toml", "n = 1001", "n = 101")
-
-
-@pytest.fixture
 def keep_solver(models: Path) -> Callable[[str, str], Path]:
     """``keep_solver(name, solver)`` leaves a sidecar one solver and the tolerances for it."""
 

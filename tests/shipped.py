@@ -46,6 +46,16 @@ def each_case() -> list:
     return found
 
 
+def with_brief_pendulum(models: Path) -> Path:
+    """The copies of all models, of whose pendulum one second is run from now on."""
+    sidecar = models / "pendulum.toml"
+    text = sidecar.read_text()
+    assert "until = 10.0" in text
+    assert "n = 1001" in text
+    sidecar.write_text(text.replace("until = 10.0", "until = 1.0").replace("n = 1001", "n = 101"))
+    return models
+
+
 @cache
 def every_file() -> dict[str, bytes]:
     """What the files below `models/` hold, the sidecars with nothing left to defaults."""

@@ -10,13 +10,16 @@ from typer.testing import CliRunner
 from proofmass.__main__ import main
 from proofmass.cli import app
 from proofmass.terminal import KEYS
+from tests.shipped import with_brief_pendulum
 
 
 def run(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])
 
 
-pytestmark = pytest.mark.usefixtures("second")
+@pytest.fixture
+def models(models):
+    return with_brief_pendulum(models)
 
 
 def test_exit_0_and_json_where_all_agree(models):

@@ -11,8 +11,12 @@ from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.files import read_bytes, read_text, write_whole
 from proofmass.recorded import read_recorded
+from tests.shipped import with_brief_pendulum
 
-pytestmark = pytest.mark.usefixtures("second")
+
+@pytest.fixture
+def models(models):
+    return with_brief_pendulum(models)
 
 
 def run(*args: object):

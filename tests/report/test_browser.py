@@ -158,11 +158,12 @@ INK_AT_THE_END = """() => {
 def snap_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of the rod that snaps, with few links, in pymunk one sample after the reference.
 
-    Its views and its chart, which take seconds, are left out.
+    Every other sample is left out, and its views and its chart, which take seconds.
     """
     case, out = load_case(shipped("rod_snap.toml")), tmp_path_factory.mktemp("snap")
     rods = {"rod": case.rod["rod"].model_copy(update={"segments": 10})}
-    case = case.model_copy(update={"rod": rods, "view": (), "chart": ()})
+    runs = {"sweep": case.run["sweep"].model_copy(update={"n": 22})}
+    case = case.model_copy(update={"rod": rods, "run": runs, "view": (), "chart": ()})
     result = whole_result(case, off=1e-4)
     key = (case.name, "sweep", "pymunk")
     late = {}
@@ -175,22 +176,22 @@ def snap_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out / "rod_snap.html"
 
 
-BEYOND = 16  # the first sample after a snap
+BEYOND = 8  # the first sample after a snap
 
 
 def test_a_mechanism_plays_through_its_snaps(snap_page: Path, browser: Any) -> None:
     with CaseVisit(browser, snap_page, "#sweep/mujoco:settled/energy@0") as visit:
         shapes = visit.run(SHAPES)
-        assert len(shapes) == 43
+        assert len(shapes) == 22
         for shape in shapes:
             assert shape["pale"]
             assert shape["drawn"]
             assert "only" not in shape["words"]
             assert "no pose" not in shape["words"]
         sides = ["up" if shape["middle"] < shape["ends"] else "down" for shape in shapes]
-        assert sides == 16 * ["up"] + 21 * ["down"] + 6 * ["up"]
+        assert sides == 8 * ["up"] + 11 * ["down"] + 3 * ["up"]
         told = visit.page.inner_text("#ghost")
-        assert "jumps to another equilibrium between 0.7143 s and 0.7619 s and between" in told
+        assert "jumps to another equilibrium between 0.6667 s and 0.7619 s and between" in told
         late = visit.run(SHAPES.replace("mujoco:settled", "pymunk"))
         assert late[BEYOND]["middle"] < late[BEYOND]["ends"]  # where pymunk has not snapped yet
         assert late[BEYOND + 1]["middle"] > late[BEYOND + 1]["ends"]
@@ -216,22 +217,22 @@ SHAPES = """() => {
 
 def test_curves_are_open_where_they_jump(snap_page: Path, browser: Any) -> None:
     with CaseVisit(browser, snap_page, "#sweep/pymunk/tip.angle@0;on=pymunk") as visit:
-        assert visit.run("current().channels['tip.angle'].jumps") == [15, 36]
-        assert visit.run("current().solvers.pymunk.jumps['tip.angle']") == [16, 36]
+        assert visit.run("current().channels['tip.angle'].jumps") == [7, 18]
+        assert visit.run("current().solvers.pymunk.jumps['tip.angle']") == [8, 18]
         said = visit.page.inner_text("#thinned")
-        assert "The reference jumps between 0.7143 s and 0.7619 s and between 1.714 s" in said
-        assert "pymunk jumps between 0.7619 s and 0.8095 s and" in said
+        assert "The reference jumps between 0.6667 s and 0.7619 s and between 1.714 s" in said
+        assert "pymunk jumps between 0.7619 s and 0.8571 s and" in said
         assert said.split("drawn.")[1] in visit.run("find('#above').getAttribute('aria-label')")
         moves = "find('#option-tip\\\\.angle path').getAttribute('d').split('M').length - 1"
         assert visit.run(moves) == 3
         assert visit.said == []
         # between two samples before a snap there is ink; in a snap the reference leaves only the
         # dots of an upright half-way, and an engine that snaps later a slope elsewhere
-        assert visit.run(f"({INK_BETWEEN})(10, '--pale')")
-        assert visit.run(f"({INK_BETWEEN})(10, '--s1')")
-        assert not visit.run(f"({INK_BETWEEN})(15, '--pale')")
-        assert visit.run(f"({INK_BETWEEN})(15, '--s1')")
-        assert not visit.run(f"({INK_BETWEEN})(16, '--s1')")
+        assert visit.run(f"({INK_BETWEEN})(5, '--pale')")
+        assert visit.run(f"({INK_BETWEEN})(5, '--s1')")
+        assert not visit.run(f"({INK_BETWEEN})(7, '--pale')")
+        assert visit.run(f"({INK_BETWEEN})(7, '--s1')")
+        assert not visit.run(f"({INK_BETWEEN})(8, '--s1')")
 
 
 INK_BETWEEN = """(sample, name) => {

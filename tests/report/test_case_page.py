@@ -246,7 +246,8 @@ def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[Sho
 def test_links_of_a_rod_are_one_line() -> None:
     case = load_case(shipped("rod_snap.toml"))
     rods = {"rod": case.rod["rod"].model_copy(update={"segments": 10})}
-    found = moving(case.model_copy(update={"rod": rods}), [])[0]["sweep"]
+    runs = {"sweep": case.run["sweep"].model_copy(update={"n": 22})}
+    found = moving(case.model_copy(update={"rod": rods, "run": runs}), [])[0]["sweep"]
     data = motion_data(found)
     assert [body["name"] for body in data["bodies"]] == ["motor"]
     (rod, pin) = data["lines"]

@@ -27,6 +27,7 @@ from proofmass.studies.pages import write_study_pages
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.stress import write_boundaries
 from proofmass.studies.trade.trade import Trade, write_study
+from tests.shipped import with_brief_pendulum
 from tests.studies.trade.trade_rows import study
 
 HEAVY, LEAN = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
@@ -159,11 +160,13 @@ def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
 
 
 def test_every_link_of_a_report_with_studies_leads_somewhere(
-    studies: list[Path], second: Path, tmp_path: Path
+    studies: list[Path], models: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "report"
     more = [word for folder in studies for word in ("--study", str(folder))]
-    answer = CliRunner().invoke(app, ["report", str(second), "-o", str(out), *more])
+    answer = CliRunner().invoke(
+        app, ["report", str(with_brief_pendulum(models) / "pendulum.toml"), "-o", str(out), *more]
+    )
     assert answer.exit_code == 0, answer.output
     pages = sorted(out.rglob("*.html"))
     assert len(pages) == 6  # index, pendulum; trade: index and a case; stress; diet
@@ -187,8 +190,10 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(
         assert 'href="../index.html"' in page.read_text(encoding="utf-8")
 
 
-def test_a_report_without_studies_does_not_speak_of_them(second: Path, tmp_path: Path) -> None:
-    CliRunner().invoke(app, ["report", str(second), "-o", str(tmp_path)])
+def test_a_report_without_studies_does_not_speak_of_them(models: Path, tmp_path: Path) -> None:
+    CliRunner().invoke(
+        app, ["report", str(with_brief_pendulum(models) / "pendulum.toml"), "-o", str(tmp_path)]
+    )
     for name in ("index", "pendulum"):
         assert "Studies" not in (tmp_path / f"{name}.html").read_text(encoding="utf-8")
 

@@ -77,6 +77,10 @@ def test_an_engine_that_snaps_later_is_drawn_on_its_own_side(snap: Path) -> None
     for name, curve in known.items():
         late[name][16] = curve[15] - curve[16]
     found = moved(snap, {"pymunk": (known, late)})
+    assert found.unfit < 1e-3
+    assert found.jumps == JUMPS
+    sides = np.sign(joints(found, found.places)[:, LINKS // 2, 1])
+    assert (sides == np.sign(truth()["middle.y"])).all()
     there = joints(found, found.places + found.away["pymunk"])
     half = there[:, LINKS // 2]
     assert half[16] == pytest.approx(half[15], abs=5e-3)  # the motor is 7 degrees further

@@ -318,7 +318,7 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
 
 def test_states_at_the_rim_hold_by_an_integrator_of_its_own():
     """So motor angles and places of the pin in the charts are those of an equilibrium there too."""
-    _, (ends, _), _ = small()
+    ends, _ = rim(folded())
     for i in range(0, len(ends.vector), 5):
         s = ends[i]
         # RK of 41 nodes: 1e-6 of bent rods
