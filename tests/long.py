@@ -174,10 +174,8 @@ LONG = {
     "tests/sim/test_rods.py::test_all_stable_equilibria_of_a_pair[S3-pymunk": (
         "tests/sim/test_rods.py::test_all_stable_equilibria_of_a_pair[S2-pymunk"
     ),
-    "tests/sim/test_changing_loads.py::test_a_load_along_a_path_is_the_load_of_each_place"
-    "[rod_platform_driven": (
-        "tests/sim/test_changing_loads.py::test_a_load_along_a_path_is_the_load_of_each_place"
-        "[rod_pair_driven"
+    "tests/sim/test_changing_loads.py::test_a_load_along_a_path_is_the_load_of_each_place[rod": (
+        "tests/sim/test_changing_loads.py::test_rods_of_the_path_meet_and_carry_the_load_of_their"
     ),
     "tests/sim/test_motion.py::test_poses_next_to_a_snap_are_among_few": SNAPS_LATER,
     "tests/sim/test_motion.py::test_a_mechanism_is_drawn_on_both_sides_of_its_snaps": SNAPS_LATER,
@@ -362,6 +360,18 @@ LONG = {
     "tests/analytic/rods/test_rod_motion.py::test_a_stiff_coupler_is_a_rigid_one": (
         "tests/analytic/rods/test_rod_motion.py::test_an_elastic_coupler_is_the_limit_of_chains"
     ),
+    "tests/analytic/rods/test_rod_taut.py::test_neighbours_share_a_search": (
+        "tests/analytic/rods/test_rod_platform.py::test_neighbours_share_a_search"
+    ),
+    "tests/design/test_design_search.py::test_same_seed_same_design": (
+        "tests/design/test_design_search.py::test_an_interrupted_search_gives_what_an_uninterrupted"
+    ),
+    "tests/studies/stress/test_stress_singular.py::test_a_stiff_spring_on_a_pendulum": (
+        "tests/studies/stress/test_stress_bare.py::test_small_models_have_the_limits_of_theory"
+    ),
+    f"{RODS}/rod_follower.toml::pymunk": (
+        "tests/sim/test_rods_loads.py::test_a_chain_under_all_loads_at_once"
+    ),
 }
 SOME = {
     "tests/report/test_browser.py": {
@@ -386,7 +396,7 @@ SOME = {
         "test_shooting_finds_the_same": ["load0"],
     },
     "tests/analytic/rods/test_rod_cosserat.py": {
-        "test_shooting_in_the_frame_of_the_sections": ["weight and force", "axial", "shear"],
+        "test_shooting_in_the_frame_of_the_sections": ["weight and force", "shear"],
     },
     "tests/analytic/rods/test_rod_shooting.py": {
         "test_guess_selects_the_branch": ["document", "exact-guess0"],
@@ -413,6 +423,18 @@ SOME = {
     },
     "tests/analytic/balancer/test_balancer_extension.py": {
         "test_engines_agree_and_another_extension_turns_the_verdict": ["change0", "change3"],
+    },
+    "tests/analytic/balancer/test_balancer.py": {
+        "test_recomputed_curves": ["17", "20"],
+    },
+    "tests/analytic/balancer/test_balancer_grid.py": {
+        "test_printed_results_of_four_segments": ["17", "20"],
+    },
+    "tests/analytic/balancer/test_balancer_lines.py": {
+        "test_general_fitter_finds_nothing_better": ["sine-", "laevo-"],
+    },
+    "tests/analytic/balancer/test_balancer_posture.py": {
+        "test_another_model_turns_the_verdict_in_both_engines": ["stiffness", "pos="],
     },
     "tests/analytic/balancer/test_spring_release.py": {
         "test_a_wrong_spring_or_contact_is_found": [
@@ -494,6 +516,9 @@ SOME = {
     "tests/sim/test_rods_loads.py": {
         "test_another_load_is_noticed": ["load = [4.1", "load = .*", "gear=", "refsite"],
     },
+    "tests/sim/test_recorded.py": {
+        "test_rows_that_are_missing_are_named": ["rows0", "rows1", "rows3"],
+    },
     "tests/sim/test_rods_taut.py": {
         "test_a_wrong_rod_is_noticed": ["axial"],
     },
@@ -520,7 +545,8 @@ SOME = {
         "test_springs_1_percent_stiffer_differ": [
             "balancer4_sam_prescribed",
             "balancer4_sine-sweep-mujoco:settled",
-            "balancer_sine",
+            "balancer4_sam-sweep",
+            "balancer_sine-sweep-pymunk",
             "pfr3",
             "rfr2",
             "rod",
@@ -543,6 +569,7 @@ SOME = {
     },
     "tests/sim/mujoco/test_written_settings.py": {
         "test_a_program_slides_as_the_product_s_own_run": ["settings1", "settings2"],
+        "test_a_program_closes_its_loop_as_the_product_s_own_run": ["changed0"],
     },
     "tests/sim/pymunk/test_pymunk_statics.py": {
         "test_balancers_hold_the_moments_of_their_equilibria": ["nonlinear", "contact", "four"],
