@@ -165,7 +165,7 @@ def test_a_name_is_shown_as_it_is(models, name):
 
 
 def test_a_case_beyond_its_limits_has_a_page_without_drawings(models, tmp_path, edit):
-    edit("pendulum.toml", "n = 1001", "n = 1001\ntimeout = 1e-3")
+    edit("pendulum.toml", "n = 101", "n = 1001\ntimeout = 1e-3")
     answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 1
     page = (tmp_path / "pages" / "pendulum.html").read_text()
