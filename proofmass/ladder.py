@@ -8,10 +8,11 @@ The rungs, from below:
 * *agrees*: an independent reference, which a sidecar names, agrees within a tolerance;
 * *exact*: that reference is a closed form, or has a witness of its own.
 
-The first two are told of a model by itself, see `rung_of`.  Its motion is solved in several ways by
-an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance of two ways is the largest of all
-points of all bodies until a time; it counts as a share of the model's size, or of the way that a
-point has gone until then, if that is longer.  Three things are looked at:
+The first two are told of a model by itself, see `proofmass.check.check_model`.  Its motion is
+solved in several ways by an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance of two
+ways is the largest of all points of all bodies until a time; it counts as a share of the model's
+size, or of the way that a point has gone until then, if that is longer.  Three things are looked
+at:
 
 steps
     The two finest steps differ by less than `WITHIN`, and the last two halvings left less of the
@@ -42,7 +43,7 @@ Bools = NDArray[np.bool_]
 PROCESSOR = 36.0
 """Processor time of all ways to solve the motion of a model [s]."""
 WITHIN = 1e-3
-"""Share of the size within which two ways agree; an eye sees no less."""
+"""Share of the size within which two ways agree: a pixel of a picture of 1000."""
 FALLS = 1.6
 """Errors of first order that contacts scatter fall by this with half the step, rather than by 2."""
 ROUNDING = 1e-9
@@ -68,7 +69,7 @@ class Rung:
     Parameters
     ----------
     motion : OwnMotion
-        Whose first run is complete.
+        Whose first run is not lost, see `why_lost`.
     """
 
     def __init__(self, motion: OwnMotion) -> None:
