@@ -115,6 +115,21 @@ def test_one_of_three_is_not_enough():
     assert none.words().startswith("no two ways of solving its motion agree at any time: ")
 
 
+def test_a_way_without_steps_that_differs_from_itself_is_not_believed():
+    """Its narrow allowance agrees with the steps, its wide one does not; a start is disturbed."""
+    own = motion(rough=run(0.1 + TIMES, "DOP853 at 1e-6"), disturbed=run(0.2 + TIMES))
+    assert not Rung(own).consistent
+
+
+def test_steps_that_differ_by_little_and_do_not_converge_are_not_believed():
+    """Every other one is 0.4 mm ahead, of 2 m; DOP853 is elsewhere."""
+    runs = tuple(run(4e-4 * (-1) ** k + 0 * TIMES, step=step) for k, step in enumerate(STEPS))
+    stuck = run(0.1 + TIMES)
+    rung = Rung(motion(runs=runs, close=stuck, rough=stuck, disturbed=runs[4]))
+    assert not rung.consistent
+    assert "finer steps do not converge there" in rung.words()
+
+
 def test_the_softness_of_contacts_is_told_where_it_matters_more_than_the_step():
     assert "as stiff move it by 200 mm" in Rung(motion(stiffer=stiff(0.2))).words()
     assert "as stiff" not in Rung(motion(stiffer=stiff(1e-6))).words()
