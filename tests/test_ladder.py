@@ -130,6 +130,13 @@ def test_steps_that_differ_by_little_and_do_not_converge_are_not_believed():
     assert "finer steps do not converge there" in rung.words()
 
 
+def test_an_error_that_goes_away_again_is_told():
+    own = motion()
+    there_and_back = replace(run(OFF * np.sin(np.pi * TIMES)), name="Euler, 2 ms")
+    rung = Rung(replace(own, runs=(there_and_back, *own.runs[1:])))
+    assert rung.error(there_and_back) == pytest.approx(OFF, rel=1e-6)
+
+
 def test_the_softness_of_contacts_is_told_where_it_matters_more_than_the_step():
     assert "as stiff move it by 200 mm" in Rung(motion(stiffer=stiff(0.2))).words()
     assert "as stiff" not in Rung(motion(stiffer=stiff(1e-6))).words()
