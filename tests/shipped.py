@@ -1,6 +1,7 @@
 """The files of `models/` by their names, which are unique: a test need not know their folders."""
 
 import re
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -39,7 +40,7 @@ def each_case() -> list:
     """The shipped sidecars as parameters of a test: one for each reference, the others slow."""
     seen, found = set[str](), []
     for file in models_like():
-        reference = loaded(file).reference
+        reference = tomllib.loads(file.read_text(encoding="utf-8"))["reference"]
         marks = [pytest.mark.slow] if reference in seen else []
         found.append(pytest.param(file, id=file.stem, marks=marks))
         seen.add(reference)
