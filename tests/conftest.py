@@ -8,6 +8,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 from itertools import takewhile
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -25,6 +26,9 @@ from tests.shipped import MODELS, every_file
 pytest_plugins = ["pytester"]
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
 os.environ.update(WITHOUT_WINDOWS | os.environ)  # of processes that tests start
+FOUND = TemporaryDirectory()
+"""What `proofmass explain` keeps, not the user's: set before sidecars are read in workers."""
+os.environ[FOLDER] = FOUND.name
 if sys.dont_write_bytecode:
     # PYTHONDONTWRITEBYTECODE, which many containers set, keeps files of bytecode from the sources.
     # Here they are among pytest's own: without any, each of some hundred processes that tests start
@@ -41,14 +45,6 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     folder = tmp_path_factory.mktemp("locks")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measure, "lock_file", lambda name: folder / name)
-        yield
-
-
-@pytest.fixture(autouse=True, scope="session")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A folder for what `proofmass explain` keeps, that is not the user's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(FOLDER, str(tmp_path_factory.mktemp("found")))
         yield
 
 

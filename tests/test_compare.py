@@ -362,10 +362,10 @@ def fail() -> None:
     raise InputError(Path("a"), "b", "c")
 
 
-def test_a_model_without_a_sidecar_is_unchecked(models):
+def test_a_model_without_a_sidecar_is_self_consistent(models):
     (models / "pendulum.toml").unlink()
     result = check([models / "pendulum.xml"])
-    assert [(c.case, c.outcome) for c in result.comparisons] == [("pendulum", "unchecked")]
+    assert [(c.case, c.outcome) for c in result.comparisons] == [("pendulum", "self-consistent")]
     assert result.exit_code == 0
 
 
