@@ -72,6 +72,7 @@ class Watched:
         """
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)  # a step has left that of its beginning
         mujoco.mj_energyPos(model, data)
         mujoco.mj_energyVel(model, data)
         row = self.points(data)
