@@ -90,7 +90,7 @@ DOUBLE = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 
 
 
 def test_the_energy_of_a_double_pendulum_stays(tmp_path):
-    """Its mass matrix changes with the pose: that of the step before would be off by 1e-2 J."""
+    """Its mass matrix changes with the pose: that of RK4's last stage would be off by 2e-5 J."""
     motion = solved(tmp_path, DOUBLE)
     (rk4,) = motion.others
     for one in (motion.close, rk4):
