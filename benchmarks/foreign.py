@@ -141,6 +141,7 @@ def agrees_until(file: Path, motion: OwnMotion, rung: Rung) -> float | None:
     per_sample = round(float(motion.times[1]) / model.opt.timestep) * FINER
     model.opt.timestep /= FINER
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # which counts steps
     moving = model.body_weldid[: model.nbody] > 0
     began, until = time.perf_counter(), 0.0
     for k in range(rung.last + 1):

@@ -15,8 +15,9 @@ size, or of the way that a point has gone until then, if that is longer.  Three 
 at:
 
 steps
-    The two finest steps differ by less than `WITHIN`, and the last two halvings left less of the
-    difference before them than 1 / `FALLS`^2.
+    The two finest steps differ by less than `WITHIN`, the last two halvings left less of the
+    difference before them than 1 / `FALLS`^2, and the first of them did not make it `JUMPS` times
+    as large.
 close
     An integrator that chooses its steps is as near to the finest steps, and to itself with a wider
     allowance.
@@ -46,6 +47,8 @@ WITHIN = 1e-3
 """Share of the size within which two ways agree: a pixel of a picture of 1000."""
 FALLS = 1.6
 """Errors of first order that contacts scatter fall by this with half the step, rather than by 2."""
+JUMPS = 2.0
+"""Contacts scatter differences by less; by more, finer steps lead to another motion."""
 ROUNDING = 1e-9
 """Share of the size below which a difference need not fall any more."""
 CHAOTIC = 1e3
@@ -108,9 +111,11 @@ class Rung:
         """Whether finer steps converge, sample by sample."""
         if len(self.differences) < 3:
             return np.zeros(self.count, bool)
-        first, _, last = self.differences[-3:]
-        falls = first >= FALLS**2 * last
-        return (last <= WITHIN * self.sizes) & (falls | (last <= ROUNDING * self.sizes))
+        first, second, last = self.differences[-3:]
+        rounding = ROUNDING * self.sizes
+        falls = (first >= FALLS**2 * last) | (last <= rounding)
+        jumps = second > np.maximum(JUMPS * first, rounding)
+        return (last <= WITHIN * self.sizes) & falls & ~jumps
 
     @cached_property
     def closely(self) -> Bools:
@@ -238,8 +243,8 @@ class Rung:
             )
         if len(self.differences) < 3:
             return f"{len(self.motion.runs)} steps alone were tried"
-        first, _, last = (float(one[self.last + 1]) for one in self.differences[-3:])
-        if first < FALLS**2 * last:
+        first, second, last = (float(one[self.last + 1]) for one in self.differences[-3:])
+        if first < FALLS**2 * last or second > JUMPS * first:
             return (
                 "finer steps do not converge there, though a disturbance grows "
                 f"{number(growth, 2)} times only: a force jumps, or contacts chatter"

@@ -130,6 +130,17 @@ def test_steps_that_differ_by_little_and_do_not_converge_are_not_believed():
     assert "finer steps do not converge there" in rung.words()
 
 
+def test_steps_that_lead_to_another_motion_are_not_believed():
+    """The two finest stay where they are, and so does the one with a disturbed start."""
+    own = motion()
+    still = [replace(run(-TIMES), step=step) for step in STEPS[5:]]
+    apart = run(0.1 + TIMES)
+    frozen = replace(own, runs=(*own.runs[:5], *still), compared=6, disturbed=still[-1])
+    rung = Rung(replace(frozen, close=apart, rough=apart))
+    assert rung.until <= 0.01
+    assert "finer steps do not converge there" in rung.words()
+
+
 def test_an_error_that_goes_away_again_is_told():
     own = motion()
     there_and_back = replace(run(OFF * np.sin(np.pi * TIMES)), name="Euler, 2 ms")

@@ -209,6 +209,8 @@ def changed_copy(
 ) -> mujoco.MjModel:
     """A model with another step [s], another integrator, and shorter time constants."""
     changed = copy.copy(model)
+    if step != model.opt.timestep:
+        stay_awake(changed)
     changed.opt.timestep = step
     if integrator is not None:
         changed.opt.integrator = integrator
@@ -315,8 +317,14 @@ def without_steps(
     return kept.run(f"DOP853 at {allowed:.0e}".replace("e-0", "e-"), 0.0, began, stopped)
 
 
+def stay_awake(model: mujoco.MjModel) -> None:
+    """Let no body fall asleep: MuJoCo counts the steps in which it is still, of any size."""
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+
+
 def free_of_steps(model: mujoco.MjModel) -> None:
     """Let accelerations depend on the state alone, and solve for them to rounding."""
+    stay_awake(model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # which depends on the step
     model.opt.tolerance = 1e-14
 

@@ -114,6 +114,17 @@ def test_a_wall_time_that_is_short_ends_runs_and_none_of_them_is_dropped(tmp_pat
     assert all(one.late for one in motion.runs if len(one.points) < min(sizes[0], sizes[1]))
 
 
+def test_finer_steps_let_nothing_sleep():
+    """Of a body that begins slowly MuJoCo counts the still steps, and these are many."""
+    model = mujoco.MjModel.from_xml_string(
+        MIXED.replace("<mujoco>", '<mujoco><option><flag sleep="enable"/></option>')
+    )
+    asleep = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    assert changed_copy(model, model.opt.timestep).opt.enableflags & asleep
+    assert not changed_copy(model, model.opt.timestep / 2).opt.enableflags & asleep
+    assert model.opt.enableflags & asleep
+
+
 def test_stiffer_is_stiffer():
     model = mujoco.MjModel.from_xml_string(MIXED)
     model.geom_solref[1] = -100.0, -2.0
