@@ -1,12 +1,21 @@
 """A model's own motion by several ways, against formulas that know none of them."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.sim.mujoco.own_motion import Turning, changed_copy, solve_own_motion
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.mujoco.engine import simulate
+from proofmass.sim.mujoco.own_motion import (
+    Turning,
+    changed_copy,
+    solve_closely,
+    solve_own_motion,
+)
+from proofmass.sim.protocol import BadModel, Run
+from tests.shipped import shipped
 
 SPIN = """<mujoco><option gravity="0 0 0"/><worldbody><body name="b" pos="0 0 1"><freejoint/>
   <inertial pos="0 0 0" mass="1" diaginertia="1 2 3"/><geom size="0.1"/></body></worldbody>
@@ -138,3 +147,29 @@ def test_stiffer_is_stiffer():
 def test_a_model_that_does_not_compile_is_bad(tmp_path):
     with pytest.raises(BadModel):
         solved(tmp_path, "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>")
+
+
+BALL = """<mujoco><option timestep="{}"/><worldbody><geom type="plane" size="1 1 1"/>
+  <body pos="0 0 0.12"><freejoint/><geom size="0.1" solref="0.004 1"/></body></worldbody>
+</mujoco>"""
+
+
+def test_what_has_no_steps_does_not_depend_on_the_step(tmp_path):
+    """MuJoCo makes a contact no shorter than two steps, of 10 ms and of 1 ms here."""
+    one, two = (solved(tmp_path, BALL.format(step), until=0.2, samples=11) for step in (0.01, 1e-3))
+    assert np.abs(one.close.points - two.close.points).max() < 1e-7
+    assert np.abs(one.runs[0].points - two.runs[0].points).max() > 1e-4
+
+
+def test_loops_are_closed_at_the_start_as_in_a_run_with_steps(tmp_path):
+    text = shipped("fourbar.xml").read_text()
+    key = re.search(r'<key name="start" +qpos="(\S+) +(\S+) ', text)
+    opened = text.replace(key[0], key[0].replace(key[2], repr(float(key[2]) + 1e-3)))
+    file = tmp_path / "fourbar.xml"
+    file.write_text(opened)
+    run = Run("dynamics", np.linspace(0.0, 0.01, 3), ("pin.x", "pin.y"))
+    closely, stepped = solve_closely(file, run), simulate(file, run)
+    for name in run.channels:
+        assert closely.channels[name][0] == pytest.approx(stepped.channels[name][0], abs=1e-12)
+    tight = solve_closely(shipped("fourbar.xml"), run)
+    assert abs(closely.channels["pin.x"][0] - tight.channels["pin.x"][0]) > 1e-6
