@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks import command
 from proofmass.check import FOLLOWED, OWN_TIMEOUT, SAMPLES
 from proofmass.engines import engine_of
-from proofmass.ladder import PROCESSOR, WITHIN, Rung, why_lost
+from proofmass.ladder import PROCESSOR, WITHIN, Rung, format_length, why_lost
 from proofmass.sim.protocol import BadModel, OwnMotion
 from proofmass.wording import number
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
@@ -57,17 +57,17 @@ def main(argv: Sequence[str] | None = None) -> None:
             file.write_text(BALL)
             print("".join(table([(file.name, look(file))])))
         return
-    files = [
-        file
+    files = {
+        file: str(file.relative_to(path)) if path.is_dir() else file.stem
         for path in given.paths
         for file in (sorted(path.rglob("*.xml")) if path.is_dir() else [path])
-    ]
+    }
     if not files:
         parser.error("give MJCF files, or folders of them")
     with ThreadPoolExecutor(2) as pool:
         found = []
         for file, told in zip(files, pool.map(look, files), strict=True):
-            found.append((file.stem, told))
+            found.append((files[file], told))
             print(f"{found[-1][0]}: {' | '.join(told.cells)}\n    {told.words}", file=sys.stderr)
     text = "".join(table(found))
     print(text)
@@ -116,10 +116,10 @@ def told_here(file: Path) -> Told:
     cells = (
         "self-consistent",
         number(rung.until, 3),
-        rung.length(rung.error(motion.runs[0])),
-        rung.length(rung.known),
+        format_length(rung.error(motion.runs[0])),
+        format_length(rung.known),
         grown,
-        "" if np.isnan(rung.softness) else rung.length(rung.softness),
+        "" if np.isnan(rung.softness) else format_length(rung.softness),
         "" if agreed is None else number(agreed, 3),
         seconds,
     )

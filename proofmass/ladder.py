@@ -249,23 +249,12 @@ class Rung:
                 "finer steps do not converge there, though a disturbance grows "
                 f"{number(growth, 2)} times only: a force jumps, or contacts chatter"
             )
-        return f"the two finest steps, of {self.steps(self.fine)}, differ by more"
+        return f"the two finest steps, of {format_step(self.fine)}, differ by more"
 
     @property
     def end(self) -> float:
         """Time of the last sample that all runs have [s]."""
         return float(self.motion.times[self.count - 1])
-
-    def steps(self, run: OwnRun) -> str:
-        """A run's step in words."""
-        return f"{number(1e3 * run.step)} ms"
-
-    def length(self, metres: float) -> str:
-        """A length in words."""
-        for unit, size in (("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)):
-            if metres >= size:
-                return f"{number(metres / size, 2)} {unit}"
-        return f"{number(metres / 1e-9, 2)} nm" if metres else "0 m"
 
     def words(self) -> str:
         """All of it in a few sentences."""
@@ -279,18 +268,19 @@ class Rung:
         """What is said of a self-consistent motion."""
         own, known, end = self.motion.runs[0], self.known, ", its end" if self.whole_run else ""
         error = self.error(own)
-        off = f"off by {self.length(error)}" if error > known else "off by no more than that"
+        off = f"off by {format_length(error)}" if error > known else "off by no more than that"
         yield (
-            f"until {number(self.until)} s{end}, known to {self.length(known)} and {off} as it is "
-            f"({own.name})."
+            f"until {number(self.until)} s{end}, known to {format_length(known)} and {off} "
+            f"as it is ({own.name})."
         )
         evidence = listed(self.evidence())
         yield f"{evidence[0].upper()}{evidence[1:]}."
         if error > known and (way := self.better()):
-            yield f"{way.name}: {self.length(way.error)} in {number(way.times, 2)} × the time."
+            yield f"{way.name}: {format_length(way.error)} in {number(way.times, 2)} × the time."
         if self.softness > max(error, known):
+            moved = format_length(self.softness)
             yield (
-                f"Contacts, loops and limits 4 × as stiff move it by {self.length(self.softness)}: "
+                f"Contacts, loops and limits 4 × as stiff move it by {moved}: "
                 "their softness matters more than the step."
             )
         if not self.whole_run:
@@ -301,7 +291,7 @@ class Rung:
         k = self.last
         if self.by_steps[k]:
             order = "" if np.isnan(self.order) else f" with order {number(self.order, 2)}"
-            yield f"steps down to {self.steps(self.fine)} converge{order}"
+            yield f"steps down to {format_step(self.fine)} converge{order}"
         if self.closely[k]:
             yield f"{self.motion.close.name} agrees with the finest"
         if self.steady[k]:
@@ -322,6 +312,23 @@ class Rung:
             if max(most) > 0:
                 parts.append(f"largest {what} are {listed(number(each, 2) for each in most)} m")
         return ", ".join(parts)
+
+
+def format_step(run: OwnRun) -> str:
+    """A run's step in words."""
+    return f"{number(1e3 * run.step)} ms"
+
+
+def format_length(metres: float) -> str:
+    """A length in words.
+
+    >>> format_length(0.0078), format_length(2.5e-6), format_length(0.0)
+    ('7.8 mm', '2.5 µm', '0 m')
+    """
+    for unit, size in (("m", 1.0), ("mm", 1e-3), ("µm", 1e-6)):
+        if metres >= size:
+            return f"{number(metres / size, 2)} {unit}"
+    return f"{number(metres / 1e-9, 2)} nm" if metres else "0 m"
 
 
 def farthest(ways: Array) -> Array:

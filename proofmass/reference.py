@@ -453,15 +453,18 @@ def solve_closely(case: Case, x: Array) -> dict[str, Array]:
         raise NotCovered("drives and rods; the model must move by itself")
     if x.size < 2:
         raise NotCovered("a single moment; give a run of some length")
-    found, _ = closely_once(
-        case.model_path, case.model_path.stat().st_mtime_ns, case.start, x.tobytes()
-    )
-    return found
+    return known_closely(case, x)[0]
+
+
+def known_closely(case: Case, x: Array) -> tuple[dict[str, Array], str]:
+    """All sensors at times x [s], and what shows that the motion is known."""
+    file = case.model_path
+    return closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes())
 
 
 @lru_cache(8)
 def closely_once(file: Path, changed: int, start: str, x: bytes) -> tuple[dict[str, Array], str]:
-    """All sensors, and what shows that the motion is known."""
+    """`known_closely`, once for a file, a key and times as bytes."""
     engine, times = engine_of(NATIVE), np.frombuffer(x)
     motion = engine.own_motion(file, float(times[-1]), times.size, PROCESSOR, start)
     if lost := why_lost(motion):
@@ -485,9 +488,7 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
     own: dict[str, Any] = {}
     if "evidence" in inspect.signature(tell).parameters:
-        file, times = case.model_path, grid(case, next(iter(case.run)))
-        found = closely_once(file, file.stat().st_mtime_ns, case.start, times.tobytes())
-        own = {"evidence": found[1]}
+        own = {"evidence": known_closely(case, grid(case, next(iter(case.run))))[1]}
     if "terms" in inspect.signature(tell).parameters:  # of a motion of the model itself
         model, kind = compiled(case), next(iter(case.run))
         x = grid(case, kind)

@@ -1,6 +1,7 @@
 """MuJoCo: all runs of any MJCF whose loops are ``connect`` or ``joint`` equalities."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from textwrap import indent
 from xml.etree import ElementTree
@@ -79,10 +80,17 @@ def simulate(model: Path, run: Run) -> Curves:
     Diverged
         The run was lost.
     """
-    try:
+    with refusing():
         if run.settings.get("flex"):
             return mujoco_flex.equilibrium(model, run)
         return follow(*load(model, run), run)
+
+
+@contextmanager
+def refusing() -> Iterator[None]:
+    """Tell what MuJoCo itself refuses as an error of the model."""
+    try:
+        yield
     except mujoco.FatalError as error:
         raise refusal(error) from None
 
@@ -204,14 +212,13 @@ class Mujoco(Engine):
         self, model: Path, until: float, samples: int, seconds: float, start: str = "start"
     ) -> OwnMotion:
         """See `proofmass.sim.mujoco.own_motion`."""
-        try:
+        with refusing():
             return solve_own_motion(model, until, samples, seconds, start)
-        except mujoco.FatalError as error:
-            raise refusal(error) from None
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
         """See `proofmass.sim.mujoco.own_motion`."""
-        return solve_closely(model, run)
+        with refusing():
+            return solve_closely(model, run)
 
     def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
         """See `proofmass.sim.mujoco.scans.at_step`."""

@@ -28,10 +28,10 @@ from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, load
 from proofmass.sim.mujoco.sensors import withhold_interactions
+from proofmass.sim.mujoco.settings import spelled
 from proofmass.sim.mujoco.settling import lost
 from proofmass.sim.protocol import Curves, NotSolved, OwnMotion, OwnRun, Run, Unsupported
 
-NAMES = {"euler": "Euler", "rk4": "RK4"}
 HALVINGS, FEWEST = 6, 3
 SHORT = 1.0  # s
 LONGEST = 300.0
@@ -197,8 +197,7 @@ def spoken(integrator: mujoco.mjtIntegrator, step: float) -> str:
     >>> spoken(mujoco.mjtIntegrator.mjINT_EULER, 0.002)
     'Euler, 2 ms'
     """
-    name = integrator.name.removeprefix("mjINT_").lower()
-    return f"{NAMES.get(name, name)}, {1e3 * step:.4g} ms"
+    return f"{spelled(integrator.name.removeprefix('mjINT_'))}, {1e3 * step:.4g} ms"
 
 
 def changed_copy(

@@ -115,7 +115,7 @@ def test_samples_are_whole_steps_apart_and_the_step_is_the_models_own(tmp_path):
     assert np.allclose(np.diff(slow.times), 0.2)
 
 
-def test_a_wall_time_that_is_short_ends_runs_and_none_of_them_is_dropped(tmp_path):
+def test_a_time_that_is_short_ends_runs_and_none_of_them_is_dropped(tmp_path):
     motion = solved(tmp_path, PENDULUM.replace("0.01", "1e-5"), seconds=0.5)
     assert len(motion.runs) == 4
     sizes = [len(one.points) for one in motion.runs]
