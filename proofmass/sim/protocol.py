@@ -526,14 +526,21 @@ class Studied:
         return float(self.model.opt.timestep)
 
     def timesteps(self, stages: int = 1) -> list[float]:
-        """Steps [s] of which odd numbers, 1, 3, 7, .., lead from sample to sample.
+        """Steps [s] of which 1, 2, 4, .. lead from sample to sample.
 
-        With even numbers one of them would end half way, where change points may lie.  A step has
-        so many `stages`, evaluations of forces.
+        Each is half of the one before, so that a step's half and quarter, which tell an error
+        floor, are steps of the same scan.  A step has so many `stages`, evaluations of forces.
         """
         most = max(1.0, self.work / stages / (self.times.size - 1))
-        numbers = takewhile(lambda number: number <= most, (2**k - 1 for k in count(1)))
+        numbers = takewhile(lambda number: number <= most, (2**k for k in count()))
         return [float(self.times[1] - self.times[0]) / number for number in numbers]
+
+    def quartered_step(self, stages: int = 1) -> float:
+        """The shortest step, the model's own at least, whose quarter is among the `timesteps` [s].
+
+        For a scan over something else, whose error floor half and a quarter of its step tell.
+        """
+        return max([self.own_step, *self.timesteps(stages)[-3:][:1]])
 
 
 @dataclass(frozen=True)

@@ -125,8 +125,7 @@ def run(
                 progress=progress,
             )
     tasks = referred(tasks, store)
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # each key compiles a model in a worker
-        keys = list(threads.map(store.key, tasks))
+    keys = store.find_keys(tasks)
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     again = set(keys) if repeated is None else {keys[k] for k in repeated}
     rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(again))

@@ -5,8 +5,10 @@ A file is written beside its place and moved there, so that it is whole whenever
 
 import io
 import json
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
@@ -28,11 +30,14 @@ from proofmass.fingerprint import (
     versions,
 )
 from proofmass.outcome import Outcome
+from proofmass.strict import Kind
 from proofmass.studies import invariants, measure
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import Measurement, StudyRun
+from proofmass.studies.record import Setting
 
 MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
+BATCH = 32  # settings whose models one call of a worker compiles
 LATE = Outcome.TIMED_OUT
 ABANDONED = 3600.0  # [s] after which a file that is not whole is one that nobody writes any more
 OWN = measure, invariants, reference, drive  # modules of the core that a result depends on
@@ -56,14 +61,27 @@ class Store:
                 half.unlink()
 
     def key(self, task: StudyRun) -> str:
-        """The key of a task, found once for each run and setting of a case."""
-        if task.key:
-            return task.key
-        case, changed = task.case, task.case.model_path.stat().st_mtime_ns
-        place = id(case), changed, f"{task.run} {task.setting}"
-        if place not in self.keys:
-            self.keys[place] = case, key_of(task)  # with the case, so that no other has its number
-        return self.keys[place][1]
+        """The key of a task; see `find_keys`."""
+        return self.find_keys([task])[0]
+
+    def find_keys(self, tasks: Sequence[StudyRun]) -> list[str]:
+        """The keys of tasks, each found once for a setting of a run; of many tasks side by side."""
+        places = [place_of(task) for task in tasks]
+        unknown: dict[tuple[int, int, str], dict[str, StudyRun]] = {}
+        for place, task in zip(places, tasks, strict=True):
+            if not task.key and place not in self.keys:
+                unknown.setdefault((*place[:2], task.run), {})[place[2]] = task
+        batches = [
+            list(one.items())[k : k + BATCH]
+            for one in unknown.values()
+            for k in range(0, len(one), BATCH)
+        ]
+        with ThreadPoolExecutor(os.cpu_count()) as threads:
+            every = list(threads.map(lambda batch: keys_of([one for _, one in batch]), batches))
+        for batch, keys in zip(batches, every, strict=True):
+            for (_, task), key in zip(batch, keys, strict=True):
+                self.keys[place_of(task)] = task.case, key  # no other case has its number then
+        return [task.key or self.keys[place][1] for place, task in zip(places, tasks, strict=True)]
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
         """What a run gave; None if it was not made, or was given up after less than `timeout`."""
@@ -127,7 +145,7 @@ class Store:
         """Keep what a run gave; its curves first, for with the record it is finished."""
         if found.curves:
             packed = io.BytesIO()
-            np.savez_compressed(packed, **found.curves)  # type: ignore[arg-type]
+            np.savez(packed, **found.curves)  # type: ignore[arg-type]  # digits do not compress
             write_whole(self.folder / f"{key}.npz", packed.getvalue())
         record = {
             "case": task.case.name,
@@ -186,26 +204,55 @@ def key_of(task: StudyRun) -> str:
 
     Neither the study that asks for the run nor titles, views and tolerances are part of it.
     """
-    case, model, settings = bounded(task.case, task.run, compiled_with, task)
-    table = case.run[task.run]
-    parts = {
-        "model": model,
+    return keys_of([task])[0]
+
+
+def keys_of(tasks: Sequence[StudyRun]) -> list[str]:
+    """The keys of tasks of one run of a case, whose models one call of a worker compiles."""
+    case, kind = tasks[0].case, tasks[0].run
+    table = case.run[kind]
+    same = {
         "reference": recorded_bytes(case),
         "sidecar": case.model_dump(mode="json", include=MATTERS),
-        "channels": {n: c.model_dump() for n, c in case.channels_of(task.run).items()},
-        "run": (task.run, table.n, table.until),
-        "engine": task.setting.engine,
-        "parameters": settings,
-        "versions": versions(task.setting.engine),
+        "channels": {n: c.model_dump() for n, c in case.channels_of(kind).items()},
+        "run": (kind, table.n, table.until),
         "sources": sources(),
     }
-    return digest(json.dumps(parts, sort_keys=True).encode())
+    found = bounded(case, kind, compiled_with, case, kind, [task.setting for task in tasks])
+    return [
+        digest(
+            json.dumps(
+                {
+                    **same,
+                    "model": model,
+                    "rods": rods,
+                    "engine": task.setting.engine,
+                    "parameters": settings,
+                    "versions": versions(task.setting.engine),
+                },
+                sort_keys=True,
+            ).encode()
+        )
+        for task, (model, rods, settings) in zip(tasks, found, strict=True)
+    ]
 
 
-def compiled_with(task: StudyRun) -> tuple[Case, str, dict[str, Any]]:
-    """A task's case with its setting applied, its model's digest, and the engine's settings."""
-    case, run = task.setting.applied(task.case, task.run)
-    return case, digest(model_bytes(case)), dict(run.settings)
+def compiled_with(
+    case: Case, kind: Kind, settings: Sequence[Setting]
+) -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
+    """With each setting applied to a case: its model's digest, its rods, its engine's settings."""
+    found = []
+    for setting in settings:
+        changed, run = setting.applied(case, kind)
+        rods = {name: rod.model_dump(mode="json") for name, rod in changed.rod.items()}
+        found.append((digest(model_bytes(changed)), rods, dict(run.settings)))
+    return found
+
+
+def place_of(task: StudyRun) -> tuple[int, int, str]:
+    """What tells tasks apart in this process: case, change of its model, run and setting."""
+    changed = task.case.model_path.stat().st_mtime_ns
+    return id(task.case), changed, f"{task.run} {task.setting}"
 
 
 @cache

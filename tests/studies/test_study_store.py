@@ -14,7 +14,7 @@ from proofmass.sidecar import load_case
 from proofmass.studies import store as stores
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import COLUMNS, NAN, Setting, StudyRow, read_table, table, write_table
-from proofmass.studies.store import Store, key_of
+from proofmass.studies.store import Store, key_of, keys_of
 from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
 
@@ -138,18 +138,20 @@ def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
 def test_a_store_finds_each_key_once_and_anew_where_the_model_was_changed(
     tmp_path, models, edit, monkeypatch
 ):
-    def count(task):
-        asked.append(task)
-        return key_of(task)
+    def count(some):
+        asked.append(len(some))
+        return keys_of(some)
 
-    asked: list[StudyRun] = []
-    monkeypatch.setattr(stores, "key_of", count)
+    asked: list[int] = []
+    monkeypatch.setattr(stores, "keys_of", count)
     store, own = Store(tmp_path / "store"), tasks(models)
+    known = [keys_of([task])[0] for task in own]
     for _ in range(2):
-        for task in own:
-            assert store.key(task) == key_of(task)
-            assert store.key(replace(task, study="choose")) == key_of(task)
-    assert len(asked) == len(own)
+        assert store.find_keys([*own, *own]) == known + known
+        for task, key in zip(own, known, strict=True):
+            assert store.key(replace(task, study="choose")) == key
+    assert sum(asked) == len(own)
+    assert max(asked) > 1
     assert store.key(replace(own[0], key="known")) == "known"
     edit("pendulum.xml", 'pos="0 -1 0" mass="1"', 'pos="0 -1.001 0" mass="1"')
     assert store.key(own[0]) == key_of(own[0]) != key_of(TASK)

@@ -117,6 +117,9 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     yield scan_over(
         base, f"{at}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
     )
+    step = about.quartered_step(STAGES["RK4"])
+    at = f"{title} RK4 at {1e3 * step:.3g} ms"
+    base = {**plain, "timestep": step, **hard(STEPS_OF_SOLREF * step)}
     for solver, counts in (
         ("Newton", (1, 2, 4)),
         ("CG", (1, 2, 4, 8)),

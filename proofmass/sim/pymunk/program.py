@@ -46,6 +46,8 @@ WIDE = 100
 """Columns of the program; only what cannot be broken is wider."""
 ZERO = 1e-15
 """Components of unit vectors that are rounding of 0, or of 1 if they are so near to it."""
+EFFORT = -2
+"""Order of a `Sensor` of what a drive must do."""
 UNIT = {True: ("rad", "N m"), False: ("m", "N")}
 """Of the coordinate of a hinge or a slide, and of its effort."""
 
@@ -244,10 +246,11 @@ def _rendered(
     space = build(links, settings["iterations"], settings["error_bias"])
     motors = add_drives(space, links)
     parts = list(writer.parts(space))
+    limited = any(joint.limits for joint in links.joints)  # whose stops push now and then
     channels = {
         repr(name): writer.channel(name, channel)
         for name, channel in [*find_channels(links, run)[0].items(), *drive_channels(links)]
-        if channel.order > -2
+        if channel.order > -2 or (channel.order == EFFORT and not limited)
     }
     asks_energy = any("value(potential)" in text for text in channels.values())
     potential = writer.potential() if asks_energy else None
@@ -272,9 +275,15 @@ def _rendered(
             "value",
             "rate",
             "acceleration",
+            "effort",
         )
         if re.search(rf"\b{word}\(", written)
     }
+    efforts = writer.efforts() if "effort" in needs else None
+    if efforts:
+        asked = "\n".join([*efforts["driven"], *(row["value"] for row in efforts["joints"])])
+        needs |= {"along"} | ({"slid"} if "slid(" in asked else set())
+        needs |= {"spring_force"} if efforts["joints"] else set()
     needs |= {"along"} if needs & {"rate", "acceleration"} else set()
     needs |= {"ahead"} if drive == "motor" else set()
     return template("pymunk.py.jinja", comment=comment).render(
@@ -300,6 +309,7 @@ def _rendered(
         start=writer.start(pose, velocity),
         channels=channels,
         potential=potential,
+        efforts=efforts,
         lost=LOST,
     )
 
@@ -505,6 +515,8 @@ class Writer:
         function = channel.function
         if channel.order == -1:
             return "kinetic(0.5 * (before + after))"
+        if channel.order == EFFORT:
+            return summed([(channel.factor, f"effort({channel.drive})")])
         if isinstance(function, Level):
             return f"np.full(SAMPLES, {digits(function.value)})"
         text = (
@@ -553,6 +565,32 @@ class Writer:
             f"{places[1]}, {tupled(hold.axis)})"
         )
         return summed([(1.0, text)], joint.value)
+
+    def efforts(self) -> dict[str, Any]:
+        """What the efforts of drives follow from: their coordinates, joints with springs, loads."""
+        joints = [
+            {
+                "value": wrapped(f"lambda pose: {self._value(joint)}", 9, 9),
+                "numbers": ", ".join(map(digits, (joint.rest, *joint.stiffness))),
+                "damping": digits(joint.damping),
+                "load": digits(joint.load),
+            }
+            for joint in self.links.joints
+            if any(joint.stiffness) or joint.damping or joint.load
+        ]
+        pulls = [
+            f"{self.names[pull.link]}, {tupled(pull.at)}, {tupled(pull.force)}, "
+            f"{digits(pull.moment)}"
+            for pull in self.links.pulls
+        ]
+        return {
+            "driven": [wrapped(self._value(joint), 8, 12) for joint in self.links.drives],
+            "sizes": ", ".join(
+                "1.0" if joint.hold.axis is None else "EXTENT" for joint in self.links.drives
+            ),
+            "joints": joints,
+            "pulls": pulls,
+        }
 
     def potential(self) -> dict[str, Any]:
         """What the potential energy consists of."""

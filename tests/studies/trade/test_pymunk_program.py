@@ -110,12 +110,15 @@ def assert_alike(
 
 
 def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
-    """What rounding of points and of a table of a law leaves in rates and accelerations.
+    """What rounding of points and of a table of a law leaves in curves.
 
     1e-14 m or rad is six roundings of a point 8 m away (2^-49 m); a rate divides it by dt, an
-    acceleration by dt^2.
+    acceleration by dt^2.  A force is that of all masses, a moment that at the mechanism's size.
     """
-    orders = {"rad/s": 1, "m/s": 1, "rad/s^2": 2, "m/s^2": 2}
+    orders = {"rad": 0, "m": 0, "rad/s": 1, "m/s": 1, "rad/s^2": 2, "m/s^2": 2}
+    model = reference.compiled(case)
+    mass = float(model.body_mass.sum())
+    moved = {"N": mass, "N m": mass * float(model.stat.extent) ** 2}
     order = {
         name: orders[unit]
         for name in run.channels
@@ -123,7 +126,9 @@ def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
     }
     for each in run.drives:
         order |= {name: k for k, name in enumerate(drive_columns(each.joint))}
-    return {name: 1e-14 / dt**k for name, k in order.items()}
+    units = {name: case.channels[name].si_unit for name in run.channels}
+    efforts = {n: 1e-14 * moved[unit] / dt**2 for n, unit in units.items() if unit in moved}
+    return {name: 1e-14 / dt**k for name, k in order.items()} | efforts
 
 
 def motion_of(run: Run) -> str:
@@ -154,10 +159,10 @@ def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tup
     run = replace(run, settings=wanted.settings)
     motion = motion_of(run)
     text = write_program(case.model_path, run, motion, case.title, drive)
-    shown = {  # Chipmunk tells no forces: they are solved for, which a program leaves out
+    shown = {  # of forces a program has what drives do, and leaves out those between bodies
         name: curve
         for name, curve in wanted.channels.items()
-        if case.channels[name].si_unit not in FORCES
+        if not (case.channels[name].si_unit in FORCES and "." in name)
     }
     return ran(folder / "bare", text), replace(wanted, channels=shown | driven(run, wanted))
 
@@ -332,6 +337,49 @@ def test_springs_limits_loads_and_all_channels(drives, tmp_path):
     assert hits == 2
     gone = ran(tmp_path / "free", free).curves['lift, "m"']
     assert abs(gone - got.curves['lift, "m"']).max() > 0.01
+
+
+SWUNG = Drive("arm", Swing(0.4, 0.3, 0.9))
+
+
+def test_what_drives_must_do_is_in_a_program(tmp_path):
+    """Of a hinge with a spring, a damper and a pull on its body, and of one with a spring alone."""
+    file = tmp_path / "rich.xml"
+    sensor = '<jointactuatorfrc name="wheel" joint="wheel"/><jointactuatorfrc name="moment"'
+    file.write_text(
+        RICH.replace('limited="true"', 'limited="false"').replace(
+            '<jointactuatorfrc name="moment"', sensor
+        )
+    )
+    run = Run(
+        "dynamics",
+        np.linspace(0, 0.5, 51),
+        ("arm", "moment", "wheel"),
+        (SWUNG, WHEEL),
+        settings={"timestep": 2e-3, **EXACT},
+    )
+    wanted = simulate(file, run)
+    text = write_program(file, run, motion_of(run), "")
+    got = ran(tmp_path / "bare", text).curves
+    assert_alike(got, wanted.channels | driven(run, wanted), 1e-7)  # as above
+    # the mutations: without a load, a spring, a damper, or the inertia, a moment is another
+    for k, (pattern, instead, name) in enumerate(
+        [
+            (r"\[\.\.\., bodies\.index\(body\), :2\] \+= force", "[..., 0, 0] += 0.0", "moment"),
+            (r" - damping \* along", " - 0.0 * along", "moment"),
+            (r"load \+ spring_force", "load + 0.0 * spring_force", "wheel"),
+            (r"needed = mass \* acceleration", "needed = 0 * acceleration", "wheel"),
+            (r"dx \* force\[1\] - dy", "dx * force[1] + dy", "moment"),
+        ]
+    ):
+        wrong, hits = re.subn(pattern, instead, text)
+        assert hits == 1
+        off = ran(tmp_path / f"wrong {k}", wrong).curves[name] - got[name]
+        assert abs(off).max() > 1e-3 * np.ptp(got[name]), pattern
+    limited = tmp_path / "limited.xml"
+    limited.write_text(RICH)
+    text = write_program(limited, replace(run, channels=("moment", "arm")), motion_of(run), "")
+    assert '"moment":' not in text  # a stop may push, which is not solved for
 
 
 def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):

@@ -286,12 +286,11 @@ def test_every_integrator_of_mujoco_has_a_line():
     assert {name.lower() for name in INTEGRATORS} == there
 
 
-def test_steps_are_odd_in_number_and_within_the_work():
+def test_steps_are_halves_of_each_other_and_within_the_work():
     case = load_case(shipped("change_point.toml"))
     steps = studied(case).timesteps(4)
     numbers = steps[0] / np.array(steps)
-    assert numbers == pytest.approx(np.round(numbers))
-    assert np.all(np.round(numbers) % 2 == 1)
+    assert np.array_equal(numbers, 2.0 ** np.arange(len(steps)))
     assert numbers[-1] * 362 * 4 <= varied.WORK < 2.1 * numbers[-1] * 362 * 4
 
 
