@@ -127,6 +127,7 @@ def refined_rows(
     """Settings of each case, with those that `choose` searches."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
     store, jobs = Store(folder / "runs"), os.cpu_count() or 1
+    took = {c.name: sum(row.seconds for row in found[c.name] if row.seconds > 0) for c in cases}
 
     def one(what: tuple[Case, str]) -> list[StudyRow]:
         case, engine = what
@@ -136,8 +137,9 @@ def refined_rows(
             for row in search(case, "position", wanted / MARGIN, store, workers, engine)
         ]
 
-    with pool() as workers, ThreadPoolExecutor(jobs) as searches:
-        asked = list(product(cases, ENGINES))
+    # more searches than processors, the longest first, so that no processor waits for one of them
+    with pool() as workers, ThreadPoolExecutor(2 * jobs) as searches:
+        asked = sorted(product(cases, ENGINES), key=lambda each: -took[each[0].name])
         for (case, _), rows in zip(asked, searches.map(one, asked), strict=True):
             found[case.name] += rows
     return found

@@ -148,6 +148,14 @@ class Rung:
         return float(self.motion.times[self.last])
 
     @property
+    def closely_until(self) -> float:
+        """Until when the way that chooses its steps is right [s]; 0 if it never is."""
+        if not self.consistent:
+            return 0.0
+        fails = np.flatnonzero(~self.closely[: self.last + 1])
+        return float(self.motion.times[max(0, int(fails[0]) - 1) if fails.size else self.last])
+
+    @property
     def whole_run(self) -> bool:
         """Whether T is the end."""
         return self.last == len(self.motion.times) - 1

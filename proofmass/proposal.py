@@ -1,48 +1,68 @@
 """``proofmass new NAME --from MODEL.xml``: a sidecar for a model that has none, found by measuring.
 
-The reference is the general planar solver.  It tells how many degrees of freedom the model has and
-how far each joint can be driven; where one is left, the best of them is the drive, where there are
-more the mechanism is let go.  Then all runs are made in all engines: what an engine does not cover
-is left out, with the reason as a comment; comments tell how far each run is off as well, and a run
-in time that is off by more than its engine's tolerance gets a finer step.
+The reference is the general planar solver, if it covers the model.  It tells how many degrees of
+freedom that has and how far each joint can be driven; where one is left, the best of them is the
+drive, where there are more the mechanism is let go.  Another model is let go as well: with the
+reference for motions in space if that covers it, and else with the model's own equations, solved
+closely, as far as its motion is known.
+
+Then all runs are made in all engines: what an engine does not cover is left out, with the reason as
+a comment; comments tell how far each run is off as well, and a run in time that is off by more than
+its engine's tolerance gets a finer step.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, floor, inf, isfinite, isnan, log10, pi
 from pathlib import Path
 
 import numpy as np
+from mujoco import MjModel
 
+from proofmass.analytic import spatial
 from proofmass.analytic.planar import Branch, read
 from proofmass.analytic.planar.kinematics import freedoms, nearest
+from proofmass.analytic.planar.mechanism import refuse_contacts
+from proofmass.check import SAMPLES, run_one
 from proofmass.check import read as read_sidecar
-from proofmass.check import run_one
 from proofmass.compare import Comparison, compare
-from proofmass.engines import default_engines
+from proofmass.engines import default_engines, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text, write_whole
+from proofmass.ladder import PROCESSOR, Rung, why_lost
 from proofmass.outcome import Outcome
-from proofmass.sim.contents import joint_of, keys, sensors
-from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadModel
+from proofmass.reference import smooth_terms
+from proofmass.sim.contents import joint_of, joints, keys, loose_bodies, sensors
+from proofmass.sim.mjcf import NATIVE, compile_model
+from proofmass.sim.protocol import BadModel, NotSolved, Unsupported
 from proofmass.strict import Kind
 from proofmass.worker import isolated
 
-LOOKING = 60.0  # s, to compile a model and to follow each of its joints
+LOOKING = 240.0
+"""Wall time to compile a model, and to follow its joints or to solve its motion closely [s]."""
 TURN = 2 * pi
 SHARE = 0.9  # of the way that a joint can be driven, so that no limit position is met
 LEAST = 0.01  # of a turn, or of the mechanism's size: a drive that goes no further shows nothing
 LET_GO = 1.0  # s, of a free motion
 SLACK = 3.0  # times the error that was measured: another machine's rounding, a motion a bit longer
+MEANT = {
+    "planar": "reads the numbers of the model: a wrong one is wrong in both",
+    "spatial": "reads the numbers of the model: a wrong one is wrong in both",
+    "refined": "the model's own equations, solved closely: it judges the time stepping alone",
+}
 VERDICTS = partial(compare, detectable=False)
 FINER = 2, 4  # times the model's steps, where that is not close enough
+KNOWN = 0.9  # of the time until which a motion is known, by one grid of samples, for another grid
 SENSORS = {
     "jointpos": '<jointpos name="{name}" joint="{name}"/>',
     "jointvel": '<jointvel name="{name}_rate" joint="{name}"/>',
     "framepos": '<framepos name="{name}" objtype="site" objname="{name}"/>',
     "framelinvel": '<framelinvel name="{name}_velocity" objtype="site" objname="{name}"/>',
+    "body": '<framepos name="{name}_place" objtype="body" objname="{name}"/>',
+    "quat": '<framequat name="{name}_turn" objtype="body" objname="{name}"/>',
+    "linear": '<framelinvel name="{name}_velocity" objtype="body" objname="{name}"/>',
+    "angular": '<frameangvel name="{name}_rate" objtype="body" objname="{name}"/>',
 }
 
 
@@ -98,10 +118,16 @@ class Look:
         Of all joints that can be driven, the best first.
     sensors : tuple of str
         Names of those it has.
-    joints, sites : tuple of str
-        Names of what could be measured.
+    joints, sites, bodies : tuple of str
+        Names of what could be measured: hinges and slides, sites, bodies on balls and free joints.
     timestep : float
         The model's [s].
+    reference : str
+        What its motion is held against.
+    until : float
+        How long it is let go [s].
+    why : str
+        Why a reference that comes before is none; empty of the first.
     """
 
     start: str
@@ -110,7 +136,16 @@ class Look:
     sensors: tuple[str, ...]
     joints: tuple[str, ...]
     sites: tuple[str, ...]
+    bodies: tuple[str, ...]
     timestep: float
+    reference: str = "planar"
+    until: float = LET_GO
+    why: str = ""
+
+    @property
+    def driven(self) -> bool:
+        """Whether one joint is driven, and the others follow."""
+        return self.reference == "planar" and self.freedoms == 1
 
 
 def look_at(path: Path) -> Look:
@@ -121,7 +156,7 @@ def look_at(path: Path) -> Look:
     BadModel
         It does not compile.
     InputError
-        It is no planar linkage, or nothing of it can be named.
+        Nothing of its motion is known.
     """
     model = compile_model(path)
     names = keys(model)
@@ -130,13 +165,10 @@ def look_at(path: Path) -> Look:
         mechanism, _ = read(model, start)
         pose = nearest(mechanism, mechanism.start)
         free = freedoms(mechanism, pose)
+        if free > 1:
+            refuse_contacts(model)
     except ValueError as error:
-        raise InputError(
-            path,
-            "",
-            f"the general planar solver does not cover it: {error}. `proofmass check {path.name}` "
-            "loads and steps it, and checks nothing",
-        ) from None
+        return look_in_space(path, model, start, str(error))
     motors = {joint_of(model, a) for a in range(model.nactuator)}
     reaches = []
     for j, joint in enumerate(mechanism.joints if free == 1 else ()):
@@ -154,15 +186,54 @@ def look_at(path: Path) -> Look:
             turns = joint.hinge and above - at > TURN * (1 - 1e-9)
             grounded = bool(model.body_parentid[model.jnt_bodyid[j]] == 0)
             reaches.append(Reach(joint.name, at, below, above, share, turns, j in motors, grounded))
+    reaches.sort(key=lambda one: one.rank, reverse=True)
+    return look_of(model, start, free, tuple(reaches))
+
+
+def look_of(model: MjModel, start: str, freedoms: int, reaches: tuple[Reach, ...] = ()) -> Look:
+    """A look at a model, with the names that it has."""
     return Look(
         start,
-        free,
-        tuple(sorted(reaches, key=lambda one: one.rank, reverse=True)),
+        freedoms,
+        reaches,
         tuple(filter(None, sensors(model))),
-        tuple(filter(None, (model.joint(j).name for j in range(model.njnt)))),
+        tuple(name for name, unit in joints(model).items() if name and unit),
         tuple(filter(None, (model.site(s).name for s in range(model.nsite)))),
+        tuple(filter(None, loose_bodies(model))),
         float(model.opt.timestep),
     )
+
+
+def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> Look:
+    """Look at a model that is no planar linkage.
+
+    Raises
+    ------
+    InputError
+        Nothing moves, the model is lost, or its motion is not known for any time.
+    """
+    look = look_of(model, start, int(model.nv))
+    if not model.nv:
+        return look
+    why = f"the general planar solver does not cover it: {planar}"
+    times = np.linspace(0.0, LET_GO, SAMPLES)
+    try:
+        spatial.solve(times, model=model, start=start, terms=smooth_terms(model, start))
+    except ValueError as error:
+        why += f"; nor does that for motions in space: {error}"
+    else:
+        return replace(look, reference="spatial", why=why)
+    try:
+        motion = engine_of(NATIVE).own_motion(path, LET_GO, SAMPLES, PROCESSOR, start)
+    except (Unsupported, NotSolved) as error:
+        raise InputError(path, "", f"{why}; nor can its own equations be solved: {error}") from None
+    if lost := why_lost(motion):
+        raise InputError(path, "", f"it is lost: {lost}")
+    rung = Rung(motion)
+    if not (until := rung.closely_until):
+        raise InputError(path, "", f"{why}; and {rung.words()}")
+    until = LET_GO if until == LET_GO else float(f"{KNOWN * until:.2g}")
+    return replace(look, reference="refined", why=why, until=until)
 
 
 @dataclass
@@ -187,12 +258,12 @@ class Proposal:
         yield from (f"# {line}" for line in self.told)
         yield f'title = "{self.name}"'
         yield 'source = "where the lengths, masses and springs come from"'
-        yield 'reference = "planar"  # reads the numbers of the model: a wrong one is wrong in both'
+        yield f'reference = "{self.look.reference}"  # {MEANT[self.look.reference]}'
         if self.model != f"{self.name}.xml":
             yield f'model = "{self.model}"'
         if self.look.start not in ("", "start"):
             yield f'start = "{self.look.start}"'
-        if self.look.freedoms == 1:
+        if self.look.driven:
             begin, end = self.look.reaches[0].way
             yield ""
             yield "[drive]"
@@ -203,8 +274,8 @@ class Proposal:
         for kind, solvers in self.runs.items():
             yield ""
             yield f"[run.{kind}]"
-            if self.look.freedoms != 1:
-                yield f"until = {LET_GO}"
+            if not self.look.driven:
+                yield f"until = {self.look.until}"
             yield f"solvers = {solvers!r}".replace("'", '"')
         for solver, step in self.steps.items():
             yield ""
@@ -233,8 +304,8 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
     Raises
     ------
     InputError
-        A file is there already; the model does not compile, is no planar linkage, has no joint that
-        can be driven, or nothing with a name that could be measured.
+        A file is there already; the model does not compile, has no joint that can be driven, or
+        nothing with a name that could be measured; or nothing of its motion is known.
     """
     sidecar, own = (model.with_name(f"{name}{ending}") for ending in (".toml", ".xml"))
     if sidecar.exists():
@@ -243,7 +314,7 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         look = isolated(look_at, model, timeout=LOOKING)
     except BadModel as error:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
-    if look.freedoms == 1 and not look.reaches:
+    if look.driven and not look.reaches:
         raise InputError(model, "", "no joint with a name can be driven from the start pose")
     if look.freedoms == 0:
         raise InputError(model, "", "it has no degree of freedom: nothing moves")
@@ -253,9 +324,8 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
             raise InputError(own, "", "it is there already; give another name")
         write_whole(own, with_sensors(model, look))
         model, written = own, [sidecar, own]
-    driven = look.freedoms == 1
     there = list(default_engines())
-    kinds: list[Kind] = ["sweep", "dynamics"] if driven else ["dynamics"]
+    kinds: list[Kind] = ["sweep", "dynamics"] if look.driven else ["dynamics"]
     proposal = Proposal(name, model.name, look, dict.fromkeys(kinds, there))
     proposal.told.append(found_in(look))
     try:
@@ -269,15 +339,20 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
 
 def found_in(look: Look) -> str:
     """What a model is, in words."""
-    if look.freedoms != 1:
-        return f"It has {look.freedoms} degrees of freedom and is let go for {LET_GO:g} s."
+    if not look.driven:
+        why = f"{look.why[0].upper()}{look.why[1:]}. " if look.why else ""
+        known = ", as far as its motion is known" if look.until < LET_GO else ""
+        return (
+            f"{why}It has {look.freedoms} degrees of freedom and is let go for "
+            f"{look.until:g} s{known}."
+        )
     best = look.reaches[0]
     turns = "turns once" if best.turns else f"goes {SHARE:.0%} of its way to a limit"
     return f"It has one degree of freedom; joint {best.joint!r} drives it and {turns}."
 
 
 def with_sensors(model: Path, look: Look) -> str:
-    """The model's text with sensors of all joints and sites that have a name."""
+    """The model's text with sensors of all joints, sites and loose bodies that have a name."""
     wanted = [
         *(
             SENSORS[kind].format(name=name)
@@ -290,10 +365,15 @@ def with_sensors(model: Path, look: Look) -> str:
             for kind in ("framepos", "framelinvel")
             if name not in look.joints
         ),
+        *(
+            SENSORS[kind].format(name=name)
+            for name in look.bodies
+            for kind in ("body", "quat", "linear", "angular")
+        ),
     ]
     if not wanted:
         raise InputError(
-            model, "", "no joint and no site of it has a name, so none can be measured"
+            model, "", "no joint, site or loose body of it has a name, so none can be measured"
         )
     text = read_text(model)
     head, end, tail = text.rpartition("</mujoco>")
@@ -323,7 +403,7 @@ def measure(proposal: Proposal, sidecar: Path) -> None:
                     ) from None
                 continue
             proposal.told.append(f"{kind}, {solver}: {worst(found)}")
-            if proposal.look.freedoms != 1:
+            if not proposal.look.driven:
                 proposal.tolerances += measured_tolerance(solver, found)
     write_whole(sidecar, proposal.text())
 
@@ -348,7 +428,7 @@ def worst(found: list[Comparison]) -> str:
     if not errors:
         return f"{found[0].outcome}: {found[0].message}"
     far = max(errors, key=lambda c: c.nrmse if isnan(c.allowed) else c.error_max / c.allowed)
-    said = f"largest error {far.error_max:.2g} {far.unit} of {far.channel}"
+    said = f"largest error {far.error_max:.2g} {spoken_unit(far.unit)}of {far.channel}"
     if far.outcome != Outcome.DIFFERS:
         return said
     return (
@@ -370,7 +450,13 @@ def measured_tolerance(solver: str, found: list[Comparison]) -> Iterator[str]:
         yield f'solver = "{solver}"'
         yield f'unit = "{unit}"'
         yield f"abs = {rounded_up(SLACK * error)!r}"
-        yield f'why = "proposed: {SLACK:g} times what was measured, {error:.2g} {unit}"'
+        measured = f"{error:.2g} {spoken_unit(unit)}".rstrip()
+        yield f'why = "proposed: {SLACK:g} times what was measured, {measured}"'
+
+
+def spoken_unit(unit: str) -> str:
+    """A unit before the next word; nothing for a number without one."""
+    return "" if unit == "1" else f"{unit} "
 
 
 def rounded_up(value: float) -> float:

@@ -20,6 +20,7 @@ from proofmass.compare import UNCHECKED, Comparison
 from proofmass.diagnosis import Diagnosis
 from proofmass.outcome import CHECKED, OPEN, Outcome
 from proofmass.reference import reads_model
+from proofmass.sim.mjcf import NATIVE
 
 KEYS = (
     "case",
@@ -401,7 +402,7 @@ def case_table(cases: list[Case], lone: list[Path], paths: list[Path], width: in
             "case": model.stem,
             "model": model.name,
             "reference": "–",
-            "runs": "unchecked: no sidecar",
+            "runs": f"own motion: {NATIVE}",
             "channels": "",
             "title": "",
         }

@@ -78,7 +78,7 @@ def test_no_argument_means_the_folder_models(models, monkeypatch):
     assert answer.exit_code == 0
     assert "pendulum.xml" in answer.output
     others = sum(file.stem != "pendulum" for file in models.glob("*.xml"))
-    assert answer.output.count("unchecked: no sidecar") == others
+    assert answer.output.count("own motion: mujoco") == others
 
 
 def test_a_folder_with_nothing_in_it_is_bad_input(tmp_path):

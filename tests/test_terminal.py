@@ -353,5 +353,5 @@ def test_cases_are_listed_with_their_runs():
             "17",
             case.title,
         ],
-        ["lone", "humanoid", "humanoid.xml", "–", "unchecked: no sidecar", "", ""],
+        ["lone", "humanoid", "humanoid.xml", "–", "own motion: mujoco", "", ""],
     ]

@@ -39,12 +39,16 @@ def environment() -> Environment:
 
 
 def slug(name: str) -> str:
-    """A name that any file system and any link can bear.
+    """A name that any file system and any link can bear, another one for each name.
 
-    >>> slug("four bar/ö")
-    'four_bar__'
+    >>> slug("left/arm"), slug("left_arm"), slug("four bär.2")
+    ('left,arm', 'left_arm', 'four~20b~c3~a4r~2e2')
     """
-    return re.sub(r"[^A-Za-z0-9_-]", "_", name)
+    return re.sub(
+        r"[^A-Za-z0-9_-]",
+        lambda found: "," if found[0] == "/" else "".join(f"~{b:02x}" for b in found[0].encode()),
+        name,
+    )
 
 
 def complaint(error: InputError) -> str:

@@ -65,6 +65,15 @@ def sensors(model: mujoco.MjModel) -> list[str]:
     return [model.sensor(s).name for s in range(model.nsensor)]
 
 
+def loose_bodies(model: mujoco.MjModel) -> list[str]:
+    """The names of the bodies on balls and free joints."""
+    return [
+        model.body(int(model.jnt_bodyid[j])).name
+        for j in range(model.njnt)
+        if mujoco.mjtJoint(int(model.jnt_type[j])) not in SCALARS
+    ]
+
+
 def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
     """The channels of each sensor that tell of a motion in the plane of a planar mechanism.
 

@@ -27,7 +27,12 @@ def named(paths: list[Path]) -> list[Case]:
     names = tell_apart(sidecars)
     cases = [called(case, names[file]) for file, case in zip(sidecars, cases, strict=True)]
     lone = [
-        InputError(file, "", "no sidecar says what is right; a study needs one")
+        InputError(
+            file,
+            "",
+            "no sidecar says what is right, which a study needs; `proofmass new NAME --from "
+            f"{file.name}` writes one",
+        )
         for file in files
         if file.suffix != ".toml"
     ]

@@ -56,6 +56,7 @@ class Store:
         self.folder = Path(folder).absolute()
         self.folder.mkdir(parents=True, exist_ok=True)
         self.keys: dict[tuple[int, int, str], tuple[Case, str]] = {}
+        self.known: dict[tuple[str, int], Measurement] = {}  # read or written by this process
         for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
             if time.time() - half.stat().st_mtime > ABANDONED:
                 half.unlink()
@@ -85,6 +86,8 @@ class Store:
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
         """What a run gave; None if it was not made, or was given up after less than `timeout`."""
+        if (key, repeat) in self.known:
+            return self.known[key, repeat]
         if not (file := self.file(key, repeat)).is_file():
             return None
         record = read(file)
@@ -102,7 +105,15 @@ class Store:
             )
             if not isinstance(getattr(found, name), kinds):
                 raise foreign(file)
-        return None if found.outcome == LATE and given < timeout else found
+        if found.outcome == LATE and given < timeout:
+            return None
+        return self.remember(key, repeat, found)
+
+    def remember(self, key: str, repeat: int, found: Measurement) -> Measurement:
+        """Keep what a run gave without its curves; one that was late may be made again."""
+        if found.outcome != LATE:
+            self.known[key, repeat] = replace(found, curves={})
+        return found
 
     def once(
         self, key: str, task: StudyRun, timeout: float, make: Callable[[], Measurement]
@@ -158,6 +169,7 @@ class Store:
             "found": as_record(found),
         }
         write_whole(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
+        self.remember(key, repeat, found)
 
     def file(self, key: str, repeat: int) -> Path:
         """Where a run is kept."""

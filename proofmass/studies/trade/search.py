@@ -29,6 +29,7 @@ from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
 from proofmass.studies.trade.varied import as_given, studied
 
+REPEATS = 3  # of settings that may be the cheapest
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
 FARTHEST = 30.0  # ratio of two steps in turn, at most
 SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
@@ -64,8 +65,8 @@ class SettingFamily:
     rows: list[StudyRow] = field(default_factory=list)
 
     def step(self, wanted: float) -> float:
-        """`odd_step` of its samples."""
-        return odd_step(self.sample, wanted)
+        """`whole_step` of its samples."""
+        return whole_step(self.sample, wanted)
 
     def next(self, of: str, needed: float, limit: float) -> float | None:
         """The step to try next; None if no other promises to be good enough for less [s]."""
@@ -108,7 +109,7 @@ class SettingFamily:
         """
         last = rows[-1]
         if not error(last, of) < COARSE:
-            return last.value / 3.0
+            return last.value / BETWEEN
         if len(rows) < 2 or not error(rows[-2], of) < COARSE:
             return last.value / 2.0
         falls = order(rows[-2], last, of)
@@ -122,13 +123,13 @@ class SettingFamily:
         return max(wanted, last.value / FARTHEST)
 
 
-def odd_step(sample: float, wanted: float) -> float:
-    """The longest step up to the wanted one of which an odd number leads to the next sample.
+def whole_step(sample: float, wanted: float) -> float:
+    """The longest step up to the wanted one of which a whole number leads to the next sample.
 
-    >>> odd_step(1.0, 0.3), odd_step(1.0, 0.2)
-    (0.2, 0.2)
+    >>> whole_step(1.0, 0.3), whole_step(1.0, 0.2)
+    (0.25, 0.2)
     """
-    return sample / (ceil(sample / wanted - 1e-9) // 2 * 2 + 1)
+    return sample / ceil(sample / wanted - 1e-9)
 
 
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
@@ -200,7 +201,7 @@ def search(
     *,
     limits: Limits | None = None,
     slack: float = SLACK,
-    repeats: int = 5,
+    repeats: int = REPEATS,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
     """Measure settings of dynamics until the cheapest that is good enough is known.
@@ -347,7 +348,7 @@ def finer_for_drives(
     for row, off in tried:
         if wanted < off < COARSE:
             finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
-            step = odd_step(sample, finer)
+            step = whole_step(sample, finer)
             asked.append(
                 (
                     row.seconds * row.value / step,

@@ -470,7 +470,7 @@ def test_a_model_without_a_sidecar_is_bad_input_and_among_others_passed_over(tmp
         if file.stem not in ("pendulum", "fourbar"):
             file.unlink()
     (models / "pendulum.toml").unlink()
-    words = "pendulum.xml: no sidecar says what is right; a study needs one"
+    words = "pendulum.xml: no sidecar says what is right, which a study needs; `proofmass new"
     alone = command(models / "pendulum.xml", "-o", tmp_path / "trade")
     assert (alone.exit_code, words in alone.output) == (2, True)
     among = command(models, "--run", "sweep", "-o", tmp_path / "trade")
