@@ -1,6 +1,7 @@
 """Several clamped rods whose tips are pinned to one rigid platform: 2RFR, 3RFR, 3PFR."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,7 +42,7 @@ class Assembly:
         """Their number k."""
         return self.clamp.size
 
-    @property
+    @cached_property
     def freedoms(self) -> int:
         """Coordinates of the pose, p: x, y of a pin; x, y, phi of a platform."""
         return 3 if self.arm.any() else 2

@@ -28,6 +28,7 @@ moment equation, about the frame's origin, is these rows combined, with the same
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,7 @@ HINGES = _mirrored(
         -0.00879424312851058,
     ]
 )
+BASES, FEW = 3, 64  # rods that are computed thrice in place of broadcasting them, if they are few
 MOST_STEPS = 500  # five times what eight inflections need; the solution of more is lost
 SEGMENTS = _halved(
     [
@@ -112,34 +114,62 @@ def flow(
     >>> complex(z[0].round(9)), float(theta[0].round(9))
     ((1+1j), 1.570796327)
     """
-    angle, m0, n, length, stiffness = np.broadcast_arrays(
+    given = np.broadcast_arrays(
         np.asarray(angle, float), moment, np.asarray(force, complex), length, stiffness
     )
-    x, y, theta, lever, other = (np.zeros((4, *angle.shape)) for _ in range(5))
-    theta[0] = angle
+    shape = given[0].shape
+    angle, m0, n, length, stiffness = (part.reshape(-1) for part in given)
     count = steps(m0, n, length, stiffness)
-    turns = [share * length / (count * stiffness) for share in HINGES]
-    moves = [share * length / count for share in SEGMENTS]
-    moves.append(np.zeros_like(moves[0]))  # a step ends with its last hinge
-    n_x, n_y, (x0, y0, turned) = n.real.copy(), n.imag.copy(), (x[:1], y[:1], theta[:1])
-    moments, by_x, by_y = lever[:2], lever[2:3], lever[3:]
-    fixed = np.stack([m0, np.ones_like(m0)])
-    dx, dy, twist, product = x[1:], y[1:], theta[1:], other[1:]
+    # For few rods the calls of NumPy take the time, and most of those that broadcast: their base is
+    # there three times, beside three derivatives.  Signs are those that need fewest calls.
+    k, copies = n.size, BASES if n.size < FEW else 1
+    base, rows = np.ones((copies, 1)), copies + 3
+    turns = [np.tile(share * length / (count * stiffness), (rows, 1)) for share in HINGES]
+    ways = [share * length / count for share in SEGMENTS]
+    signed = [np.concatenate([base * way, -base * way]) for way in ways]
+    place, product, moved = (np.zeros((2 * rows, k)) for _ in range(3))  # y, -x, -dy, -dx
+    by_force = np.concatenate([base * n.real, base * n.imag, [-n.real] * 3, [n.imag] * 3])
+    theta, lever, turned = (np.zeros((rows, k)) for _ in range(3))
+    theta[:copies] = angle
+    beside = np.concatenate([base * m0, np.ones((1, k)), np.zeros((2, k))])  # m0, 1, y, -x
+    y, x, dy, dx = np.split(moved, [copies, 2 * copies, 2 * copies + 3])
+    parts = np.split(product, [copies, 2 * copies, 2 * copies + 3])
+    (p_y, p_x, p_dy, p_dx), y_x, one_of_each = parts, moved[: 2 * copies], moved[copies - 1 :][:2]
+    lever_base, lever_by, last_two = lever[:copies], lever[copies:], beside[-2:]
+    tangent, twist, multiply, add = theta[:copies], theta[copies:], np.multiply, np.add
+
+    def find_lever() -> None:
+        multiply(by_force, place, product)
+        add(p_y, p_x, lever_base)
+        add(p_dy, p_dx, lever_by)
+        add(lever, beside, lever)
+
+    def turn_hinge(turn: Array) -> None:
+        multiply(lever, turn, turned)
+        add(theta, turned, theta)
+
+    def move_on(way: Array) -> None:
+        np.sin(tangent, y)
+        np.cos(tangent, x)
+        multiply(y_x, way, y_x)
+        multiply(twist, x, dy)
+        multiply(twist, y, dx)
+        add(place, moved, place)
+        add(last_two, one_of_each, last_two)
+
+    find_lever()
     for _ in range(count):
-        for turn, move in zip(turns, moves, strict=True):
-            np.multiply(n_x, y, out=lever)
-            lever -= np.multiply(n_y, x, out=other)
-            moments += fixed
-            by_x += y0
-            by_y -= x0
-            lever *= turn
-            theta += lever
-            along, up = move * np.cos(turned), move * np.sin(turned)
-            x0 += along
-            y0 += up
-            dx -= np.multiply(twist, up, out=product)
-            dy += np.multiply(twist, along, out=product)
-    return x + 1j * y, theta
+        for turn, way in zip(turns, signed, strict=False):
+            if way is not signed[0]:  # a step begins where the last hinge of the one before it was
+                find_lever()
+            turn_hinge(turn)
+            move_on(way)
+        find_lever()
+        turn_hinge(turns[-1])
+    z = np.empty((4, k), complex)
+    z.real[0], z.imag[0] = 0.0 - place[copies], place[0]
+    z.real[1:], z.imag[1:] = 0.0 - place[-3:], 0.0 - place[-6:-3]
+    return z.reshape(4, *shape), theta[copies - 1 :].reshape(4, *shape)
 
 
 def steps(moment: Array, force: Complex, length: Array, stiffness: Array) -> int:
@@ -237,11 +267,18 @@ class RodState:
 
 
 def columns(a: Assembly, *names: str) -> Columns:
-    """Where parts of a state are in its vector, in the order of the names."""
-    k, p = a.rods, a.freedoms
+    """Where parts of a state are in its vector, in the order of the names; not to be changed."""
+    return known_columns(a.rods, a.freedoms, names)
+
+
+@cache
+def known_columns(k: int, p: int, names: tuple[str, ...]) -> Columns:
+    """`columns` of k rods and p freedoms."""
     every = np.split(np.arange(4 * k + 2 * p), np.cumsum([3 * k, p, k]))
     parts = dict(zip(("rods", "pose", "inputs", "load"), every, strict=True))
-    return np.concatenate([parts[name] for name in names])
+    found = np.concatenate([parts[name] for name in names])
+    found.setflags(write=False)
+    return found
 
 
 def state(

@@ -121,7 +121,9 @@ def integrate(
     weight: Complex = np.zeros((width,) + (1,) * fx.ndim, complex)
     weight[0] = weight_x + 1j * weight_y
     path = march(
-        lambda at, z: _slope(z, load + complex(length - at) * weight, stiffness, axial, shear),
+        lambda at, z, slope: _slope(
+            z, load + complex(length - at) * weight, stiffness, axial, shear, slope
+        ),
         state,
         s,
         scheme,
@@ -175,36 +177,46 @@ def from_tip(
     )
 
 
-def march(rate: Callable[[float, Array], Array], state: Array, s: Array, scheme: str) -> Array:
-    """States (nodes, ...) of an explicit Runge-Kutta method on the nodes s."""
+def march(
+    rate: Callable[[float, Array, Array], None], state: Array, s: Array, scheme: str
+) -> Array:
+    """States (nodes, ...) of an explicit Runge-Kutta method on the nodes s.
+
+    `rate` is given a place and a state, and where to put the state's derivative.
+    """
     a, b = SCHEMES[scheme]
     c = a.sum(axis=1)
     path, stages = np.empty((s.size, state.size)), np.empty((b.size, state.size))
     path[0] = state.ravel()
+    before, slots = [stages[:j] for j in range(b.size)], stages.reshape(-1, *state.shape)
     for i, step in enumerate(np.diff(s)):
+        shares, places, here = step * a, s[i] + c * step, path[i]
         for j in range(b.size):
-            at = path[i] + (step * a[j, :j]) @ stages[:j]
-            stages[j] = rate(s[i] + c[j] * step, at.reshape(state.shape)).ravel()
-        path[i + 1] = path[i] + (step * b) @ stages
+            at = here + shares[j, :j] @ before[j]
+            rate(places[j], at.reshape(state.shape), slots[j])
+        path[i + 1] = here + (step * b) @ stages
     return path.reshape(s.size, *state.shape)
 
 
-def _slope(state: Array, load: Complex, stiffness: float, axial: float, shear: float) -> Array:
+def _slope(
+    state: Array, load: Complex, stiffness: float, axial: float, shear: float, slope: Array
+) -> None:
     """d/ds of (theta, m, x, y) in row 0 of the second axis, of its tangents in the other rows."""
-    turn = np.exp(1j * state[0, 0])
+    turn, tangents = np.exp(1j * state[0, 0]), state.shape[1] > 1
     path = 1j * turn * state[0]
     path[0] = turn
     if np.isfinite(axial) or np.isfinite(shear):
         local = load * turn.conj()
-        local[1:] -= 1j * local[0] * state[0, 1:]
+        if tangents:
+            local[1:] -= 1j * local[0] * state[0, 1:]
         strain = (local.real / axial + 1j * (local.imag / shear)) * turn
-        strain[1:] += 1j * strain[0] * state[0, 1:]
+        if tangents:
+            strain[1:] += 1j * strain[0] * state[0, 1:]
         path += strain
     bend = load.conj() * path[0]
-    bend[1:] += load[0].conj() * path[1:]
-    slope = np.empty_like(state)
+    if tangents:
+        bend[1:] += load[0].conj() * path[1:]
     slope[0], slope[1], slope[2], slope[3] = state[1] / stiffness, bend.imag, path.real, path.imag
-    return slope
 
 
 @dataclass(frozen=True)
