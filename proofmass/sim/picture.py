@@ -343,6 +343,7 @@ def distance(point: Array, outline: Array) -> float:
 
 
 SECONDS = 5.0  # at most for stepping a free motion
+NEAREST = 1e-3  # of a stride: a drawing need not come nearer to where rests end
 
 
 def picture(model: Path, run: Run, count: int = 121) -> Picture:
@@ -396,6 +397,8 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
     the engine's own steps and the reference do.
     """
     linkage, tangent = linkage_of(model, data, run), None
+    if isinstance(linkage, Resting):
+        linkage.shortest = NEAREST
     for values in np.vstack([run.motion(run.x)[0], run.controls(run.x)[0]]).T:
         fell = False
         try:

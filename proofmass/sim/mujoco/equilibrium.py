@@ -182,7 +182,7 @@ MOST = {False: 15, True: 200}  # Newton steps to follow a rest, and to descend t
 FAST = 0.1  # a step that shortens to this share of the last one needs no new stiffness
 EXACT = 1e-11  # [rad, or extents] what the next step may change where a rest is found
 LEVER = 1e3  # [rad or m per m] a joint moves so much for a gap only next to a limit position
-SHORTEST = 1e-8  # of a stride: a rest that cannot be followed so far is lost
+SHORTEST = 1e-8  # of a stride, for `Resting.shortest`
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE = "the equilibrium becomes unstable"
 REFUSED = {"tendon_limited": "a limited tendon", "actuator_dyntype": "an actuator with a state"}
@@ -228,7 +228,14 @@ class Resting(Linkage):
     """A linkage with `free` degrees of freedom beside its drives, in stable equilibrium.
 
     The start pose is no further from it than `far`.
+
+    Attributes
+    ----------
+    shortest : float
+        Share of a stride [1]: a rest that cannot be followed so far is lost.
     """
+
+    shortest = SHORTEST
 
     def __init__(
         self,
@@ -276,7 +283,7 @@ class Resting(Linkage):
                 self.data.qpos[:], self.stops.side = pose, side
                 self.data.ctrl[:] = control
                 share /= 2.0
-                if share < SHORTEST * longest:
+                if share < self.shortest * longest:
                     raise self.ending(error) from None
         return tangent
 
