@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -223,6 +223,7 @@ def digits(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(x) + 0.0) for x in numbers)  # no -0.0
 
 
+@cache
 def environment() -> Environment:
     """The templates; an unknown name in them is an error."""
     found = Environment(

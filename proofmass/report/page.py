@@ -24,6 +24,7 @@ from proofmass.report.words import SYMBOLS
 from proofmass.wording import number
 
 
+@cache
 def environment() -> Environment:
     """The templates, autoescaped; an unknown name in them is an error."""
     env = Environment(
@@ -70,9 +71,15 @@ def packages_of(engine: str) -> list[str]:
 
 def versions() -> list[tuple[str, str]]:
     """The versions of what the numbers come from."""
+    return known_versions(tuple(engine_names()))
+
+
+@cache
+def known_versions(engines: tuple[str, ...]) -> list[tuple[str, str]]:
+    """`versions`, read once: each page tells them."""
     found = []
-    engines = [name for engine in engine_names() for name in packages_of(engine)]
-    for name in dict.fromkeys(("proofmass", *engines, "numpy", "scipy")):
+    packages = [name for engine in engines for name in packages_of(engine)]
+    for name in dict.fromkeys(("proofmass", *packages, "numpy", "scipy")):
         try:
             found.append((name, version(name)))
         except PackageNotFoundError:
