@@ -25,6 +25,7 @@ HELD = (
     "tests/sim/pymunk/test_pymunk_statics.py::test_balancers_hold_the_moments_of_their_equilibria"
 )
 SNAPS = "tests/sim/test_rod_snap_engines.py::test_engines_snap_where_their_chain_does"
+VALID = "tests/test_names_and_units.py::test_own_cases_are_valid"
 SNAPS_LATER = "tests/sim/test_motion.py::test_an_engine_that_snaps_later_is_drawn_on_its_own_side"
 BENCHMARK = "tests/test_benchmarks.py::test_benchmark_runs_quickly_and_writes_no_documents"
 FIRST_PLACES = (
@@ -369,6 +370,10 @@ LONG = {
     "tests/studies/stress/test_stress_singular.py::test_a_stiff_spring_on_a_pendulum": (
         "tests/studies/stress/test_stress_bare.py::test_small_models_have_the_limits_of_theory"
     ),
+    # an item of a sidecar validates its case first
+    f"{VALID}[pfr3": f"{RODS}/pfr3.toml::mujoco",
+    f"{VALID}[rfr3": f"{RODS}/rfr3.toml::mujoco",
+    f"{VALID}[rod_snap": f"{RODS}/rod_snap.toml::mujoco:settled",
     f"{RODS}/rod_follower.toml::pymunk": (
         "tests/sim/test_rods_loads.py::test_a_chain_under_all_loads_at_once"
     ),

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from proofmass.check import (
     FAILURES,
+    FOLLOWED,
     LOADING,
     OWN_TIMEOUT,
     Result,
@@ -65,6 +66,13 @@ def workers(monkeypatch):
     found.fails = {}
     monkeypatch.setattr(CHECK, "isolated", found)
     return found
+
+
+@pytest.fixture
+def briefly(monkeypatch):
+    """Models without a sidecar are followed for a twentieth of the time: their names are asked."""
+    monkeypatch.setattr(CHECK, "FOLLOWED", FOLLOWED / 20)
+    monkeypatch.setattr(CHECK, "SAMPLES", 6)
 
 
 @pytest.fixture
@@ -248,7 +256,7 @@ def test_paths_that_can_be_gone_through_once_are_kept(models):
     assert check(iter([models / "pendulum.xml"])).paths == (models / "pendulum.xml",)
 
 
-def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path):
+def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path, briefly):
     for name in ("a", "b"):
         (tmp_path / "robots" / name).mkdir(parents=True)
         (tmp_path / "robots" / name / "scene.xml").write_bytes(
@@ -263,7 +271,7 @@ def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path):
 
 
 def test_a_model_without_a_sidecar_that_has_the_name_of_a_case_is_called_by_its_folder(
-    short, tmp_path
+    short, tmp_path, briefly
 ):
     lone = tmp_path / "robots" / "pendulum.xml"
     lone.parent.mkdir()
@@ -405,7 +413,7 @@ def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(short
     assert wrong(check_model, model) == ("", "broken")
 
 
-def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path):
+def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path, briefly):
     lone = short.with_name("fourbar.xml")
     lone.with_suffix(".toml").unlink()
     bad = tmp_path / "bad.toml"

@@ -67,10 +67,12 @@ def written(tmp_path, bodies, more):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_without_a_sidecar_is_self_consistent(name, tmp_path, monkeypatch):
+    """For half a second, in which the ball falls on the floor."""
     monkeypatch.setattr(sys.modules[rung_of.__module__], "PROCESSOR", 2.0)
+    monkeypatch.setattr(sys.modules[rung_of.__module__], "FOLLOWED", 0.5)
     found = rung_of(written(tmp_path, *MODELS[name]))
     assert found.outcome == ("unchecked" if name == "no joints" else "self-consistent")
-    assert found.steps == 500  # of 2 ms
+    assert found.steps == 250  # of 2 ms
 
 
 @pytest.mark.parametrize(
