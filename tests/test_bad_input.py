@@ -540,4 +540,7 @@ def test_what_the_planar_reference_does_not_cover_is_an_error_of_the_model(model
     )
     [error] = check([models / "watt.toml"]).errors
     assert error.file == models / "watt.xml"
-    assert error.wrong == "the reference 'planar' does not cover it: it has a tendon"
+    assert error.wrong == (
+        "the reference 'planar' does not cover it: tendon 'rope' does not go straight from a site "
+        "to a site"
+    )

@@ -32,7 +32,7 @@ from proofmass.sim.contents import (
     sensors,
 )
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.picture import Picture, PictureScene, follow
+from proofmass.sim.picture import Picture, PictureScene, follow, springs_between_sites
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import Run
 from proofmass.sim.rods import chain, joints_of
@@ -117,6 +117,19 @@ class Spot:
 
 
 @dataclass(frozen=True)
+class MovedCoil:
+    """A spring or damper between two points.
+
+    `body` are the numbers of their bodies, -1 of the ground; `at` (2, 2) is where they are about
+    the bodies' origins, as these are at the first pose [m].
+    """
+
+    name: str
+    body: tuple[int, int]
+    at: Array
+
+
+@dataclass(frozen=True)
 class Motion:
     """A mechanism at the poses of a run.
 
@@ -126,7 +139,7 @@ class Motion:
         The same poses as outlines in the world.
     index : ndarray (poses,) of int
         Samples of the run that the poses belong to [1].
-    bodies, spots : tuple of MovedBody, tuple of Spot
+    bodies, spots, coils : tuple of MovedBody, of Spot, of MovedCoil
     places : ndarray (poses, bodies, 3)
         Position and turn of each body [m, m, rad]: as the reference has it, if curves tell that,
         otherwise as the model has it.
@@ -161,6 +174,7 @@ class Motion:
     unfit: float
     jumps: tuple[int, ...] = ()
     along: str = ""
+    coils: tuple[MovedCoil, ...] = ()
 
 
 def motion(
@@ -226,6 +240,7 @@ def motion(
         used,
         unfit,
         tuple(jumps),
+        coils=scene.coils(poses),
     )
 
 
@@ -302,6 +317,22 @@ class MovingScene(PictureScene):
             ends = self.clamp(rod, poses).guide
             if ends is not None:
                 spot(rod.name, "clamp", 0, ends[0, 0], ends[0, 1], ground=True)
+        return tuple(found)
+
+    def coils(self, poses: dict[str, Array]) -> tuple[MovedCoil, ...]:
+        """Springs and dampers between two points."""
+        model, found = self.model, list[MovedCoil]()
+        for t, sites in springs_between_sites(model):
+            roots = model.body_weldid[model.site_bodyid[list(sites)]]
+            places = self.flat(poses["site_xpos"][0, list(sites)])
+            origins = self.flat(poses["xpos"][0, roots])
+            found.append(
+                MovedCoil(
+                    model.tendon(t).name,
+                    (self.number.get(int(roots[0]), -1), self.number.get(int(roots[1]), -1)),
+                    places - origins,
+                )
+            )
         return tuple(found)
 
     def limits(self, poses: dict[str, Array]) -> dict[str, Array]:

@@ -18,7 +18,14 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
 from proofmass.analytic.planar.dynamics import free_motion
-from proofmass.analytic.planar.forces import Forces, kinetic, potential, solve_forces, transmitted
+from proofmass.analytic.planar.forces import (
+    Forces,
+    kinetic,
+    potential,
+    solve_forces,
+    spring_length,
+    transmitted,
+)
 from proofmass.analytic.planar.kinematics import BodyMotion, Drives, condition, move, rates
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
@@ -45,12 +52,13 @@ __all__ = [
     "solve",
 ]
 
-PART, OFF = 0.1, 0.382
-"""Knots begin and end at whole numbers and `OFF` of it [rad, or sizes].  A motion that begins or
+PART, BESIDE = 0.1, 0.382
+"""Knots begin and end at whole numbers and `BESIDE` of it [rad, or sizes].  A motion that begins or
 ends at a round number, or beside one, has the same ends."""
-S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
+S, OBJ, OFF = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtDisableBit
 PLACES = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
 TURNS = {S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
+LENGTHS = (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL)
 MOTORS = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
 INTERACTIONS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
 REACH = SHARE * (1 + 1e-9)
@@ -69,6 +77,8 @@ def solve(
     controls: Mapping[str, ArrayLike] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
+
+    With springs and dampers of its joints and between two sites.
 
     ::
 
@@ -209,8 +219,8 @@ def _on_the_way(
     """
     (place,) = Drives.of(mechanism, joints).driven
     begin, part = mechanism.start[place], PART * mechanism.scale[place]
-    low = (np.floor(inputs.min(initial=begin) / part - OFF) + OFF) * part
-    high = (np.ceil(inputs.max(initial=begin) / part - OFF) + OFF) * part
+    low = (np.floor(inputs.min(initial=begin) / part - BESIDE) + BESIDE) * part
+    high = (np.ceil(inputs.max(initial=begin) / part - BESIDE) + BESIDE) * part
     branch, knots = _knots(mechanism, joints, float(low), float(high))
     x, at, start = inputs[:, 0], knots.q[:, place], branch.knot.q[place]
     k = np.where(x >= start, np.searchsorted(at, x, "right") - 1, np.searchsorted(at, x, "left"))
@@ -260,15 +270,26 @@ def quantities(
         if kind in PLACES or kind in TURNS or kind == S.mjSENS_FRAMEXAXIS:
             found |= {f"{name}.{part}": curve for part, curve in frame(reader, motion, s).items()}
         elif kind == S.mjSENS_E_POTENTIAL:
-            value = potential(m, motion, joint[0])
+            value = potential(m, motion, joint[0]) + level(reader)
         elif kind == S.mjSENS_E_KINETIC:
             value = kinetic(m, motion, joint[1])
+        elif kind in LENGTHS:
+            length = spring_length(m, motion, int(reader.model.sensor_objid[s]))
+            value = length.value if kind == LENGTHS[0] else (length.rows * joint[1]).sum(axis=-1)
         elif reader.model.sensor_objtype[s] == OBJ.mjOBJ_JOINT:
             order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1, S.mjSENS_USER: 2}.get(kind)
             value = None if order is None else joint[order][:, reader.model.sensor_objid[s]]
         if value is not None:
             found[name] = value
     return found
+
+
+def level(reader: Reader) -> float:
+    """Energy of gravity across the plane [J], which does not change."""
+    model = reader.model
+    places = reader.at + (reader.turn @ model.body_ipos[..., None])[..., 0]
+    across = reader.unless(OFF.mjDSBL_GRAVITY, model.opt.gravity @ reader.normal)
+    return float(-across * model.body_mass @ (places @ reader.normal))
 
 
 def frame(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:

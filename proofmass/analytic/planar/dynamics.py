@@ -101,7 +101,7 @@ class TangentChart:
         gamma = -inverse[:, : m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
         centre = centres(m, still)
         matrix = mass(m, centre)[0]
-        force = applied(m, centre, q[None], v[None]) - inertial(m, centre, still)
+        force = applied(m, still, centre, q[None], v[None]) - inertial(m, centre, still)
         force = force[0] - matrix @ gamma
         bend = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
         return q, v, into @ bend + gamma, bend

@@ -18,6 +18,7 @@ from proofmass.sim.pymunk.kinematics import (
     along,
     bound,
     close,
+    damping,
     gaps,
     jacobian,
     least,
@@ -106,9 +107,10 @@ def start_motion(
     full = _padded(velocity)
     h = 1e-5 / (1e-5 + sizes(links, full))
     turning = (jacobian(held, pose + h * full) - jacobian(held, pose - h * full)) / (2 * h)
-    damping = np.array([joint.damping for joint in links.joints])
+    coefficients, damped = damping(links)
+    slopes = jacobian(damped, pose)
     force = -jacobian(lambda p: potential(links, p), pose)
-    force = force - rates.T @ (damping * (rates @ velocity))
+    force = force - slopes.T @ (coefficients * (slopes @ velocity))
     needed = np.append(closed, acceleration) - turning @ velocity
     return full, _padded(_held(links, rows, force, needed))
 

@@ -81,6 +81,37 @@ class LinkJoint:
 
 
 @dataclass(frozen=True)
+class LinkSpring:
+    """A spring and a damper between points of two links, seen from their centres at the start.
+
+    The spring is slack at lengths from `slack[0]` to `slack[1]` [m]; `bodies` are those of the
+    MJCF.
+    """
+
+    name: str
+    a: int
+    b: int
+    on_a: Array
+    on_b: Array
+    stiffness: float
+    damping: float
+    slack: tuple[float, float]
+    bodies: tuple[int, int]
+
+    def stretch(self, length: Array) -> Array:
+        """How far lengths are from those at which the spring is slack [m]."""
+        return np.asarray(length - np.clip(length.real, *self.slack))
+
+    def push(self, length: Array) -> Array:
+        """Force [N] with which the spring pushes its ends apart."""
+        return np.asarray(-self.stiffness * self.stretch(length))
+
+    def energy(self, length: Array) -> Array:
+        """Energy [J] of the spring."""
+        return np.asarray(0.5 * self.stiffness * self.stretch(length) ** 2)
+
+
+@dataclass(frozen=True)
 class Pull:
     """A load at a point of a link, seen from its centre at the start: constant in the world.
 
@@ -118,6 +149,8 @@ class Links:
         Ids of the joints with a prescribed motion, in the run's order.
     loops : tuple of Hold
         What closes the loops.
+    springs : tuple of LinkSpring
+        Between points of links; also those that only measure a length.
     pulls : tuple of Pull
         Forces and moments on links.
     gravity : ndarray (2,)
@@ -136,6 +169,7 @@ class Links:
     joints: tuple[LinkJoint, ...]
     driven: tuple[int, ...]
     loops: tuple[Hold, ...]
+    springs: tuple[LinkSpring, ...]
     pulls: tuple[Pull, ...]
     gravity: Array
     extent: float

@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import gear_of, joint_of
+from proofmass.sim.contents import gear_of, joint_of, straight_tendon
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
-from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, Pull
+from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, LinkSpring, Pull
 from proofmass.sim.pymunk.read import Sensor, channel
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
@@ -150,6 +150,7 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
         *_equalities(model),
         *_actuators(model, driven),
         *_contacts(model),
+        *_tendons(model),
         *_others(model),
     ]
     if reasons:
@@ -265,8 +266,24 @@ def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
                 yield h, g
 
 
+def _tendons(model: mujoco.MjModel) -> Iterator[str]:
+    for t in range(model.ntendon):
+        name = f"tendon '{model.tendon(t).name}'"
+        for what, there in {
+            f"{name}, which does not go straight from a site to a site": straight_tendon(model, t)
+            is None,
+            f"the range of {name}": model.tendon_limited[t],
+            f"frictionloss of {name}": model.tendon_frictionloss[t],
+            f"armature of {name}": model.tendon_armature[t],
+            f"a spring that yields of {name}": model.tendon_springyield[t].any(),
+            f"a polynomial spring of {name}": model.tendon_stiffnesspoly[t].any(),
+            f"polynomial damping of {name}": model.tendon_dampingpoly[t].any(),
+        }.items():
+            if there:
+                yield what
+
+
 def _others(model: mujoco.MjModel) -> Iterator[str]:
-    yield from (f"tendon '{model.tendon(t).name}'" for t in range(model.ntendon))
     yield from (
         what
         for what, there in {
@@ -340,6 +357,7 @@ def read_links(
         joints,
         driven,
         loops,
+        _springs(model, data, plane, of_body, centre, extent),
         pulls,
         plane.flat(model.opt.gravity),
         extent,
@@ -449,6 +467,39 @@ def _dead_loads(
         if link < len(centre) - 1:
             at = plane.flat(data.xipos[body]) - centre[link]
             yield Pull(body, link, at, plane.flat(force), 0.0)
+
+
+def _springs(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    plane: MotionPlane,
+    of_body: Array,
+    centre: Array,
+    extent: float,
+) -> tuple[LinkSpring, ...]:
+    found = []
+    for t in range(model.ntendon):
+        sites, name = straight_tendon(model, t), model.tendon(t).name
+        assert sites is not None
+        points, bodies = data.site_xpos[list(sites)], model.site_bodyid[list(sites)]
+        if abs((points[0] - points[1]) @ plane.normal) > PARALLEL * extent:
+            raise Unsupported(f"tendon '{name}', whose sites differ in height over the plane")
+        a, b = of_body[bodies]
+        flat = plane.flat(points)
+        found.append(
+            LinkSpring(
+                name,
+                int(a),
+                int(b),
+                flat[0] - centre[a],
+                flat[1] - centre[b],
+                float(model.tendon_stiffness[t]),
+                float(model.tendon_damping[t]),
+                (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
+                (int(bodies[0]), int(bodies[1])),
+            )
+        )
+    return tuple(found)
 
 
 def with_controls(links: Links, loads: Sequence[str], controls: Array) -> Links:
