@@ -542,7 +542,7 @@ class Stage:
                 placed(at[None], places[None, body])[0, 0] if body >= 0 else at
                 for body, at in zip(coil.body, coil.at, strict=True)
             ]
-            found.append(zigzag(*ends, self.scale.points))
+            found.append(zigzag(np.array(ends), self.scale.points))
         return found
 
     def coil(self, number: int, places: Array, at: Array) -> Array:

@@ -223,7 +223,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
         for mark in picture.marks
         if mark.kind == "hinge" and mark.name in sprung(case)
     ]
-    springs = [zigzag(*coil.ends[main], scale.points) for coil in picture.coils]
+    springs = [zigzag(coil.ends[main], scale.points) for coil in picture.coils]
     for coil in (*coils, *springs):
         ax.plot(*coil.T, color=COIL, linewidth=1.0, zorder=7)
     names(ax, picture, main, tracks, [*coils, *springs], scale)
@@ -293,18 +293,18 @@ def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
     return (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
-def zigzag(one: Array, two: Array, points: float) -> Array:
-    """The drawing of a spring between two places (k, 2) [m], at `points` a metre.
+def zigzag(ends: Array, points: float) -> Array:
+    """The drawing (k, 2) of a spring between two places (2, 2) [m], at `points` a metre.
 
-    >>> zigzag(np.zeros(2), np.array([1.0, 0.0]), 100.0)[[0, 1, 2, -1]].round(3).tolist()
+    >>> zigzag(np.array([[0.0, 0.0], [1.0, 0.0]]), 100.0)[[0, 1, 2, -1]].round(3).tolist()
     [[0.0, 0.0], [0.15, 0.0], [0.194, 0.05], [1.0, 0.0]]
     """
-    along, teeth = two - one, 16
+    along, teeth = ends[1] - ends[0], 16
     length = float(np.linalg.norm(along)) or 1.0
     across = np.array([-along[1], along[0]]) / length * min(5.0 / points, 0.25 * length)
     shares = np.concatenate([[0.0, 0.15], 0.15 + 0.7 * (np.arange(teeth) + 1) / teeth, [1.0]])
     sides = np.concatenate([[0.0, 0.0], np.tile([1.0, 0.0, -1.0, 0.0], teeth // 4), [0.0]])
-    return np.asarray(one + shares[:, None] * along + sides[:, None] * across)
+    return np.asarray(ends[0] + shares[:, None] * along + sides[:, None] * across)
 
 
 def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line2D]:

@@ -361,8 +361,8 @@ def present(source: Source, element: Element, place: Place) -> Any:
     tag, i, attribute = place.tag, place.index, place.attribute
     bare, full = source.bare, source.full
     if tag == "tendon":
-        values = np.atleast_1d(getattr(full, FIELDS[tag, attribute])[i])
-        return values if values[0] != values[-1] else values[:1]
+        own = np.atleast_1d(getattr(full, FIELDS[tag, attribute])[i])
+        return own if own[0] != own[-1] else own[:1]
     if (tag, attribute) in FIELDS:
         model = full if tag == "equality" or attribute == "ctrl" else bare
         return getattr(model, FIELDS[tag, attribute])[i]

@@ -10,7 +10,10 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.planar import solve
+from proofmass.report.case_data import motion_data
+from proofmass.sim.motion import motion
 from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
+from proofmass.sim.picture import picture
 from proofmass.sim.protocol import Drive, Run, Unsupported
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.program import write_program
@@ -251,3 +254,23 @@ def test_pymunk_names_a_spring_that_leaves_the_plane(tmp_path):
     file.write_text(file.read_text().replace('pos="0.5 0.9 0"', 'pos="0.5 0.9 0.1"'))
     with pytest.raises(Unsupported, match="tendon 'high', whose sites differ in height"):
         PYMUNK.simulate(file, Run("dynamics", np.linspace(0, 1, 3), ()))
+
+
+def test_a_picture_and_an_animation_have_the_springs_ends(tmp_path):
+    """At all poses of both: as far apart as the sensor says, and on the bodies that carry them."""
+    file = chain(tmp_path, SPRINGS)
+    run = Run("dynamics", np.linspace(0, 1, 26), MOVING)
+    drawn = picture(file, run, 26)
+    assert [coil.name for coil in drawn.coils] == ["high", "low"]  # the ruler is not drawn
+    lengths = np.linalg.norm(np.diff(drawn.coils[0].ends, axis=1)[:, 0], axis=1)
+    truth = reference(file, run)["length"]
+    assert np.abs(lengths - truth).max() < 1e-6
+    moved = motion(file, run, {}, 26)
+    for coil, still in zip(moved.coils, moved.picture.coils, strict=True):
+        for k, (body, at) in enumerate(zip(coil.body, coil.at, strict=True)):
+            places = moved.places[:, body] if body >= 0 else np.zeros((26, 3))
+            turn = np.exp(1j * places[:, 2]) * complex(*at)
+            ends = places[:, :2] + np.column_stack([turn.real, turn.imag])
+            assert np.abs(ends - still.ends[:, k]).max() < 1e-12
+    data = motion_data(moved)["coils"]
+    assert [(one["name"], one["body"]) for one in data] == [("high", [-1, 1]), ("low", [1, 0])]

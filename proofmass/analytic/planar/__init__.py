@@ -35,6 +35,7 @@ from proofmass.analytic.planar.mechanism import (
     Overconstrained,
     Reader,
     SingularHere,
+    is_fixed,
     read,
     refuse_contacts,
     rotation,
@@ -78,7 +79,8 @@ def solve(
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
 
-    With springs and dampers of its joints and between two sites.
+    Fixed tendons may have equalities as well; springs and dampers act in joints and between two
+    sites.
 
     ::
 
@@ -274,14 +276,25 @@ def quantities(
         elif kind == S.mjSENS_E_KINETIC:
             value = kinetic(m, motion, joint[1])
         elif kind in LENGTHS:
-            length = spring_length(m, motion, int(reader.model.sensor_objid[s]))
-            value = length.value if kind == LENGTHS[0] else (length.rows * joint[1]).sum(axis=-1)
+            value = stretched(reader, m, motion, joint, s)
         elif reader.model.sensor_objtype[s] == OBJ.mjOBJ_JOINT:
             order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1, S.mjSENS_USER: 2}.get(kind)
             value = None if order is None else joint[order][:, reader.model.sensor_objid[s]]
         if value is not None:
             found[name] = value
     return found
+
+
+def stretched(
+    reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array], s: int
+) -> Array:
+    """The length of a tendon, or its rate (n,)."""
+    t, order = int(reader.model.sensor_objid[s]), LENGTHS.index(S(reader.model.sensor_type[s]))
+    if is_fixed(reader.model, t):
+        return np.asarray(sum(share * joint[order][:, j] for j, share in reader.fixed(t)))
+    number = t - sum(is_fixed(reader.model, before) for before in range(t))
+    length = spring_length(m, motion, number)
+    return length.value if order == 0 else np.asarray((length.rows * joint[1]).sum(axis=-1))
 
 
 def level(reader: Reader) -> float:

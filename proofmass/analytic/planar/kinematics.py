@@ -112,11 +112,12 @@ def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
         apart -= jacobian(m, motion, two, motion.points(two, on_two))
         matrix[:, 0:pins:2], matrix[:, 1:pins:2] = apart.real, apart.imag
     for k, c in enumerate(m.couplings, pins):
+        slope = np.polynomial.Polynomial(c.polynomial).deriv()(_summed(c.two, q - m.zeros))
         matrix[:, k] = 0.0
-        matrix[:, k, c.one] = 1.0
-        if c.two >= 0:
-            slope = np.polynomial.Polynomial(c.polynomial).deriv()
-            matrix[:, k, c.two] -= slope(q[:, c.two] - m.joints[c.two].zero)
+        for joint, share in c.one:
+            matrix[:, k, joint] += share
+        for joint, share in c.two:
+            matrix[:, k, joint] -= share * slope
     return matrix
 
 
@@ -124,12 +125,8 @@ def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
     """Second time derivative of the residual when the joints do not accelerate (n, rows)."""
     couplings = []
     for c in m.couplings:
-        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)
-        couplings.append(
-            -bend(q[:, c.two] - m.joints[c.two].zero) * v[:, c.two] ** 2
-            if c.two >= 0
-            else np.zeros(len(q))
-        )
+        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)(_summed(c.two, q - m.zeros))
+        couplings.append(-bend * _summed(c.two, v) ** 2)
     return _stack(_apart(m, motion, 2), couplings, len(q))
 
 
@@ -159,7 +156,8 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
             mixed = hinge[:, None] & ~hinge & (order[:, None] < order)
             total += np.linalg.norm(both + mixed + mixed.T, 2, axis=(1, 2)) if chain else 0.0
     for c in m.couplings:
-        total += float(np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum())
+        bend = np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum()
+        total += float(bend) * sum(share**2 for _, share in c.two)
     return total
 
 
@@ -170,12 +168,14 @@ def _apart(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
 
 
 def _coupling(m: Mechanism, q: Array, k: int) -> Array:
-    c, other = m.couplings[k], np.zeros(len(q))
-    if c.two >= 0:
-        other = q[:, c.two] - m.joints[c.two].zero
-    return np.asarray(
-        q[:, c.one] - m.joints[c.one].zero - np.polynomial.Polynomial(c.polynomial)(other)
-    )
+    c, moved = m.couplings[k], q - m.zeros
+    curve = np.polynomial.Polynomial(c.polynomial)
+    return np.asarray(_summed(c.one, moved) - curve(_summed(c.two, moved)))
+
+
+def _summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
+    """A sum of shares of joints (n,) of their values (n, joints)."""
+    return np.asarray(sum((share * values[:, j] for j, share in shares), np.zeros(len(values))))
 
 
 def _stack(pins: Complex, couplings: list[Array], n: int) -> Array:

@@ -85,11 +85,14 @@ class Pin:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Joint `one` is a polynomial of joint `two` (none: a constant), both from their zero."""
+    """A sum of joints is a polynomial of another sum, all of them from their zeros.
+
+    A sum has numbers of joints and their shares; without any it is 0, and the first is constant.
+    """
 
     name: str
-    one: int
-    two: int
+    one: tuple[tuple[int, float], ...]
+    two: tuple[tuple[int, float], ...]
     polynomial: tuple[float, ...]
 
 
@@ -513,14 +516,27 @@ class Reader:
         )
 
     def coupling(self, e: int) -> Coupling:
-        """Joint equality number e."""
+        """Equality number e of joints or of fixed tendons."""
         model = self.model
+        tendons = model.eq_type[e] == mujoco.mjtEq.mjEQ_TENDON
+
+        def joints(number: int) -> tuple[tuple[int, float], ...]:
+            if number < 0:
+                return ()
+            return self.fixed(number) if tendons else ((number, 1.0),)
+
         return Coupling(
             model.equality(e).name,
-            int(model.eq_obj1id[e]),
-            int(model.eq_obj2id[e]),
+            joints(int(model.eq_obj1id[e])),
+            joints(int(model.eq_obj2id[e])),
             tuple(float(c) for c in model.eq_data[e, :5]),
         )
+
+    def fixed(self, t: int) -> tuple[tuple[int, float], ...]:
+        """The joints of fixed tendon number t, and their shares."""
+        model, first = self.model, int(self.model.tendon_adr[t])
+        wraps = range(first, first + int(model.tendon_num[t]))
+        return tuple((int(model.wrap_objid[w]), float(model.wrap_prm[w])) for w in wraps)
 
 
 def disabled(model: Any, *flags: int) -> bool:
@@ -585,7 +601,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         reader.flat(gravity),
         np.array(model.key_qpos[key] if names else model.qpos0),
         np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
-        tuple(reader.point_spring(t) for t in range(model.ntendon)),
+        tuple(reader.point_spring(t) for t in range(model.ntendon) if not is_fixed(model, t)),
     ), reader
 
 
@@ -601,8 +617,15 @@ def refuse(model: Any) -> None:
             raise NotCovered(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
+        if kind == mujoco.mjtEq.mjEQ_TENDON and all(
+            t < 0 or is_fixed(model, t) for t in (model.eq_obj1id[e], model.eq_obj2id[e])
+        ):
+            continue
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
-            raise NotCovered(f"equality {model.equality(e).name!r} is neither connect nor joint")
+            raise NotCovered(
+                f"equality {model.equality(e).name!r} is neither connect nor joint, nor of fixed "
+                "tendons"
+            )
     for a in range(model.nactuator):
         motor = (
             model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
@@ -621,14 +644,25 @@ def refuse(model: Any) -> None:
             raise NotCovered(f"it has {what}")
 
 
+def is_fixed(model: Any, t: int) -> bool:
+    """Whether tendon number t is a sum of joints."""
+    return bool(model.wrap_type[model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT)
+
+
 def refuse_tendons(model: Any) -> None:
-    """Raise NotCovered for tendons other than linear springs and dampers between two sites."""
+    """Raise NotCovered, by name, for tendons that are not covered.
+
+    Covered are linear springs and dampers between two sites, and fixed tendons without any.
+    """
     for t in range(model.ntendon):
         first, rubs = int(model.tendon_adr[t]), OFF.mjDSBL_FRICTIONLOSS
         kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
         sites = kinds.size == 2 and (kinds == mujoco.mjtWrap.mjWRAP_SITE).all()
+        fixed = is_fixed(model, t)
         for what, there in {
-            "does not go straight from a site to a site": not sites,
+            "does not go straight from a site to a site": not (sites or fixed),
+            "is fixed and has a spring or damper": fixed
+            and (model.tendon_stiffness[t] or model.tendon_damping[t]),
             "has a range": model.tendon_limited[t]
             and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT),
             "has frictionloss": model.tendon_frictionloss[t]

@@ -57,12 +57,15 @@ def contraction(links: Links, pose: Array) -> float:
 
 
 def _starts(links: Links) -> list[int]:
-    """First rows of the constraints but the first: a pin has two rows, a slide two of one."""
+    """First rows of the constraints but the first.
+
+    A pin has two rows, a slide two of one, a gear and a drive have one.
+    """
     starts: list[int] = []
     for k, hold in enumerate(links.holds):
         starts += [2 * k] if hold.axis is None else [2 * k, 2 * k + 1]
     count = 2 * len(links.holds)
-    return [*starts[1:], *range(count, count + len(links.drives))]
+    return [*starts[1:], *range(count, links.rows + len(links.drives))]
 
 
 def enough(links: Links, poses: Array, left: float) -> int:

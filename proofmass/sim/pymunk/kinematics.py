@@ -49,9 +49,13 @@ def _rows(links: Links, pose: Array) -> Array:
 
 
 def residual(links: Links, pose: Array) -> Array:
-    """How far all holds are from held (..., rows), of poses (..., links + 1, 3)."""
+    """How far holds, then gears, are from held (..., rows), of poses (..., links + 1, 3)."""
     rows = _rows(links, pose)
-    return rows.reshape(*rows.shape[:-2], -1)
+    turns = [
+        (pose[..., gear.a, 2] - gear.ratio * pose[..., gear.b, 2] + gear.phase)[..., None]
+        for gear in links.gears
+    ]
+    return np.concatenate([rows.reshape(*rows.shape[:-2], -1), *turns], axis=-1)
 
 
 def gaps(links: Links, pose: Array) -> Array:
@@ -234,7 +238,7 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
     """The gap [m] of the loops at their closest, with joints and drives held."""
     if not np.isfinite(pose).all():
         return np.inf
-    tree = residual(links, pose).size - 2 * len(links.loops)
+    tree = 2 * len(links.joints)
     weight = 1e4 / links.bounds
     weight[tree : tree + 2 * len(links.loops)] /= 1e4
     ground = pose[-1:]
@@ -269,7 +273,7 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     links : Links
     pose : ndarray (..., links + 1, 3) [m, m, rad]
     pull : ndarray (rows,)
-        Forces in the holds, the drives and the joints on their stops [N or N m], in this order.
+        Forces in the holds, the gears, the drives and the joints on their stops [N or N m].
     stops : tuple of LinkJoint
         These joints.
     """
@@ -286,6 +290,9 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     found[..., :2] = (units[table.b] - units[table.a]).T @ force
     found[..., 2] = on_b @ units[table.b] - (on_a - with_a) @ units[table.a]
     found[..., :-1, :2] -= links.mass[:, None] * links.gravity
+    for gear, moment in zip(links.gears, pull[2 * len(links.holds) : links.rows], strict=True):
+        found[..., gear.a, 2] -= moment
+        found[..., gear.b, 2] += gear.ratio * moment
     for spring in links.springs:
         way, length = apart(spring, pose), spring_length(spring, pose)[..., None]
         force = spring.push(length) * way / np.where(length > 0, length, 1.0)
@@ -305,13 +312,13 @@ def _between(
     links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]
 ) -> tuple[Array, Array]:
     """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
-    table, slides, rows = links.table, links.table.slides, 2 * len(links.holds)
+    table, slides, rows = links.table, links.table.slides, links.rows
     efforts = np.zeros((*pose.shape[:-2], len(links.holds)))
     pushes = list(zip([*links.drives, *stops], pull[rows:].tolist(), strict=True))
     for k, joint in enumerate(links.joints):
         push = sum(push for pushed, push in pushes if pushed is joint)
         efforts[..., k] = -joint.spring_force(joint_value(joint, pose)) - joint.load - push
-    held = -pull[:rows].reshape(-1, 2)
+    held = -pull[: 2 * len(links.holds)].reshape(-1, 2)
     signs = np.append([joint.sign for joint in links.joints], np.zeros(len(links.loops)))
     axis = turned(pose[..., table.a, 2], table.axis)
     sliding = held[:, :1] * (axis @ QUARTER) + efforts[..., None] * axis
@@ -337,8 +344,8 @@ class Modes:
         What loads that follow their links add to the matrix of these curvatures, without symmetry
         [1/s^2].
     pull : ndarray (held,)
-        What it takes to hold what is held [N or N m]: holds, drives, then the joints on their
-        stops.
+        What it takes to hold what is held [N or N m]: holds, gears, drives, then the joints on
+        their stops.
     stops : tuple of LinkJoint
         These joints.
     """

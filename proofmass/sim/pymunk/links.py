@@ -81,6 +81,20 @@ class LinkJoint:
 
 
 @dataclass(frozen=True)
+class LinkGear:
+    """Two links on hinges of the ground that turn in a ratio.
+
+    The turn of link `a` since the start is `ratio` times that of link `b`, less `phase` [rad].
+    """
+
+    name: str
+    a: int
+    b: int
+    ratio: float
+    phase: float
+
+
+@dataclass(frozen=True)
 class LinkSpring:
     """A spring and a damper between points of two links, seen from their centres at the start.
 
@@ -149,6 +163,8 @@ class Links:
         Ids of the joints with a prescribed motion, in the run's order.
     loops : tuple of Hold
         What closes the loops.
+    gears : tuple of LinkGear
+        Which couple hinges of the ground.
     springs : tuple of LinkSpring
         Between points of links; also those that only measure a length.
     pulls : tuple of Pull
@@ -169,6 +185,7 @@ class Links:
     joints: tuple[LinkJoint, ...]
     driven: tuple[int, ...]
     loops: tuple[Hold, ...]
+    gears: tuple[LinkGear, ...]
     springs: tuple[LinkSpring, ...]
     pulls: tuple[Pull, ...]
     gravity: Array
@@ -188,6 +205,11 @@ class Links:
     def holds(self) -> tuple[Hold, ...]:
         """All holds: those of the joints, then the loops."""
         return (*(joint.hold for joint in self.joints), *self.loops)
+
+    @property
+    def rows(self) -> int:
+        """How many equations hold the links: two of each hold, one of each gear."""
+        return 2 * len(self.holds) + len(self.gears)
 
     @cached_property
     def table(self) -> HoldTable:
@@ -216,8 +238,9 @@ class Links:
     def bounds(self) -> Array:
         """What all that is prescribed is measured in (rows + drives,): extents [m], radians."""
         across = np.column_stack([np.ones(len(self.holds)), ~self.table.slides])
+        turns = np.zeros(len(self.gears))
         along = [joint.hold.axis is not None for joint in self.drives]
-        return np.where(np.append(across, along), self.extent, 1.0)
+        return np.where(np.concatenate([across.ravel(), turns, along]), self.extent, 1.0)
 
     @property
     def pose(self) -> Array:

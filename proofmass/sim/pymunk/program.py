@@ -15,7 +15,7 @@ import pymunk
 from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
-from proofmass.sim.pymunk.links import Hold, LinkJoint, Links, LinkSpring
+from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.read import (
     Direction,
@@ -374,6 +374,9 @@ class Writer:
                 assert isinstance(constraint, pymunk.DampedSpring)
                 yield self._point_spring(owner, constraint, a, b)
                 continue
+            if isinstance(owner, LinkGear):
+                yield self._gear(owner, a, b)
+                continue
             first, seen = owner is not seen, owner
             if isinstance(constraint, pymunk.DampedRotarySpring | pymunk.DampedSpring):
                 assert isinstance(owner, LinkJoint)
@@ -449,6 +452,14 @@ class Writer:
         told += [f"a damper, {spring.damping:g} N s/m"] * bool(spring.damping)
         named = f'spring "{spoken(spring.name)}"' if spring.name else "a spring"
         return {"words": f"{named} between points: {' and '.join(told)}", "lines": lines}
+
+    def _gear(self, gear: LinkGear, a: str, b: str) -> dict[str, Any]:
+        ratio, phase = digits(gear.ratio), digits(gear.phase)
+        named = f'gear "{spoken(gear.name)}"' if gear.name else "a gear"
+        return {
+            "words": f"{named}: {a} turns {gear.ratio:g} times as far as {b}",
+            "lines": [wrapped(f"add(pymunk.GearJoint({a}, {b}, {phase}, {ratio}))")],
+        }
 
     def _length(self, spring: LinkSpring) -> str:
         """The length of a spring between points as a function of ``pose``."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import anchor_bodies
+from proofmass.sim.contents import anchor_bodies, connects
 from proofmass.sim.pymunk.kinematics import (
     along,
     apart,
@@ -55,7 +55,7 @@ class SampledMotion:
 
 
 def solve_forces(links: Links, motion: SampledMotion) -> Array:
-    """Forces in the holds, of the drives and of stops (n, rows + drives + limited joints).
+    """Forces in holds and gears, of drives and of stops (n, rows + drives + limited joints).
 
     A hold pushes its second link with its force, and its first link against it.
     """
@@ -145,9 +145,9 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
         frame = data.ximat[b].reshape(3, 3)
         moment = moment + (plane.normal @ frame) ** 2 @ model.body_inertia[b] * bend[:, 0]
     first = 2 * len(links.joints)
-    for k, (e, loop) in enumerate(zip(np.flatnonzero(model.eq_active0), links.loops, strict=True)):
+    for k, (e, loop) in enumerate(zip(connects(model), links.loops, strict=True)):
         pull = forces[:, first + 2 * k : first + 2 * k + 2]
-        one, two = anchor_bodies(model, int(e))
+        one, two = anchor_bodies(model, e)
         if one in carried:
             add(loop.a, loop.on_a, pull)
         if two in carried:

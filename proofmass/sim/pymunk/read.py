@@ -261,7 +261,7 @@ def force_curves(
     if not wanted:
         return {}
     forces = solve_forces(links, motion)
-    drives = forces[:, 2 * len(links.holds) :]
+    drives = forces[:, links.rows :]
     return {
         name: transmitted(links, c.transmitted, motion, forces)
         if c.transmitted

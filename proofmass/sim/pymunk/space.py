@@ -13,7 +13,7 @@ import pymunk
 from pymunk import batch
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.pymunk.links import Hold, LinkJoint, Links, LinkSpring, Pull
+from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
 
 Settings = dict[str, Any]
 """timestep [s], iterations, error_bias."""
@@ -63,10 +63,11 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
 
 def constraints(
     links: Links, bodies: list[pymunk.Body]
-) -> Iterator[tuple[LinkSpring | LinkJoint | Hold, pymunk.Constraint]]:
+) -> Iterator[tuple[LinkSpring | LinkJoint | Hold | LinkGear, pymunk.Constraint]]:
     """All constraints but those of drives, in the solver's order, with what each belongs to.
 
-    Springs between points; springs, loads and stops of a joint, what holds it; then the loops.
+    Springs between points; springs, loads and stops of a joint, what holds it; then the loops and
+    the gears.
     """
     for spring in links.springs:
         if (spring.stiffness or spring.damping) and spring.a != spring.b:
@@ -80,6 +81,8 @@ def constraints(
     for loop in links.loops:
         for constraint in _hold(loop, links, bodies):
             yield loop, constraint
+    for gear in links.gears:
+        yield gear, pymunk.GearJoint(bodies[gear.a], bodies[gear.b], gear.phase, gear.ratio)
 
 
 def _pull(pull: Pull, body: pymunk.Body) -> None:

@@ -1,4 +1,4 @@
-"""Springs between two points in the general planar solver: textbooks, work, energy, statics."""
+"""Tendons in the general planar solver: springs between two points, sums of joints."""
 
 import mujoco
 import numpy as np
@@ -222,3 +222,59 @@ def test_disabled_springs_and_dampers_do_nothing():
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, flag))
     t = np.linspace(0, 1, 11)
     assert np.abs(solve(t, model=model)["x"] - (1 + 0.5 * t)).max() < 1e-14
+
+
+DIFFERENTIAL = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+  <body><joint name="cage"/><inertial pos="0 0 0" mass="1" diaginertia="3 3 3"/></body>
+  <body><joint name="left" ref="0.2"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+  <body><joint name="right"/><inertial pos="0 0 0" mass="1" diaginertia="2 2 2"/></body>
+  <body><joint name="rail" type="slide" axis="1 0 0"/>
+    <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/></body></worldbody>
+  <tendon><fixed name="mean"><joint joint="left" coef="0.5"/><joint joint="right" coef="0.5"/>
+    </fixed>
+    <fixed name="own"><joint joint="cage" coef="1"/></fixed>
+    <fixed name="rack"><joint joint="rail" coef="2"/></fixed></tendon>
+  <equality><tendon name="gears" tendon1="own" tendon2="mean" polycoef="0 1 0 0 0"/>
+    <tendon name="teeth" tendon1="rack" tendon2="own" polycoef="0.1 0.6 0.2 0 0"/></equality>
+  <actuator><motor name="m" joint="cage"/><motor name="l" joint="left"/></actuator>
+  <sensor><jointpos name="cage" joint="cage"/><jointpos name="left" joint="left"/>
+    <jointpos name="right" joint="right"/><jointpos name="rail" joint="rail"/>
+    <jointvel name="speed" joint="rail"/><tendonpos name="sum" tendon="mean"/>
+    <tendonvel name="pace" tendon="mean"/></sensor>
+  <keyframe><key name="start" qpos="0 0.2 0 0.05" qvel="0 1 -1 0" ctrl="0 0.7"/></keyframe>
+  </mujoco>"""
+
+
+def test_a_differential_of_fixed_tendons_turns_its_cage_by_the_mean():
+    """And a rack whose way is a polynomial of the cage: all of it from the drives, by formulas."""
+    model, x = mujoco.MjModel.from_xml_string(DIFFERENTIAL), np.linspace(0, 2, 21)
+    left, right = x + 0.2, 0.5 * x
+    found = solve(
+        np.stack([left, right]), [[1.0], [0.5]], 0.0, model=model, joints=("left", "right")
+    )
+    cage = 0.5 * (left - 0.2 + right)
+    np.testing.assert_allclose(found["cage"], cage, atol=1e-14)
+    np.testing.assert_allclose(found["rail"], 0.05 + 0.3 * cage + 0.1 * cage**2, atol=1e-14)
+    np.testing.assert_allclose(found["speed"], (0.3 + 0.2 * cage) * 0.75, atol=1e-14)
+    np.testing.assert_allclose(found["sum"], 0.5 * (left + right), atol=1e-14)
+    np.testing.assert_allclose(found["pace"], 0.75, atol=1e-14)
+
+
+def test_a_differential_that_is_let_go_moves_as_in_the_spatial_reference():
+    model, t = mujoco.MjModel.from_xml_string(DIFFERENTIAL), np.linspace(0, 2, 21)
+    found, other = solve(t, model=model), spatial.solve(t, model=model)
+    for name in ("cage", "left", "right", "rail", "speed", "sum", "pace"):
+        assert np.abs(found[name] - other[name]).max() < 1e-11, name
+    assert np.ptp(found["rail"]) > 0.1
+
+
+def test_tendon_equalities_of_springs_are_named():
+    text = '<tendon name="same" tendon1="spring" polycoef="0 1 0 0 0"/>'
+    model = model_of(
+        '<site name="one"/><body><joint name="x" type="slide" axis="1 0 0"/><site name="two"/>'
+        '<geom size="0.1"/></body>',
+        "",
+        f"<equality>{text}</equality>",
+    )
+    with pytest.raises(NotCovered, match="equality 'same' is neither connect nor joint"):
+        read(model, "")
