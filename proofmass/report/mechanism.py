@@ -296,14 +296,14 @@ def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
 def zigzag(ends: Array, points: float) -> Array:
     """The drawing (k, 2) of a spring between two places (2, 2) [m], at `points` a metre.
 
-    >>> zigzag(np.array([[0.0, 0.0], [1.0, 0.0]]), 100.0)[[0, 1, 2, -1]].round(3).tolist()
-    [[0.0, 0.0], [0.15, 0.0], [0.194, 0.05], [1.0, 0.0]]
+    >>> zigzag(np.array([[0.0, 0.0], [1.0, 0.0]]), 100.0)[[0, 1, 2, 3, -1]].round(3).tolist()
+    [[0.0, 0.0], [0.15, 0.0], [0.185, 0.05], [0.255, -0.05], [1.0, 0.0]]
     """
-    along, teeth = ends[1] - ends[0], 16
+    along = ends[1] - ends[0]
     length = float(np.linalg.norm(along)) or 1.0
     across = np.array([-along[1], along[0]]) / length * min(5.0 / points, 0.25 * length)
-    shares = np.concatenate([[0.0, 0.15], 0.15 + 0.7 * (np.arange(teeth) + 1) / teeth, [1.0]])
-    sides = np.concatenate([[0.0, 0.0], np.tile([1.0, 0.0, -1.0, 0.0], teeth // 4), [0.0]])
+    shares = np.array([0.0, 0.15, *(0.15 + 0.07 * (np.arange(10) + 0.5)), 0.85, 1.0])
+    sides = np.array([0.0, 0.0, *np.tile([1.0, -1.0], 5), 0.0, 0.0])
     return np.asarray(ends[0] + shares[:, None] * along + sides[:, None] * across)
 
 

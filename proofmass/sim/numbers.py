@@ -353,12 +353,11 @@ def of_tendons(source: Source, sizes: Sizes) -> Iterator[Number]:
                 place, natural = Place("tendon", t, attribute), sizes.of(False, mass, time)
                 yield measured(attribute, name, value, place, natural, unit)
         if model.tendon_stiffness[t] and acting(model, "tendon_stiffness"):
-            low, high = model.tendon_lengthspring[t]
-            ends = ("", low), (" high", high)
-            for k, (end, value) in enumerate(ends[: 1 + (high > low)]):
-                of = name + (end or " low" * (high > low))
+            low, high = map(float, model.tendon_lengthspring[t])
+            ends = {" low": low, " high": high} if high > low else {"": low}
+            for k, (end, value) in enumerate(ends.items()):
                 place = Place("tendon", t, "springlength", k)
-                yield measured("spring length", of, float(value), place, sizes.length)
+                yield measured("spring length", name + end, value, place, sizes.length)
 
 
 def of_actuators(

@@ -104,8 +104,8 @@ TURNED = """<mujoco><compiler angle="radian"/>
   <equality><joint name="mesh" joint1="one" joint2="two" polycoef="0.05 1.7 0 0 0"/></equality>
   <sensor><jointpos name="one" joint="one"/><jointpos name="two" joint="two"/>
   <jointvel name="rate" joint="two"/></sensor>
-  <keyframe><key name="start" qpos="0 {one!r} 0.4"/></keyframe></mujoco>""".replace(
-    "{one!r}", repr(0.3 + 0.05 + 1.7 * 0.6)
+  <keyframe><key name="start" qpos="0 {one!r} 0.2"/></keyframe></mujoco>""".replace(
+    "{one!r}", repr(0.3 + 0.05 + 1.7 * 0.4)
 )
 
 

@@ -7,7 +7,7 @@ compiled model and moved by this package's own kinematics, so it holds the *engi
 the drawing: a wrong length in the MJCF is wrong in both.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
-from proofmass.analytic.planar.dynamics import free_motion
+from proofmass.analytic.planar.dynamics import Prescribed, free_motion
 from proofmass.analytic.planar.forces import (
     Forces,
     kinetic,
@@ -26,7 +26,15 @@ from proofmass.analytic.planar.forces import (
     spring_length,
     transmitted,
 )
-from proofmass.analytic.planar.kinematics import BodyMotion, Drives, condition, move, rates
+from proofmass.analytic.planar.kinematics import (
+    BodyMotion,
+    Drives,
+    condition,
+    freedoms,
+    move,
+    nearest,
+    rates,
+)
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
     CannotMove,
@@ -66,6 +74,10 @@ REACH = SHARE * (1 + 1e-9)
 """Of the proven step: the next knot is `SHARE` of it ahead, but for rounding."""
 
 
+Law = Callable[[Array], tuple[Array, Array, Array]]
+"""Value, rate and acceleration of a drive as functions of time."""
+
+
 def solve(
     value: ArrayLike,
     rate: ArrayLike = 1.0,
@@ -76,6 +88,7 @@ def solve(
     joints: tuple[str, ...] = (),
     inertia: bool = False,
     controls: Mapping[str, ArrayLike] | None = None,
+    in_time: tuple[Array, Sequence[Law]] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
 
@@ -95,7 +108,8 @@ def solve(
     the loop equations' multipliers (`proofmass.analytic.planar.forces`): of the mechanism at rest,
     or with `inertia` of the motion; joints with dry friction rub against their motion, or as before
     where they stand.  Without driven joints the motion is free and `value` is time
-    (`proofmass.analytic.planar.dynamics`).
+    (`proofmass.analytic.planar.dynamics`); where the drives leave degrees of freedom and move
+    in time, these move freely beside them, from the start pose.
 
     Parameters
     ----------
@@ -112,6 +126,10 @@ def solve(
         those at rest; those of a free motion are always.
     controls : mapping of str to array_like (n,)
         Of motors of joints that are not driven, along the path [1]; left out: those of the key.
+    in_time : tuple of ndarray (n,) and sequence of callable, optional
+        Times [s] of the samples, and of each drive its law, which gives values, rates and
+        accelerations at times; of use where the drives leave
+        degrees of freedom, whose motion depends on the whole way and not on the samples alone.
 
     Returns
     -------
@@ -149,7 +167,8 @@ def solve(
     """
     mechanism, reader = _read(model, start)
     own = dict[str, Array]()
-    if joints:
+    free = not joints or (in_time is not None and leaves_freedoms(mechanism, joints))
+    if not free:
         values = np.atleast_2d(np.asarray(value, float))
         q, d = _swept(mechanism, joints, values.shape, values.tobytes())
         moving = (
@@ -162,8 +181,11 @@ def solve(
         if mechanism.frictions.any():
             name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
-        q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
-        d = Drives.of(mechanism, ())
+        d = Drives.of(mechanism, joints)
+        if joints and in_time is not None:
+            q, v, a = free_motion(mechanism, in_time[0], prescribed(d, in_time[1]))
+        else:
+            q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
     for k, joint in enumerate(mechanism.joints):
         out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
         if out.any():
@@ -174,11 +196,27 @@ def solve(
     found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a))
     fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
     rub = mechanism.frictions * senses(v.T, fastest).T
-    if joints and not inertia:
+    if not free and not inertia:
         v = a = np.zeros_like(q)
     more = pushes(reader, start, controls or {}, q.shape)
     found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub, more)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
+
+
+def leaves_freedoms(m: Mechanism, joints: tuple[str, ...]) -> bool:
+    """Whether joints whose values are known leave degrees of freedom."""
+    return freedoms(m, nearest(m, m.start)) > len(joints)
+
+
+def prescribed(d: Drives, laws: Sequence[Law]) -> Prescribed:
+    """The driven joints and their laws, of one time."""
+
+    def law(t: float) -> tuple[Array, Array, Array]:
+        parts = [[float(part) for part in one(np.asarray(t, float))] for one in laws]
+        value, rate, acceleration = np.array(parts).T
+        return value, rate, acceleration
+
+    return Prescribed(d.driven, law)
 
 
 def pushes(

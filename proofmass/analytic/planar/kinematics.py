@@ -156,8 +156,8 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
             mixed = hinge[:, None] & ~hinge & (order[:, None] < order)
             total += np.linalg.norm(both + mixed + mixed.T, 2, axis=(1, 2)) if chain else 0.0
     for c in m.couplings:
-        bend = np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum()
-        total += float(bend) * sum(share**2 for _, share in c.two)
+        curved = float(np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum())
+        total += curved * float(sum(share**2 for _, share in c.two))
     return total
 
 
@@ -257,12 +257,21 @@ def approach(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
     return np.asarray(np.abs(residual(m, move(m, q), q)).max(axis=-1, initial=0.0) / m.size)
 
 
-def nearest(m: Mechanism, q: Array) -> Array:
-    """Close the loops of one pose (joints,) with the least change of all its joints [rad, m]."""
+NO_JOINTS, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
+
+
+def nearest(m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = NO_VALUES) -> Array:
+    """Close the loops of one pose (joints,) with the least change of its joints [rad, m].
+
+    Some joints may have values that they are given.
+    """
+    q, units = q.copy(), np.eye(len(q))[joints]
+    q[joints] = values
     for _ in range(50):
         motion = move(m, q[None])
-        open_by = residual(m, motion, q[None])[0]
-        step = np.linalg.lstsq(loop_jacobian(m, motion, q[None])[0], open_by, rcond=RANK)[0]
+        open_by = np.concatenate([residual(m, motion, q[None])[0], q[joints] - values])
+        rows = np.concatenate([loop_jacobian(m, motion, q[None])[0], units])
+        step = np.linalg.lstsq(rows, open_by, rcond=RANK)[0]
         q = q - step
         if not np.abs(step).max(initial=0.0) > 1e-14:
             break
@@ -270,18 +279,25 @@ def nearest(m: Mechanism, q: Array) -> Array:
         from scipy.optimize import least_squares  # slow to load
 
         best = least_squares(lambda q: residual(m, move(m, q[None]), q[None])[0], m.start)
-        open_by, name = gap(m, best.x)
+        missed, name = gap(m, best.x)
         raise CannotAssemble(
             f"cannot be assembled from the start pose: loop {name!r} stays open "
-            f"by {open_by:.3g} m at best"
+            f"by {missed:.3g} m at best"
         )
     return q
 
 
-def fitting(m: Mechanism, q: Array, v: Array) -> Array:
-    """Rates (joints,) that keep the loops of a closed pose closed, with the least change of v."""
+def fitting(
+    m: Mechanism, q: Array, v: Array, joints: Index = NO_JOINTS, rates: Array = NO_VALUES
+) -> Array:
+    """Rates (joints,) that keep the loops of a closed pose closed, with the least change of v.
+
+    Some joints may have rates that they are given.
+    """
     matrix = loop_jacobian(m, move(m, q[None]), q[None])[0]
-    return np.asarray(v - np.linalg.lstsq(matrix, matrix @ v, rcond=RANK)[0])
+    rows = np.concatenate([matrix, np.eye(len(q))[joints]])
+    wanted = np.concatenate([np.zeros(len(matrix)), rates])
+    return np.asarray(v - np.linalg.lstsq(rows, rows @ v - wanted, rcond=RANK)[0])
 
 
 def freedoms(m: Mechanism, q: Array) -> int:

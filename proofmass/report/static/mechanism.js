@@ -102,6 +102,12 @@ class Mechanism {
           yield* this.moved([...spot.at, ...(spot.to && spot.kind === "guide" ? spot.to : [])], place);
         }
       }
+      for (const coil of this.motion.coils ?? []) {
+        for (const [k, body] of coil.body.entries()) {
+          const place = body >= 0 ? between(this.places, pose, body) : [0, 0, 0];
+          yield* this.moved(coil.at[k], place);
+        }
+      }
       for (const line of this.lines) {
         for (let k = 0; k < line.points.count; k += 1) {
           yield between(line.points, pose, k);
@@ -379,9 +385,10 @@ class Mechanism {
     const length = Math.hypot(dx, dy) || 1;
     const width = Math.min(7, length / 4) / length;
     const steps = [];
-    for (let i = 0; i <= 18; i += 1) {
-      const share = i === 0 ? 0 : i === 18 ? 1 : 0.15 + (0.7 * (i - 1)) / 16;
-      const side = [0, width, 0, -width][(i + 3) % 4] * (i > 0 && i < 18 ? 1 : 0);
+    for (let i = -2; i < 12; i += 1) {
+      const tooth = i >= 0 && i < 10;
+      const share = tooth ? 0.15 + 0.07 * (i + 0.5) : [0, 0.15, 0.85, 1][i < 0 ? i + 2 : i - 8];
+      const side = tooth ? width * (i % 2 ? -1 : 1) : 0;
       const [x, y] = [left + share * dx - side * dy, top + share * dy + side * dx];
       steps.push(`${x.toFixed(2)} ${y.toFixed(2)}`);
     }
