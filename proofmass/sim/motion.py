@@ -139,7 +139,7 @@ class Motion:
         The same poses as outlines in the world.
     index : ndarray (poses,) of int
         Samples of the run that the poses belong to [1].
-    bodies, spots, coils : tuple of MovedBody, of Spot, of MovedCoil
+    bodies, spots : tuple of MovedBody, tuple of Spot
     places : ndarray (poses, bodies, 3)
         Position and turn of each body [m, m, rad]: as the reference has it, if curves tell that,
         otherwise as the model has it.
@@ -160,6 +160,8 @@ class Motion:
     along : str
         The axis of the world that a mechanism in space is seen along; empty of a planar one. The
         picture has its bodies then, which are no rigid outlines, and `bodies` is empty.
+    coils : tuple of MovedCoil
+        Springs and dampers between two points.
     """
 
     picture: Picture

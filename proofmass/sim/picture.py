@@ -69,12 +69,14 @@ class Picture:
         The two world axes that span the drawing; empty names when the plane is inclined.
     x, inputs : ndarray (poses,), (drives, poses)
         The run's parameter [SI] and the drives [rad or m].
-    ground, links, marks, coils
+    ground, links, marks
         What there is to draw; everything has `poses` along its first axis.
     tracks : tuple of str
         Sensors that record a place in the world, whose paths may be drawn beside it.
     stopped : str
         Why there are no poses beyond the last.
+    coils : tuple of Coil
+        Springs and dampers between two points; with `poses` along the first axis as well.
     """
 
     axes: tuple[str, str]

@@ -125,12 +125,14 @@ class Mechanism:
 
     Attributes
     ----------
-    bodies, joints, pins, couplings, point_springs
-        What it is made of; of the springs also those that only measure a length.
+    bodies, joints, pins, couplings
+        What it is made of.
     gravity : complex
         In the plane [m/s^2].
     start, start_rate : ndarray (joints,)
         Joint values and rates of the start pose [rad or m, per s].
+    point_springs : tuple of PointSpring
+        Also those that only measure a length.
     """
 
     bodies: tuple[Body, ...]
