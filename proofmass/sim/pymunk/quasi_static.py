@@ -799,7 +799,7 @@ def _follow(
         except BadModel as error:
             if len(read) < 2:
                 raise
-            last = named(held.links, laws[:, 0, len(read) - 1])
+            last = named(loaded.links, laws[:, 0, len(read) - 1])
             return read, f"stopped at {last}: {error}"
         pose, before = held.pose, controls
         effort = held.efforts() if -2 in orders else np.zeros(len(value))
