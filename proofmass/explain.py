@@ -25,7 +25,7 @@ WIDTH = 80
 EFFORTS = ("N", "N m", "J")
 """Units of channels that inertia and damping act on in a prescribed motion."""
 ACTS_IN_MOTION = ("inertia", "armature", "damping")
-LOADS = ("mass", "centre of mass", "gravity", "stiffness", "load", "rest angle")
+LOADS = ("mass", "centre of mass", "gravity", "stiffness", "load", "rest angle", "spring length")
 SOFTNESS = ("softness of the loop", "softness of the stop")
 START = ("zero", "direction")
 PLURALS = {

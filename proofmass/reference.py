@@ -354,7 +354,8 @@ def call(
     One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
     One that asks for ``inertia`` is told whether moments and forces are those of a motion, one that
-    asks for ``only`` which of its quantities are used, None for all, one that asks for
+    asks for ``only`` which of its quantities are used, None for all, one that asks for ``in_time``
+    is given the laws of the drives of a motion in time, one that asks for
     ``terms`` is given those of the equations of motion as MuJoCo computes them, and one that asks
     for ``closely`` the sensors of the model's own motion, see `solve_closely`.
     """
@@ -376,6 +377,9 @@ def call(
             for load, law in zip(case.load, load_laws(case, kind), strict=True)
         },
         "load_rates": dict,
+        "in_time": lambda: (
+            (np.asarray(x, float), laws(case, kind)) if kind == "dynamics" and case.drive else None
+        ),
     }
     there = [k for k in known if k not in own]
     for name in parameters:

@@ -37,6 +37,7 @@ OWN = (
     "inertia",
     "only",
     "controls",
+    "in_time",
     "terms",
     "closely",
     "load_rates",

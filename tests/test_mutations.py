@@ -249,6 +249,7 @@ PLANAR = {  # the reference reads the model itself: the engine gets a wrong one
     "stephenson": at(SITE, "link_end"),
     "chebyshev_lambda": at(SITE, "tip"),
     "fourbar_released": at(SITE, "rocker_end"),
+    "andrews": at(SITE, "F3"),
 }
 
 

@@ -66,6 +66,21 @@ def cross(a: Complex | complex, b: Complex | complex) -> Array:
     return np.asarray(a.real * b.imag - a.imag * b.real)
 
 
+def normal_of_slides(slides: Array, parallel: float) -> Array:
+    """A unit vector normal to slides (n, 3): of two that differ, else near a world axis, z first.
+
+    >>> normal_of_slides(np.array([[1.0, 0.0, 0.0]]), 1e-9)
+    array([0., 0., 1.])
+    """
+    for other in slides[1:]:
+        normal = np.cross(slides[0], other)
+        if np.linalg.norm(normal) > parallel:
+            return np.asarray(normal / np.linalg.norm(normal))
+    axis = np.eye(3)[min((2, 1, 0), key=lambda k: round(abs(slides[0][k]), 9))]
+    normal = axis - (axis @ slides[0]) * slides[0]
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
 def in_frame(name: str, force: Complex, direction: Complex | complex) -> dict[str, Array]:
     """A force as ``name_x`` along a direction, and ``name_y`` across it, to the left [N]."""
     own = np.asarray(force * np.conj(direction) / np.abs(direction))

@@ -55,6 +55,7 @@ from proofmass.report.mechanism import (
     spiral,
     support,
     wall,
+    zigzag,
 )
 from proofmass.report.style import RC, REFERENCE, looks
 from proofmass.sim.motion import Motion
@@ -476,7 +477,8 @@ class Stage:
             for party, lines in self.parties.items():
                 lines.set_segments([stroke[k] for stroke in strokes[party]])
             self.guides.set_segments([spots[i][k] for i in self.numbers("guide")])
-            self.coils.set_segments([self.coil(i, lead[k], spots[i][k, 0]) for i in self.springs()])
+            spirals = [self.coil(i, lead[k], spots[i][k, 0]) for i in self.springs()]
+            self.coils.set_segments([*spirals, *self.zigzags(lead[k])])
             for i, signs in self.signs:
                 for line in signs:
                     line.set_data(*spots[i][k, :1].T)
@@ -531,6 +533,17 @@ class Stage:
     def springs(self) -> list[int]:
         """Numbers of the hinges with a spring."""
         return [i for i, s in enumerate(self.motion.spots) if s.spring and s.kind == "hinge"]
+
+    def zigzags(self, places: Array) -> list[Array]:
+        """The springs between points, at one pose."""
+        found = []
+        for coil in self.motion.coils:
+            ends = [
+                placed(at[None], places[None, body])[0, 0] if body >= 0 else at
+                for body, at in zip(coil.body, coil.at, strict=True)
+            ]
+            found.append(zigzag(np.array(ends), self.scale.points))
+        return found
 
     def coil(self, number: int, places: Array, at: Array) -> Array:
         """The spiral of a torsion spring, its ends turned with the two bodies of its joint."""

@@ -293,6 +293,15 @@ def motion_data(motion: Motion) -> dict[str, Any]:
             for i, spot in enumerate(motion.spots)
             if spot.body in in_rods
         ],
+        "coils": [
+            {
+                "name": coil.name,
+                "body": [number.get(body, -1) for body in coil.body],
+                "at": [rounded(at) for at in coil.at],
+            }
+            for coil in motion.coils
+            if not in_rods & set(coil.body)
+        ],
         "places": whole(motion.places[:, rigid]),
         "away": {s: whole(rows[:, rigid]) for s, rows in motion.away.items()},
         "limits": {name: np.flatnonzero(on).tolist() for name, on in motion.at_limit.items()},
@@ -308,6 +317,8 @@ def projected_data(picture: Picture) -> tuple[list[dict[str, Any]], list[dict[st
             closed = np.concatenate([outline, outline[:, :1]], axis=1)
             shape = closed if outline.shape[1] > 2 else outline
             lines.append({"name": link.name, "points": whole(shape), "away": {}})
+    for coil in picture.coils:
+        lines.append({"name": coil.name, "points": whole(coil.ends), "away": {}, "coil": True})
     spots = list[dict[str, Any]]()
     for mark in picture.marks:
         number = len(spots)

@@ -149,6 +149,7 @@ WORDS = {
     "slide": "slide, dashed: its guide",
     "pin": "loop (connect)",
 }
+SPRINGS = "spiral: torsion spring", "zigzag: spring or damper between points"
 TURN = np.linspace(0.0, 5 * np.pi, 60)
 FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] where a pivot stands on the ground
 Tracks = Mapping[str, Array]
@@ -175,6 +176,7 @@ def scale_for(picture: Picture, tracks: Tracks, wide: float, high: float, pad: f
         *(m.at for m in picture.marks),
         *tracks.values(),
         *(m.guide for m in picture.marks if m.guide is not None),
+        *(coil.ends for coil in picture.coils),
     ]
     cloud = np.concatenate([e.reshape(-1, 2) for e in everything])
     low, high_end = np.nanmin(cloud, axis=0), np.nanmax(cloud, axis=0)
@@ -199,7 +201,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     """
     scale = scale_for(picture, tracks, WIDE, HIGH, 34.0)
     wide, high = (scale.high - scale.low) * scale.points
-    lines = len(picture.x) * ((len(case.drive) + 2) // 2) + 7 + len(tracks)
+    lines = len(picture.x) * ((len(case.drive) + 2) // 2) + 8 + len(tracks)
     full = max(high, 12.5 * lines)
     size = np.array([MARGIN + wide + 210, MARGIN + full])
     figure = Figure(figsize=tuple(size / 72))
@@ -221,10 +223,12 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
         for mark in picture.marks
         if mark.kind == "hinge" and mark.name in sprung(case)
     ]
-    for coil in coils:
+    springs = [zigzag(coil.ends[main], scale.points) for coil in picture.coils]
+    for coil in (*coils, *springs):
         ax.plot(*coil.T, color=COIL, linewidth=1.0, zorder=7)
-    names(ax, picture, main, tracks, coils, scale)
-    key_of_parts(figure, case, picture, main, tracks, bool(coils), (MARGIN + wide + 12) / size[0])
+    names(ax, picture, main, tracks, [*coils, *springs], scale)
+    signs = [word for word, there in zip(SPRINGS, (coils, springs), strict=True) if there]
+    key_of_parts(figure, case, picture, main, tracks, signs, (MARGIN + wide + 12) / size[0])
     return figure
 
 
@@ -287,6 +291,20 @@ def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
     """
     turn = inner + TURN * (1.0 + (outer - inner) / TURN[-1])
     return (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def zigzag(ends: Array, points: float) -> Array:
+    """The drawing (k, 2) of a spring between two places (2, 2) [m], at `points` a metre.
+
+    >>> zigzag(np.array([[0.0, 0.0], [1.0, 0.0]]), 100.0)[[0, 1, 2, 3, -1]].round(3).tolist()
+    [[0.0, 0.0], [0.15, 0.0], [0.185, 0.05], [0.255, -0.05], [1.0, 0.0]]
+    """
+    along = ends[1] - ends[0]
+    length = float(np.linalg.norm(along)) or 1.0
+    across = np.array([-along[1], along[0]]) / length * min(5.0 / points, 0.25 * length)
+    shares = np.array([0.0, 0.15, *(0.15 + 0.07 * (np.arange(10) + 0.5)), 0.85, 1.0])
+    sides = np.array([0.0, 0.0, *np.tile([1.0, -1.0], 5), 0.0, 0.0])
+    return np.asarray(ends[0] + shares[:, None] * along + sides[:, None] * across)
 
 
 def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line2D]:
@@ -442,7 +460,7 @@ def key_of_parts(
     picture: Picture,
     main: int,
     tracks: Tracks,
-    coiled: bool,
+    springs: Iterable[str],
     left: float,
 ) -> None:
     """The poses with their inputs, and what the signs mean."""
@@ -476,8 +494,7 @@ def key_of_parts(
     rows += [(line, dot) if k == "pin" else line for k, line in zip(kinds, signs, strict=True)]
     if any(m.driven for m in picture.marks):
         rows.append(Line2D([], [], linestyle="", marker="o", color=INK, label="filled: driven"))
-    if coiled:
-        rows.append(Line2D([], [], color=COIL, linewidth=1.0, label="spiral: torsion spring"))
+    rows += [Line2D([], [], color=COIL, linewidth=1.0, label=word) for word in springs]
     rows.append(Line2D([], [], color=SOFT, linewidth=1.2, label="hatched: ground"))
     rows += [
         Line2D([], [], color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), label=f"path of {name}")

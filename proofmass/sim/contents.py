@@ -45,6 +45,7 @@ OF_JOINTS = {
     S.mjSENS_JOINTLIMITVEL: "{}/s",
     S.mjSENS_USER: "{}/s^2",
 }
+OF_TENDONS = {S.mjSENS_TENDONPOS: "m", S.mjSENS_TENDONVEL: "m/s"}
 FORCES = (S.mjSENS_JOINTACTFRC, S.mjSENS_JOINTLIMITFRC)
 SCALARS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
@@ -166,8 +167,10 @@ def spoken_parts(model: mujoco.MjModel, s: int) -> str:
 
 
 def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:
-    """The SI unit of sensor number s if it shows a joint or the actuator of a joint."""
+    """The SI unit of sensor number s if it shows a joint, its actuator, or a straight tendon."""
     joint, force = int(model.sensor_objid[s]), kind in FORCES
+    if kind in OF_TENDONS and straight_tendon(model, joint):
+        return OF_TENDONS[kind]
     if kind == S.mjSENS_ACTUATORFRC:
         force, actuator = True, joint
         joint = joint_of(model, actuator)
@@ -265,6 +268,16 @@ def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
             f"so that its force does not act on its joint; give another, such as 1"
         )
     return gear
+
+
+def straight_tendon(model: mujoco.MjModel, tendon: int) -> tuple[int, int] | None:
+    """The two sites of a tendon that goes straight from one to the other; None of another."""
+    first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+    kinds = model.wrap_type[first : first + count]
+    if count != 2 or (kinds != mujoco.mjtWrap.mjWRAP_SITE).any():
+        return None
+    one, two = model.wrap_objid[first : first + 2]
+    return int(one), int(two)
 
 
 def connects(model: mujoco.MjModel) -> list[int]:

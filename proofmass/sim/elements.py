@@ -39,6 +39,9 @@ FIELDS = {
     ("joint", "solimplimit"): "jnt_solimp",
     ("equality", "solref"): "eq_solref",
     ("equality", "solimp"): "eq_solimp",
+    ("tendon", "stiffness"): "tendon_stiffness",
+    ("tendon", "damping"): "tendon_damping",
+    ("tendon", "springlength"): "tendon_lengthspring",
     ("key", "qpos"): "key_qpos",
     ("key", "qvel"): "key_qvel",
     ("key", "ctrl"): "key_ctrl",
@@ -201,7 +204,7 @@ class Tree:
         self.inside: set[int] = set()
         for world in self.root.findall("worldbody"):
             self.walk(world, framed=False)
-        sections = {"equality": "equality", "actuator": "actuator", "key": "keyframe"}
+        sections = {tag: tag for tag in ("equality", "tendon", "actuator")} | {"key": "keyframe"}
         for tag, section in sections.items():
             self.found[tag] = [e for part in self.root.findall(section) for e in part]
         self.refuse_other_counts()
@@ -236,6 +239,7 @@ class Tree:
             ("joint", bare.njnt),
             ("site", bare.nsite),
             ("equality", full.neq - added),
+            ("tendon", full.ntendon),
             ("actuator", full.nactuator),
         ):
             if len(self.found[tag]) != count:
@@ -356,6 +360,9 @@ def present(source: Source, element: Element, place: Place) -> Any:
     """The numbers of an attribute as they are compiled, those of a hinge in radians."""
     tag, i, attribute = place.tag, place.index, place.attribute
     bare, full = source.bare, source.full
+    if tag == "tendon":
+        own = np.atleast_1d(getattr(full, FIELDS[tag, attribute])[i])
+        return own if own[0] != own[-1] else own[:1]
     if (tag, attribute) in FIELDS:
         model = full if tag == "equality" or attribute == "ctrl" else bare
         return getattr(model, FIELDS[tag, attribute])[i]

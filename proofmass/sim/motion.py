@@ -32,7 +32,7 @@ from proofmass.sim.contents import (
     sensors,
 )
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.picture import Picture, PictureScene, follow
+from proofmass.sim.picture import Picture, PictureScene, follow, springs_between_sites
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import Run
 from proofmass.sim.rods import chain, joints_of
@@ -117,6 +117,19 @@ class Spot:
 
 
 @dataclass(frozen=True)
+class MovedCoil:
+    """A spring or damper between two points.
+
+    `body` are the numbers of their bodies, -1 of the ground; `at` (2, 2) is where they are about
+    the bodies' origins, as these are at the first pose [m].
+    """
+
+    name: str
+    body: tuple[int, int]
+    at: Array
+
+
+@dataclass(frozen=True)
 class Motion:
     """A mechanism at the poses of a run.
 
@@ -147,6 +160,8 @@ class Motion:
     along : str
         The axis of the world that a mechanism in space is seen along; empty of a planar one. The
         picture has its bodies then, which are no rigid outlines, and `bodies` is empty.
+    coils : tuple of MovedCoil
+        Springs and dampers between two points.
     """
 
     picture: Picture
@@ -161,6 +176,7 @@ class Motion:
     unfit: float
     jumps: tuple[int, ...] = ()
     along: str = ""
+    coils: tuple[MovedCoil, ...] = ()
 
 
 def motion(
@@ -226,6 +242,7 @@ def motion(
         used,
         unfit,
         tuple(jumps),
+        coils=scene.coils(poses),
     )
 
 
@@ -302,6 +319,22 @@ class MovingScene(PictureScene):
             ends = self.clamp(rod, poses).guide
             if ends is not None:
                 spot(rod.name, "clamp", 0, ends[0, 0], ends[0, 1], ground=True)
+        return tuple(found)
+
+    def coils(self, poses: dict[str, Array]) -> tuple[MovedCoil, ...]:
+        """Springs and dampers between two points."""
+        model, found = self.model, list[MovedCoil]()
+        for t, sites in springs_between_sites(model):
+            roots = model.body_weldid[model.site_bodyid[list(sites)]]
+            places = self.flat(poses["site_xpos"][0, list(sites)])
+            origins = self.flat(poses["xpos"][0, roots])
+            found.append(
+                MovedCoil(
+                    model.tendon(t).name,
+                    (self.number.get(int(roots[0]), -1), self.number.get(int(roots[1]), -1)),
+                    places - origins,
+                )
+            )
         return tuple(found)
 
     def limits(self, poses: dict[str, Array]) -> dict[str, Array]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from proofmass.sim.contents import SCALARS, joint_of
+from proofmass.sim.contents import SCALARS, joint_of, straight_tendon
 from proofmass.sim.elements import FIELDS, OF_DOFS, Number, Place, Source, Tree
 from proofmass.sim.mjcf import LEFT_OUT, OFF
 
@@ -73,6 +73,7 @@ def numbers_of(
         *of_sites(source, sizes),
         *of_world(source, sizes),
         *of_equalities(source, sizes),
+        *of_tendons(source, sizes),
         *of_actuators(source, sizes, driven, loads),
         *(() if driven else of_start(source, sizes)),
         *of_rods(source),
@@ -104,6 +105,7 @@ KINDS = {
     "gain": "1",
     "stiffness": "N m",
     "rest angle": "rad",
+    "spring length": "m",
     "range": "rad",
     "damping": "N m s",
     "armature": "kg m^2",
@@ -267,6 +269,9 @@ def read_sites(source: Source) -> dict[int, bool]:
             for site in full.actuator_trnid[a]:
                 if site >= 0:
                     use(int(site), True)
+    for t in range(full.ntendon):
+        for site in straight_tendon(full, t) or ():
+            use(site, False)
     for rod in source.rods:
         for site, end in zip((rod.start, rod.end), rod.ends, strict=True):
             if site in names:
@@ -330,6 +335,29 @@ def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
                 Place("equality", e, attribute),
                 getattr(model, f"eq_{attribute}")[e],
             )
+
+
+def of_tendons(source: Source, sizes: Sizes) -> Iterator[Number]:
+    """Stiffness, damping, and lengths without force, of springs between two sites."""
+    model = source.full
+    for t in range(model.ntendon):
+        if straight_tendon(model, t) is None:
+            continue
+        name = f"tendon {called(model, 'tendon', t)}"
+        for attribute, mass, time, unit in (
+            ("stiffness", 1, -2, "N/m"),
+            ("damping", 1, -1, "N s/m"),
+        ):
+            if acting(model, FIELDS["tendon", attribute]):
+                value = float(getattr(model, FIELDS["tendon", attribute])[t])
+                place, natural = Place("tendon", t, attribute), sizes.of(False, mass, time)
+                yield measured(attribute, name, value, place, natural, unit)
+        if model.tendon_stiffness[t] and acting(model, "tendon_stiffness"):
+            low, high = map(float, model.tendon_lengthspring[t])
+            ends = {" low": low, " high": high} if high > low else {"": low}
+            for k, (end, value) in enumerate(ends.items()):
+                place = Place("tendon", t, "springlength", k)
+                yield measured("spring length", name + end, value, place, sizes.length)
 
 
 def of_actuators(

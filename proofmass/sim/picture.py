@@ -1,4 +1,4 @@
-"""What a mechanism looks like at some poses of a run: lines, polygons and joints.
+"""What a mechanism looks like at some poses of a run: lines, polygons, joints and springs.
 
 A mechanism that leaves every plane is projected: see `side_view`.
 
@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import anchor_bodies, anchors, connects, pose_of
+from proofmass.sim.contents import anchor_bodies, anchors, connects, pose_of, straight_tendon
 from proofmass.sim.mujoco.dynamics import start
 from proofmass.sim.mujoco.equilibrium import Resting, Unstable, linkage_of
 from proofmass.sim.mujoco.linkage import Linkage
@@ -52,6 +52,14 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Coil:
+    """A spring or damper between two points; `ends` (poses, 2, 2) [m]."""
+
+    name: str
+    ends: Array
+
+
+@dataclass(frozen=True)
 class Picture:
     """A mechanism at some poses.
 
@@ -67,6 +75,8 @@ class Picture:
         Sensors that record a place in the world, whose paths may be drawn beside it.
     stopped : str
         Why there are no poses beyond the last.
+    coils : tuple of Coil
+        Springs and dampers between two points; with `poses` along the first axis as well.
     """
 
     axes: tuple[str, str]
@@ -77,6 +87,7 @@ class Picture:
     marks: tuple[Mark, ...]
     tracks: tuple[str, ...] = ()
     stopped: str = ""
+    coils: tuple[Coil, ...] = ()
 
     def at(self, poses: list[int]) -> "Picture":
         """The same with these poses only."""
@@ -95,6 +106,7 @@ class Picture:
             marks=marks,
             ground=cut(self.ground),
             links=tuple(map(cut, self.links)),
+            coils=tuple(replace(coil, ends=coil.ends[poses]) for coil in self.coils),
         )
 
 
@@ -163,6 +175,10 @@ class PictureScene:
             tuple(map(Link, links, links.values())),
             tuple(marks),
             tracks,
+            coils=tuple(
+                Coil(model.tendon(t).name, self.flat(rows["site_xpos"][:, list(sites)]))
+                for t, sites in springs_between_sites(model)
+            ),
         )
 
     def flat(self, vectors: Array) -> Array:
@@ -214,6 +230,10 @@ class PictureScene:
                 and model.body_weldid[model.site_bodyid[site]] == root
             ):
                 found.append(data.site_xpos[site])
+        for _, sites in springs_between_sites(model):
+            found += [
+                data.site_xpos[s] for s in sites if model.body_weldid[model.site_bodyid[s]] == root
+            ]
         places: list[Array] = []
         for place in found:
             if all(np.linalg.norm(place - p) > 1e-6 * self.size for p in places):
@@ -293,6 +313,16 @@ class PictureScene:
         first = self.model.body(chain(rod).names[0])
         ends = self.placed(first.id, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), rows)
         return Mark("", "clamp", ends[:, 0], ground=True, guide=ends)
+
+
+def springs_between_sites(model: mujoco.MjModel) -> list[tuple[int, tuple[int, int]]]:
+    """Numbers of the springs and dampers between two sites, and these."""
+    return [
+        (t, sites)
+        for t in range(model.ntendon)
+        if (sites := straight_tendon(model, t))
+        and (model.tendon_stiffness[t] or model.tendon_damping[t])
+    ]
 
 
 EDGES = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, normal_of_slides
 from proofmass.sim.protocol import Unsupported
 
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
@@ -62,7 +62,7 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
         raise Unsupported(f"{kind} joint '{model.joint(joint).name}' leaves every plane")
     hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     axes = data.xaxis
-    normal = axes[hinges][0] if hinges.any() else _across(axes)
+    normal = axes[hinges][0] if hinges.any() else normal_of_slides(axes, PARALLEL)
     for joint, (hinge, axis) in enumerate(zip(hinges, axes, strict=True)):
         off = np.linalg.norm(np.cross(normal, axis)) if hinge else abs(normal @ axis)
         if off > PARALLEL:
@@ -77,14 +77,3 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
     e1 = x - (x @ normal) * normal
     e1 /= np.linalg.norm(e1)
     return MotionPlane(e1, np.cross(normal, e1), normal.copy())
-
-
-def _across(slides: Array) -> Array:
-    """A unit vector normal to the slides: of two that differ, else near a world axis, z first."""
-    for other in slides[1:]:
-        normal = np.cross(slides[0], other)
-        if np.linalg.norm(normal) > PARALLEL:
-            return normal / np.linalg.norm(normal)
-    axis = np.eye(3)[min((2, 1, 0), key=lambda k: round(abs(slides[0][k]), 9))]
-    normal = axis - (axis @ slides[0]) * slides[0]
-    return normal / np.linalg.norm(normal)

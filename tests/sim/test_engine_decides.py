@@ -15,6 +15,7 @@ from proofmass.outcome import FAILURES
 from proofmass.reference import compiled
 from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.protocol import BadModel
+from proofmass.sim.pymunk import model as pymunk_model
 from proofmass.sim.pymunk.links import LinkJoint
 from proofmass.solve import plan, simulate
 from tests.shipped import fewer_samples, loaded, models_like
@@ -119,20 +120,28 @@ def test_an_engine_that_does_nothing_agrees_in_no_case(name, kind, solver, monke
 
 def springs(name: str) -> bool:
     """Whether a case has springs."""
-    return bool(CASES[name].rod) or bool(compiled(CASES[name]).jnt_stiffness.any())
+    model = compiled(CASES[name])
+    return bool(CASES[name].rod or model.jnt_stiffness.any() or model.tendon_stiffness.any())
 
 
 def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
     """Make all springs of an engine 1 % stiffer; what to change of the run."""
-    force, begin = LinkJoint.spring_force, mujoco_model.begin
+    force, begin, read = LinkJoint.spring_force, mujoco_model.begin, pymunk_model.read_links
+
+    def read_stiffer(*args):
+        links = read(*args)
+        own = [replace(spring, stiffness=1.01 * spring.stiffness) for spring in links.springs]
+        return replace(links, springs=tuple(own))
 
     def begun(model, run):
+        model.tendon_stiffness *= 1.01
         model.jnt_stiffness *= 1.01
         model.jnt_stiffnesspoly *= 1.01
         return begin(model, run)
 
     monkeypatch.setattr(LinkJoint, "spring_force", lambda joint, value: 1.01 * force(joint, value))
     monkeypatch.setattr(mujoco_model, "begin", begun)
+    monkeypatch.setattr(pymunk_model, "read_links", read_stiffer)
     if not solver.endswith(":flex"):
         return {}
     return {"rods": tuple(replace(rod, stiffness=1.01 * rod.stiffness) for rod in CASES[name].rods)}

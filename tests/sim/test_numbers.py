@@ -28,7 +28,7 @@ CASES = [
     "balancer_sine_free_preload",
     "balancer_sine_nonlinear",
 ]
-CASES += ["pendulum", "hacksaw", "rfr2_natural", "rfr3"]
+CASES += ["pendulum", "hacksaw", "rfr2_natural", "rfr3", "andrews"]
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
@@ -97,6 +97,37 @@ def test_a_turn_and_an_inertia_are_what_they_say(tmp_path):
     np.testing.assert_allclose(quat, [np.cos(angle), 0, 0, np.sin(angle)], atol=1e-15)
     inertia = changed("inertia of crank", 0.1).body_inertia[1]
     np.testing.assert_allclose(inertia, 1.1 * source.full.body_inertia[1], rtol=1e-15)
+
+
+SPRUNG = """<mujoco><worldbody><site name="wall"/><body name="b"><joint name="j"/>
+<geom size=".1"/><site name="tip" pos="1 0 0"/></body></worldbody><tendon>
+<spatial name="slack" stiffness="3" springlength=".2 .5"><site site="wall"/><site site="tip"/>
+</spatial><spatial name="damper" damping="2"><site site="wall"/><site site="tip"/></spatial>
+</tendon></mujoco>"""
+
+
+def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_path):
+    file, other = tmp_path / "sprung.xml", tmp_path / "changed.xml"
+    file.write_text(SPRUNG)
+    source = source_of(file, "start")
+    there = {one.name: one for one in numbers_of(source, SIZES)}
+    assert "site of tip x" in there
+    assert "spring length of tendon damper" not in there  # it has no spring
+    for name, field, index, value in (
+        ("stiffness of tendon slack", "tendon_stiffness", 0, 3.0),
+        ("damping of tendon damper", "tendon_damping", 1, 2.0),
+        ("damping of tendon slack", "tendon_damping", 0, 0.0),
+        ("spring length of tendon slack low", "tendon_lengthspring", (0, 0), 0.2),
+        ("spring length of tendon slack high", "tendon_lengthspring", (0, 1), 0.5),
+    ):
+        assert there[name].value == value
+        other.write_text(written(source, [(there[name], 0.1)]))
+        before, after = arrays(source.full), arrays(compile_model(other))
+        changed = [key for key in before if (before[key] != after[key]).any()]
+        assert changed == [field], name
+        expected = before[field].copy()
+        expected[index] += 0.1
+        np.testing.assert_allclose(after[field], expected, atol=1e-15)
 
 
 FIELDS = "jnt_range", "qpos_spring", "qpos0", "dof_damping", "body_mass"

@@ -7,7 +7,7 @@ compiled model and moved by this package's own kinematics, so it holds the *engi
 the drawing: a wrong length in the MJCF is wrong in both.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -17,9 +17,24 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
-from proofmass.analytic.planar.dynamics import free_motion
-from proofmass.analytic.planar.forces import Forces, kinetic, potential, solve_forces, transmitted
-from proofmass.analytic.planar.kinematics import BodyMotion, Drives, condition, move, rates
+from proofmass.analytic.planar.dynamics import Prescribed, free_motion
+from proofmass.analytic.planar.forces import (
+    Forces,
+    kinetic,
+    potential,
+    solve_forces,
+    spring_length,
+    transmitted,
+)
+from proofmass.analytic.planar.kinematics import (
+    BodyMotion,
+    Drives,
+    condition,
+    freedoms,
+    move,
+    nearest,
+    rates,
+)
 from proofmass.analytic.planar.mechanism import (
     CannotAssemble,
     CannotMove,
@@ -28,6 +43,7 @@ from proofmass.analytic.planar.mechanism import (
     Overconstrained,
     Reader,
     SingularHere,
+    is_fixed,
     read,
     refuse_contacts,
     rotation,
@@ -45,16 +61,21 @@ __all__ = [
     "solve",
 ]
 
-PART, OFF = 0.1, 0.382
-"""Knots begin and end at whole numbers and `OFF` of it [rad, or sizes].  A motion that begins or
+PART, BESIDE = 0.1, 0.382
+"""Knots begin and end at whole numbers and `BESIDE` of it [rad, or sizes].  A motion that begins or
 ends at a round number, or beside one, has the same ends."""
-S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
+S, OBJ, OFF = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtDisableBit
 PLACES = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
 TURNS = {S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
+LENGTHS = (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL)
 MOTORS = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
 INTERACTIONS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
 REACH = SHARE * (1 + 1e-9)
 """Of the proven step: the next knot is `SHARE` of it ahead, but for rounding."""
+
+
+Law = Callable[[Array], tuple[Array, Array, Array]]
+"""Value, rate and acceleration of a drive as functions of time."""
 
 
 def solve(
@@ -67,8 +88,12 @@ def solve(
     joints: tuple[str, ...] = (),
     inertia: bool = False,
     controls: Mapping[str, ArrayLike] | None = None,
+    in_time: tuple[Array, Sequence[Law]] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
+
+    Fixed tendons may have equalities as well; springs and dampers act in joints and between two
+    sites.
 
     ::
 
@@ -83,7 +108,8 @@ def solve(
     the loop equations' multipliers (`proofmass.analytic.planar.forces`): of the mechanism at rest,
     or with `inertia` of the motion; joints with dry friction rub against their motion, or as before
     where they stand.  Without driven joints the motion is free and `value` is time
-    (`proofmass.analytic.planar.dynamics`).
+    (`proofmass.analytic.planar.dynamics`); where the drives leave degrees of freedom and move
+    in time, these move freely beside them, from the start pose.
 
     Parameters
     ----------
@@ -100,6 +126,10 @@ def solve(
         those at rest; those of a free motion are always.
     controls : mapping of str to array_like (n,)
         Of motors of joints that are not driven, along the path [1]; left out: those of the key.
+    in_time : tuple of ndarray (n,) and sequence of callable, optional
+        Times [s] of the samples, and of each drive its law, which gives values, rates and
+        accelerations at times; of use where the drives leave
+        degrees of freedom, whose motion depends on the whole way and not on the samples alone.
 
     Returns
     -------
@@ -137,7 +167,8 @@ def solve(
     """
     mechanism, reader = _read(model, start)
     own = dict[str, Array]()
-    if joints:
+    free = not joints or (in_time is not None and leaves_freedoms(mechanism, joints))
+    if not free:
         values = np.atleast_2d(np.asarray(value, float))
         q, d = _swept(mechanism, joints, values.shape, values.tobytes())
         moving = (
@@ -150,8 +181,11 @@ def solve(
         if mechanism.frictions.any():
             name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
-        q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
-        d = Drives.of(mechanism, ())
+        d = Drives.of(mechanism, joints)
+        if joints and in_time is not None:
+            q, v, a = free_motion(mechanism, in_time[0], prescribed(d, in_time[1]))
+        else:
+            q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
     for k, joint in enumerate(mechanism.joints):
         out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
         if out.any():
@@ -162,11 +196,27 @@ def solve(
     found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a))
     fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
     rub = mechanism.frictions * senses(v.T, fastest).T
-    if joints and not inertia:
+    if not free and not inertia:
         v = a = np.zeros_like(q)
     more = pushes(reader, start, controls or {}, q.shape)
     found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub, more)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
+
+
+def leaves_freedoms(m: Mechanism, joints: tuple[str, ...]) -> bool:
+    """Whether joints whose values are known leave degrees of freedom."""
+    return freedoms(m, nearest(m, m.start)) > len(joints)
+
+
+def prescribed(d: Drives, laws: Sequence[Law]) -> Prescribed:
+    """The driven joints and their laws, of one time."""
+
+    def law(t: float) -> tuple[Array, Array, Array]:
+        parts = [[float(part) for part in one(np.asarray(t, float))] for one in laws]
+        value, rate, acceleration = np.array(parts).T
+        return value, rate, acceleration
+
+    return Prescribed(d.driven, law)
 
 
 def pushes(
@@ -209,8 +259,8 @@ def _on_the_way(
     """
     (place,) = Drives.of(mechanism, joints).driven
     begin, part = mechanism.start[place], PART * mechanism.scale[place]
-    low = (np.floor(inputs.min(initial=begin) / part - OFF) + OFF) * part
-    high = (np.ceil(inputs.max(initial=begin) / part - OFF) + OFF) * part
+    low = (np.floor(inputs.min(initial=begin) / part - BESIDE) + BESIDE) * part
+    high = (np.ceil(inputs.max(initial=begin) / part - BESIDE) + BESIDE) * part
     branch, knots = _knots(mechanism, joints, float(low), float(high))
     x, at, start = inputs[:, 0], knots.q[:, place], branch.knot.q[place]
     k = np.where(x >= start, np.searchsorted(at, x, "right") - 1, np.searchsorted(at, x, "left"))
@@ -260,15 +310,37 @@ def quantities(
         if kind in PLACES or kind in TURNS or kind == S.mjSENS_FRAMEXAXIS:
             found |= {f"{name}.{part}": curve for part, curve in frame(reader, motion, s).items()}
         elif kind == S.mjSENS_E_POTENTIAL:
-            value = potential(m, motion, joint[0])
+            value = potential(m, motion, joint[0]) + level(reader)
         elif kind == S.mjSENS_E_KINETIC:
             value = kinetic(m, motion, joint[1])
+        elif kind in LENGTHS:
+            value = stretched(reader, m, motion, joint, s)
         elif reader.model.sensor_objtype[s] == OBJ.mjOBJ_JOINT:
             order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1, S.mjSENS_USER: 2}.get(kind)
             value = None if order is None else joint[order][:, reader.model.sensor_objid[s]]
         if value is not None:
             found[name] = value
     return found
+
+
+def stretched(
+    reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array], s: int
+) -> Array:
+    """The length of a tendon, or its rate (n,)."""
+    t, order = int(reader.model.sensor_objid[s]), LENGTHS.index(S(reader.model.sensor_type[s]))
+    if is_fixed(reader.model, t):
+        return np.asarray(sum(share * joint[order][:, j] for j, share in reader.fixed(t)))
+    number = t - sum(is_fixed(reader.model, before) for before in range(t))
+    length = spring_length(m, motion, number)
+    return length.value if order == 0 else np.asarray((length.rows * joint[1]).sum(axis=-1))
+
+
+def level(reader: Reader) -> float:
+    """Energy of gravity across the plane [J], which does not change."""
+    model = reader.model
+    places = reader.at + (reader.turn @ model.body_ipos[..., None])[..., 0]
+    across = reader.unless(OFF.mjDSBL_GRAVITY, model.opt.gravity @ reader.normal)
+    return float(-across * model.body_mass @ (places @ reader.normal))
 
 
 def frame(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:

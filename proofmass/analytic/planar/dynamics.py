@@ -1,4 +1,4 @@
-r"""Free motion of a mechanism, in independent coordinates.
+r"""Motion of a mechanism in time, in independent coordinates.
 
 The coordinates z are those of the tangent plane of the loop equations at a reference pose, which
 changes whenever the motion has turned away from it:
@@ -7,6 +7,8 @@ changes whenever the motion has turned away from it:
 
     (Vᵀ M V) z̈ = Vᵀ (Q - M γ - h)
 
+Joints whose motion is prescribed count as loops that change with time: q_d - law(t) = 0.
+
 No loop drifts: every evaluation closes them.  The integrator is DOP853 at 3e-14; what remains is
 an error of about 1e-13 of the motion for each swing, measured on the pendulum's closed form and on
 the energy of a four-bar.
@@ -14,12 +16,14 @@ the energy of a four-bar.
 F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equations, 1991.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.planar.forces import applied, centres, inertial, mass
 from proofmass.analytic.planar.kinematics import (
     CLOSED,
@@ -46,12 +50,26 @@ TILT = 1.5
 """Stretch of the map from z to q at which a new tangent plane is taken; 1 where it touches."""
 
 
-class TangentChart:
-    """The tangent plane of the loops at a closed pose q (joints,), in own units."""
+@dataclass(frozen=True)
+class Prescribed:
+    """Joints (drives,) whose values, rates and accelerations (drives,) are known at each time."""
 
-    def __init__(self, m: Mechanism, q: Array):
-        self.m, self.q, self.at = m, q, q
-        self.normal = np.linalg.svd(scaled_jacobian(m, q[None])[0])[2][m.rows :]
+    joints: Index
+    law: Callable[[float], tuple[Array, Array, Array]]
+
+
+UNDRIVEN = Prescribed(np.zeros(0, np.intp), lambda t: (np.zeros(0), np.zeros(0), np.zeros(0)))
+
+
+class TangentChart:
+    """The tangent plane of what is held at a closed pose q (joints,), in own units."""
+
+    def __init__(self, m: Mechanism, q: Array, drives: Prescribed = UNDRIVEN):
+        self.m, self.q, self.at, self.drives = m, q, q, drives
+        self.held, self.units = m.rows + drives.joints.size, m.scale[drives.joints]
+        self.driven = np.eye(len(m.joints))[drives.joints]
+        rows = np.concatenate([scaled_jacobian(m, q[None])[0], self.driven])
+        self.normal = np.linalg.svd(rows)[2][self.held :]
         self.into: Array = self.normal.T * m.scale[:, None]
         self.z = np.zeros(len(self.normal))
 
@@ -60,19 +78,22 @@ class TangentChart:
         """How much the map from z to q stretched in the last pose asked for."""
         return float(np.linalg.norm(self.into / self.m.scale[:, None], 2))
 
-    def close(self, z: Array) -> tuple[Array, Array]:
-        """The closed pose (joints,) of coordinates z, by Newton from the last one.
+    def close(self, z: Array, t: float) -> tuple[Array, Array]:
+        """The closed pose (joints,) of coordinates z at a time, by Newton from the last one.
 
-        And there the derivatives of the joints by the loops and the coordinates (joints, joints).
+        And there the derivatives of the joints by what is held and the coordinates (joints,
+        joints).
         """
-        if not self.m.rows:  # an open chain, where the tangent plane is the whole space
+        if not self.held:  # an open chain, where the tangent plane is the whole space
             return self.q + self.into @ z, self.into
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
+        q[self.drives.joints] = wanted = self.drives.law(t)[0]
         while True:
             motion = move(m, q[None])
             wrong = np.concatenate(
                 [
                     residual(m, motion, q[None])[0] / m.size,
+                    (q[self.drives.joints] - wanted) / self.units,
                     self.normal @ ((q - self.q) / m.scale) - z,
                 ]
             )
@@ -87,21 +108,23 @@ class TangentChart:
         return q, np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
 
     def matrix(self, q: Array, motion: BodyMotion) -> Array:
-        """Jacobian of loops and coordinates together (joints, joints)."""
+        """Jacobian of loops, drives and coordinates together (joints, joints)."""
         loops = loop_jacobian(self.m, motion, q[None])[0]
-        return np.concatenate([loops * self.m.scale / self.m.size, self.normal])
+        return np.concatenate([loops * self.m.scale / self.m.size, self.driven, self.normal])
 
-    def motion(self, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż)."""
+    def motion(self, y: Array, t: float) -> tuple[Array, Array, Array, Array]:
+        """Pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż) at a time."""
         m, half = self.m, y.size // 2
-        q, inverse = self.close(y[:half])
-        self.into = into = inverse[:, m.rows :]
-        v = into @ y[half:]
+        q, inverse = self.close(y[:half], t)
+        _, rate, acceleration = self.drives.law(t)
+        led, self.into = inverse[:, m.rows : self.held], inverse[:, self.held :]
+        into, v = self.into, self.into @ y[half:] + led @ (rate / self.units)
         still = move(m, q[None], v[None], np.zeros((1, v.size)))
         gamma = -inverse[:, : m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
+        gamma = gamma + led @ (acceleration / self.units)
         centre = centres(m, still)
         matrix = mass(m, centre)[0]
-        force = applied(m, centre, q[None], v[None]) - inertial(m, centre, still)
+        force = applied(m, still, centre, q[None], v[None]) - inertial(m, centre, still)
         force = force[0] - matrix @ gamma
         bend = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
         return q, v, into @ bend + gamma, bend
@@ -110,9 +133,9 @@ class TangentChart:
         """The state y of the pose where the plane touches, at rates v (joints,)."""
         return np.concatenate([np.zeros(len(self.normal)), self.normal @ (v / self.m.scale)])
 
-    def slope(self, _: float, y: Array) -> Array:
+    def slope(self, t: float, y: Array) -> Array:
         """Rate of the state."""
-        return np.concatenate([y[y.size // 2 :], self.motion(y)[3]])
+        return np.concatenate([y[y.size // 2 :], self.motion(y, t)[3]])
 
 
 SHORT = 0.1
@@ -126,8 +149,12 @@ SMOOTH = 1e-9
 """Distance, in own units, of two ways over such a pose that still count as one motion."""
 
 
-def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
+def free_motion(
+    m: Mechanism, times: Array, drives: Prescribed = UNDRIVEN
+) -> tuple[Array, Array, Array]:
     """Poses, rates and accelerations (n, joints) of the motion from the start at rising times.
+
+    Beside joints that are driven, the others start as near to the start pose as can be.
 
     Raises
     ------
@@ -135,11 +162,12 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
         The start pose; or the motion meets a pose where degrees of freedom appear, and does not run
         on smoothly behind it.
     """
-    q, end = nearest(m, m.start), float(times[-1])
-    if not freedoms(m, q):
+    value, rate, _ = drives.law(float(times[0]))
+    q, end = nearest(m, m.start, drives.joints, value), float(times[-1])
+    if freedoms(m, q) <= drives.joints.size:
         raise SingularHere("the mechanism has no degree of freedom")
-    chart, v = TangentChart(m, q), fitting(m, q, m.start_rate)
-    found, longest = [chart.motion(chart.state(v))[:3]], 0.0
+    chart, v = TangentChart(m, q, drives), fitting(m, q, m.start_rate, drives.joints, rate)
+    found, longest = [chart.motion(chart.state(v), times[0])[:3]], 0.0
     solver = begin(chart, times[0], v, end)
     while len(found) < len(times):
         message = solver.step()
@@ -151,10 +179,10 @@ def free_motion(m: Mechanism, times: Array) -> tuple[Array, Array, Array]:
             solver = leap(chart, solver.t, solver.y, longest, end)
         inside = solver.dense_output()
         while len(found) < len(times) and times[len(found)] <= solver.t:
-            found.append(chart.motion(inside(times[len(found)]))[:3])
-        q, v, _, _ = chart.motion(solver.y)
+            found.append(chart.motion(inside(times[len(found)]), times[len(found)])[:3])
+        q, v, _, _ = chart.motion(solver.y, solver.t)
         if (short or chart.stretch > TILT) and solver.t < end:
-            chart = TangentChart(m, q)
+            chart = TangentChart(m, q, drives)
             step = min(solver.h_abs, longest, end - solver.t)
             solver = begin(chart, solver.t, v, end, step)
     q, v, a = (np.array(part) for part in zip(*found, strict=True))
@@ -203,7 +231,7 @@ def leap(chart: TangentChart, t: float, y: Array, longest: float, end: float) ->
             least = min(least, regularity(chart.m, chart.at))
             return rate
 
-        chart.motion(y)
+        chart.motion(y, t)
         to = min(t + share * longest, end)
         one = DOP853(slope, t, y, to, rtol=1.0, atol=np.inf, first_step=to - t)
         with suppress(CannotAssemble, np.linalg.LinAlgError):
@@ -216,10 +244,10 @@ def leap(chart: TangentChart, t: float, y: Array, longest: float, end: float) ->
         early, late = (best, other) if best.t <= other.t else (other, best)
         on = DOP853(chart.slope, early.t, early.y, late.t, rtol=1e-12, atol=1e-12)
         with suppress(CannotAssemble, np.linalg.LinAlgError):
-            chart.motion(early.y)
+            chart.motion(early.y, early.t)
             while on.status == "running" and on.nfev < 2000:
                 on.step()
             if on.status == "finished" and np.abs(on.y - late.y).max() < SMOOTH:
-                chart.motion(best.y)
+                chart.motion(best.y, best.t)
                 return best
     raise SingularHere(f"no further than t = {t:.6g} s: the loops lose rank behind it")

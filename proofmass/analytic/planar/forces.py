@@ -9,7 +9,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, cross
 from proofmass.analytic.planar.kinematics import BodyMotion, Drives, jacobian, loop_jacobian
-from proofmass.analytic.planar.mechanism import Mechanism
+from proofmass.analytic.planar.mechanism import Mechanism, PointSpring
 
 
 def centres(m: Mechanism, motion: BodyMotion) -> Complex:
@@ -18,11 +18,55 @@ def centres(m: Mechanism, motion: BodyMotion) -> Complex:
     return jacobian(m, motion, own.bodies, motion.points(own.bodies, own.centre))
 
 
-def applied(m: Mechanism, centre: Complex, q: Array, v: Array | float = 0.0) -> Array:
+def applied(
+    m: Mechanism, motion: BodyMotion, centre: Complex, q: Array, v: Array | float = 0.0
+) -> Array:
     """Gravity, springs, dampers and constant loads on the joints (n, joints) [N m, or N]."""
     rest, stiffness, damping, _, load = m.springs
     weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
-    return np.asarray(load - stiffness * (q - rest) - damping * v + weight)
+    found = load - stiffness * (q - rest) - damping * v + weight
+    for k, spring in enumerate(m.point_springs):
+        if spring.stiffness or spring.damping:
+            length = spring_length(m, motion, k)
+            rate = (length.rows * v).sum(axis=-1) if spring.damping else 0.0
+            found = found + tension(spring, length.value, rate)[:, None] * -length.rows
+    return np.asarray(found)
+
+
+@dataclass(frozen=True)
+class SpringLength:
+    """Lengths of a spring between points in n poses.
+
+    Attributes
+    ----------
+    value : ndarray (n,)
+        [m].
+    along : ndarray (n,), complex
+        In-plane part of the unit vector from its second point to its first [1]; 0 of no length.
+    rows : ndarray (n, joints)
+        Change of the length with the joints [m/rad or 1].
+    """
+
+    value: Array
+    along: Complex
+    rows: Array
+
+
+def spring_length(m: Mechanism, motion: BodyMotion, k: int) -> SpringLength:
+    """Lengths of spring number k between points."""
+    spring = m.point_springs[k]
+    bodies = np.array([spring.one, spring.two], np.intp)
+    points = motion.points(bodies, np.array([[spring.on_one], [spring.on_two]]))
+    apart, moves = points[0] - points[1], jacobian(m, motion, bodies, points)
+    value = np.hypot(np.abs(apart), spring.offset)
+    along = apart / np.where(value > 0, value, 1.0)
+    rows = (along.conj()[:, None] * (moves[:, 0] - moves[:, 1])).real
+    return SpringLength(value, along, rows)
+
+
+def tension(spring: PointSpring, length: Array, rate: Array | float) -> Array:
+    """Pull [N] of a spring and damper between points (n,) at lengths [m] and rates [m/s]."""
+    return np.asarray(spring.stiffness * spring.stretch(length) + spring.damping * rate)
 
 
 def mass(m: Mechanism, centre: Complex) -> Array:
@@ -89,7 +133,8 @@ def solve_forces(
     """
     q, v, a = joint
     centre = centres(m, motion)
-    needed = inertial(m, centre, motion) + a @ m.inertia.fixed - applied(m, centre, q, v) + rub
+    needed = inertial(m, centre, motion) + a @ m.inertia.fixed + rub
+    needed -= applied(m, motion, centre, q, v)
     needed[:, d.driven] += [m.joints[j].load for j in d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
     across = matrix[..., d.following].swapaxes(1, 2)
@@ -107,7 +152,7 @@ def transmitted(
     """Force [N] and moment about points `at` (n,) [N m] of a body's parent on it (n,).
 
     Newton and Euler for the body and all that it carries: its inertia and weight, less what loops
-    do to it.
+    and springs between points do to it.
 
     Parameters
     ----------
@@ -136,12 +181,27 @@ def transmitted(
             if b in carried:
                 force = force - sign * pull
                 moment = moment - sign * cross(motion.point(b, on) - at, pull)
+    for k, spring in enumerate(m.point_springs):
+        ends = (spring.one, spring.on_one, -1.0), (spring.two, spring.on_two, 1.0)
+        if (spring.one in carried) == (spring.two in carried):
+            continue
+        length = spring_length(m, motion, k)
+        speeds = [motion.point(b, on, 1) for b, on, _ in ends]
+        rate = (length.along.conj() * (speeds[0] - speeds[1])).real
+        pull = tension(spring, length.value, rate) * length.along
+        for b, on, sign in ends:
+            if b in carried:
+                force = force - sign * pull
+                moment = moment - sign * cross(motion.point(b, on) - at, pull)
     return force, moment
 
 
 def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
-    """Energy of gravity and joint springs [J] (n,)."""
+    """Energy of gravity and of springs [J] (n,)."""
     energy = sum(0.5 * j.stiffness * (q[:, k] - j.rest) ** 2 for k, j in enumerate(m.joints))
+    for k, spring in enumerate(m.point_springs):
+        stretch = spring.stretch(spring_length(m, motion, k).value)
+        energy = energy + 0.5 * spring.stiffness * stretch**2
     for b, body in enumerate(m.bodies):
         energy = energy - body.mass * (motion.point(b, body.centre).conj() * m.gravity).real
     return np.asarray(energy)

@@ -112,11 +112,12 @@ def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
         apart -= jacobian(m, motion, two, motion.points(two, on_two))
         matrix[:, 0:pins:2], matrix[:, 1:pins:2] = apart.real, apart.imag
     for k, c in enumerate(m.couplings, pins):
+        slope = np.polynomial.Polynomial(c.polynomial).deriv()(_summed(c.two, q - m.zeros))
         matrix[:, k] = 0.0
-        matrix[:, k, c.one] = 1.0
-        if c.two >= 0:
-            slope = np.polynomial.Polynomial(c.polynomial).deriv()
-            matrix[:, k, c.two] -= slope(q[:, c.two] - m.joints[c.two].zero)
+        for joint, share in c.one:
+            matrix[:, k, joint] += share
+        for joint, share in c.two:
+            matrix[:, k, joint] -= share * slope
     return matrix
 
 
@@ -124,12 +125,8 @@ def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
     """Second time derivative of the residual when the joints do not accelerate (n, rows)."""
     couplings = []
     for c in m.couplings:
-        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)
-        couplings.append(
-            -bend(q[:, c.two] - m.joints[c.two].zero) * v[:, c.two] ** 2
-            if c.two >= 0
-            else np.zeros(len(q))
-        )
+        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)(_summed(c.two, q - m.zeros))
+        couplings.append(-bend * _summed(c.two, v) ** 2)
     return _stack(_apart(m, motion, 2), couplings, len(q))
 
 
@@ -159,7 +156,8 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
             mixed = hinge[:, None] & ~hinge & (order[:, None] < order)
             total += np.linalg.norm(both + mixed + mixed.T, 2, axis=(1, 2)) if chain else 0.0
     for c in m.couplings:
-        total += float(np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum())
+        curved = float(np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum())
+        total += curved * float(sum(share**2 for _, share in c.two))
     return total
 
 
@@ -170,12 +168,14 @@ def _apart(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
 
 
 def _coupling(m: Mechanism, q: Array, k: int) -> Array:
-    c, other = m.couplings[k], np.zeros(len(q))
-    if c.two >= 0:
-        other = q[:, c.two] - m.joints[c.two].zero
-    return np.asarray(
-        q[:, c.one] - m.joints[c.one].zero - np.polynomial.Polynomial(c.polynomial)(other)
-    )
+    c, moved = m.couplings[k], q - m.zeros
+    curve = np.polynomial.Polynomial(c.polynomial)
+    return np.asarray(_summed(c.one, moved) - curve(_summed(c.two, moved)))
+
+
+def _summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
+    """A sum of shares of joints (n,) of their values (n, joints)."""
+    return np.asarray(sum((share * values[:, j] for j, share in shares), np.zeros(len(values))))
 
 
 def _stack(pins: Complex, couplings: list[Array], n: int) -> Array:
@@ -257,12 +257,21 @@ def approach(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
     return np.asarray(np.abs(residual(m, move(m, q), q)).max(axis=-1, initial=0.0) / m.size)
 
 
-def nearest(m: Mechanism, q: Array) -> Array:
-    """Close the loops of one pose (joints,) with the least change of all its joints [rad, m]."""
+NO_JOINTS, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
+
+
+def nearest(m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = NO_VALUES) -> Array:
+    """Close the loops of one pose (joints,) with the least change of its joints [rad, m].
+
+    Some joints may have values that they are given.
+    """
+    q, units = q.copy(), np.eye(len(q))[joints]
+    q[joints] = values
     for _ in range(50):
         motion = move(m, q[None])
-        open_by = residual(m, motion, q[None])[0]
-        step = np.linalg.lstsq(loop_jacobian(m, motion, q[None])[0], open_by, rcond=RANK)[0]
+        open_by = np.concatenate([residual(m, motion, q[None])[0], q[joints] - values])
+        rows = np.concatenate([loop_jacobian(m, motion, q[None])[0], units])
+        step = np.linalg.lstsq(rows, open_by, rcond=RANK)[0]
         q = q - step
         if not np.abs(step).max(initial=0.0) > 1e-14:
             break
@@ -270,18 +279,25 @@ def nearest(m: Mechanism, q: Array) -> Array:
         from scipy.optimize import least_squares  # slow to load
 
         best = least_squares(lambda q: residual(m, move(m, q[None]), q[None])[0], m.start)
-        open_by, name = gap(m, best.x)
+        missed, name = gap(m, best.x)
         raise CannotAssemble(
             f"cannot be assembled from the start pose: loop {name!r} stays open "
-            f"by {open_by:.3g} m at best"
+            f"by {missed:.3g} m at best"
         )
     return q
 
 
-def fitting(m: Mechanism, q: Array, v: Array) -> Array:
-    """Rates (joints,) that keep the loops of a closed pose closed, with the least change of v."""
+def fitting(
+    m: Mechanism, q: Array, v: Array, joints: Index = NO_JOINTS, rates: Array = NO_VALUES
+) -> Array:
+    """Rates (joints,) that keep the loops of a closed pose closed, with the least change of v.
+
+    Some joints may have rates that they are given.
+    """
     matrix = loop_jacobian(m, move(m, q[None]), q[None])[0]
-    return np.asarray(v - np.linalg.lstsq(matrix, matrix @ v, rcond=RANK)[0])
+    rows = np.concatenate([matrix, np.eye(len(q))[joints]])
+    wanted = np.concatenate([np.zeros(len(matrix)), rates])
+    return np.asarray(v - np.linalg.lstsq(rows, rows @ v - wanted, rcond=RANK)[0])
 
 
 def freedoms(m: Mechanism, q: Array) -> int:

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array, Complex, Index, NotCovered
+from proofmass.analytic.numerics import Array, Complex, Index, NotCovered, normal_of_slides
 
 
 class CannotMove(ValueError):
@@ -85,17 +85,43 @@ class Pin:
 
 @dataclass(frozen=True)
 class Coupling:
-    """Joint `one` is a polynomial of joint `two` (none: a constant), both from their zero."""
+    """A sum of joints is a polynomial of another sum, all of them from their zeros.
+
+    A sum has numbers of joints and their shares; without any it is 0, and the first is constant.
+    """
+
+    name: str
+    one: tuple[tuple[int, float], ...]
+    two: tuple[tuple[int, float], ...]
+    polynomial: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class PointSpring:
+    """A spring and a damper between a point of one body and a point of another.
+
+    The spring is slack at lengths from `slack[0]` to `slack[1]`.  `offset` is how far one point is
+    from the other along the plane's normal.
+    """
 
     name: str
     one: int
+    on_one: complex
     two: int
-    polynomial: tuple[float, ...]
+    on_two: complex
+    stiffness: float
+    damping: float
+    slack: tuple[float, float]
+    offset: float = 0.0
+
+    def stretch(self, length: Array) -> Array:
+        """How far lengths [m] are from those at which the spring is slack [m]."""
+        return np.asarray(length - np.clip(length, *self.slack))
 
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Bodies, joints and loops; body 0 is the ground.
+    """Bodies, joints, loops and springs between points; body 0 is the ground.
 
     Attributes
     ----------
@@ -105,6 +131,8 @@ class Mechanism:
         In the plane [m/s^2].
     start, start_rate : ndarray (joints,)
         Joint values and rates of the start pose [rad or m, per s].
+    point_springs : tuple of PointSpring
+        Also those that only measure a length.
     """
 
     bodies: tuple[Body, ...]
@@ -114,6 +142,7 @@ class Mechanism:
     gravity: complex
     start: Array
     start_rate: Array
+    point_springs: tuple[PointSpring, ...] = ()
 
     @cached_property
     def moved_by(self) -> NDArray[np.bool_]:
@@ -341,7 +370,7 @@ class Reader:
         Body frames of the reference pose.
     e1, e2, normal : ndarray (3,)
         The plane: e1 is the world's x (its y if x is the normal), the normal the first hinge's
-        axis.
+        axis, or without hinges normal to the slides.
     """
 
     def __init__(self, model: Any):
@@ -360,9 +389,13 @@ class Reader:
 
     def _normal(self) -> Array:
         hinge = self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
-        if not hinge.any():
-            raise NotCovered("a mechanism without hinges has no plane of motion")
-        normal = np.asarray(self.axes[hinge][0])
+        if not len(self.axes):
+            raise NotCovered("a mechanism without joints has no plane of motion")
+        normal = (
+            np.asarray(self.axes[hinge][0])
+            if hinge.any()
+            else normal_of_slides(self.axes, PARALLEL)
+        )
         for j, axis in enumerate(self.axes):
             out = np.linalg.norm(np.cross(normal, axis)) if hinge[j] else abs(normal @ axis)
             if out > PARALLEL:
@@ -463,15 +496,49 @@ class Reader:
             self.point(two, places[1]),
         )
 
+    def point_spring(self, t: int) -> PointSpring:
+        """Tendon number t, from site to site."""
+        model, first = self.model, self.model.tendon_adr[t]
+        one, two = model.wrap_objid[first : first + 2]
+        bodies = [int(model.site_bodyid[site]) for site in (one, two)]
+        places = [
+            self.at[body] + self.turn[body] @ model.site_pos[site]
+            for body, site in zip(bodies, (one, two), strict=True)
+        ]
+        return PointSpring(
+            model.tendon(t).name,
+            bodies[0],
+            self.flat(places[0]),
+            bodies[1],
+            self.flat(places[1]),
+            self.unless(OFF.mjDSBL_SPRING, model.tendon_stiffness[t]),
+            self.unless(OFF.mjDSBL_DAMPER, model.tendon_damping[t]),
+            (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
+            float((places[0] - places[1]) @ self.normal),
+        )
+
     def coupling(self, e: int) -> Coupling:
-        """Joint equality number e."""
+        """Equality number e of joints or of fixed tendons."""
         model = self.model
+        tendons = model.eq_type[e] == mujoco.mjtEq.mjEQ_TENDON
+
+        def joints(number: int) -> tuple[tuple[int, float], ...]:
+            if number < 0:
+                return ()
+            return self.fixed(number) if tendons else ((number, 1.0),)
+
         return Coupling(
             model.equality(e).name,
-            int(model.eq_obj1id[e]),
-            int(model.eq_obj2id[e]),
+            joints(int(model.eq_obj1id[e])),
+            joints(int(model.eq_obj2id[e])),
             tuple(float(c) for c in model.eq_data[e, :5]),
         )
+
+    def fixed(self, t: int) -> tuple[tuple[int, float], ...]:
+        """The joints of fixed tendon number t, and their shares."""
+        model, first = self.model, int(self.model.tendon_adr[t])
+        wraps = range(first, first + int(model.tendon_num[t]))
+        return tuple((int(model.wrap_objid[w]), float(model.wrap_prm[w])) for w in wraps)
 
 
 def disabled(model: Any, *flags: int) -> bool:
@@ -511,7 +578,8 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
     Raises
     ------
     ValueError
-        What is not a planar mechanism of hinges, slides, connects and joint equalities; by name.
+        What is not a planar mechanism of hinges, slides, connects, joint equalities and springs
+        between two sites; by name.
     """
     refuse(model)
     reader = Reader(model)
@@ -535,6 +603,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         reader.flat(gravity),
         np.array(model.key_qpos[key] if names else model.qpos0),
         np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
+        tuple(reader.point_spring(t) for t in range(model.ntendon) if not is_fixed(model, t)),
     ), reader
 
 
@@ -550,8 +619,15 @@ def refuse(model: Any) -> None:
             raise NotCovered(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
+        if kind == mujoco.mjtEq.mjEQ_TENDON and all(
+            t < 0 or is_fixed(model, t) for t in (model.eq_obj1id[e], model.eq_obj2id[e])
+        ):
+            continue
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
-            raise NotCovered(f"equality {model.equality(e).name!r} is neither connect nor joint")
+            raise NotCovered(
+                f"equality {model.equality(e).name!r} is neither connect nor joint, nor of fixed "
+                "tendons"
+            )
     for a in range(model.nactuator):
         motor = (
             model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
@@ -560,14 +636,46 @@ def refuse(model: Any) -> None:
         )
         if not (motor and joined(model, a)):
             raise NotCovered(f"actuator {model.actuator(a).name!r} is no motor on a joint")
+    refuse_tendons(model)
     for what, there in {
-        "a tendon": model.ntendon,
         "a flex": model.nflex,
         "a mocap body": model.nmocap,
         "a fluid": model.opt.density + model.opt.viscosity,
     }.items():
         if there:
             raise NotCovered(f"it has {what}")
+
+
+def is_fixed(model: Any, t: int) -> bool:
+    """Whether tendon number t is a sum of joints."""
+    return bool(model.wrap_type[model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT)
+
+
+def refuse_tendons(model: Any) -> None:
+    """Raise NotCovered, by name, for tendons that are not covered.
+
+    Covered are linear springs and dampers between two sites, and fixed tendons without any.
+    """
+    for t in range(model.ntendon):
+        first, rubs = int(model.tendon_adr[t]), OFF.mjDSBL_FRICTIONLOSS
+        kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
+        sites = kinds.size == 2 and (kinds == mujoco.mjtWrap.mjWRAP_SITE).all()
+        fixed = is_fixed(model, t)
+        for what, there in {
+            "does not go straight from a site to a site": not (sites or fixed),
+            "is fixed and has a spring or damper": fixed
+            and (model.tendon_stiffness[t] or model.tendon_damping[t]),
+            "has a range": model.tendon_limited[t]
+            and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT),
+            "has frictionloss": model.tendon_frictionloss[t]
+            and not disabled(model, rubs, OFF.mjDSBL_CONSTRAINT),
+            "has armature": model.tendon_armature[t],
+            "has a spring that yields": model.tendon_springyield[t].any(),
+            "has a polynomial spring or damper": model.tendon_stiffnesspoly[t].any()
+            or model.tendon_dampingpoly[t].any(),
+        }.items():
+            if there:
+                raise NotCovered(f"tendon {model.tendon(t).name!r} {what}")
 
 
 def refuse_contacts(model: Any) -> None:

@@ -102,6 +102,12 @@ class Mechanism {
           yield* this.moved([...spot.at, ...(spot.to && spot.kind === "guide" ? spot.to : [])], place);
         }
       }
+      for (const coil of this.motion.coils ?? []) {
+        for (const [k, body] of coil.body.entries()) {
+          const place = body >= 0 ? between(this.places, pose, body) : [0, 0, 0];
+          yield* this.moved(coil.at[k], place);
+        }
+      }
       for (const line of this.lines) {
         for (let k = 0; k < line.points.count; k += 1) {
           yield between(line.points, pose, k);
@@ -193,7 +199,7 @@ class Mechanism {
       this.rods.push({
         rod,
         pale: this.add("path", { class: "m-rod" }, this.layer.pale),
-        drawn: this.add("path", { class: "m-rod" }, this.layer.drawn),
+        drawn: this.add("path", { class: rod.coil ? "m-spring" : "m-rod" }, this.layer.drawn),
         dot: this.curves ? this.add("circle", { r: 5, class: "m-dot" }, this.layer.drawn) : null,
       });
     }
@@ -202,6 +208,10 @@ class Mechanism {
       .map((spot, number) => ({ spot, number }))
       .sort((a, b) => order[a.spot.kind] - order[b.spot.kind])
       .map((one) => ({ ...one, element: this.sign(one.spot) }));
+    this.coils = (this.motion.coils ?? []).map((coil) => ({
+      coil,
+      element: this.add("path", { class: "m-spring" }, this.layer.drawn),
+    }));
     this.name();
   }
 
@@ -348,6 +358,13 @@ class Mechanism {
     for (const { spot, element } of this.spots) {
       this.drawSpot(spot, element, pose, solver, factor);
     }
+    for (const { coil, element } of this.coils) {
+      const ends = coil.body.map((body, k) => {
+        const place = body < 0 ? [0, 0, 0] : this.placeOf(body, pose, solver, factor);
+        return [...this.moved(coil.at[k], place ?? [NaN, NaN, NaN])][0];
+      });
+      element.setAttribute("d", this.zigzag(...ends));
+    }
     for (const { text, body, middle, spot } of this.names) {
       const place = this.placeOf(body, pose, solver, factor) ?? [NaN, NaN, NaN];
       const [[across, up]] = [...this.moved(middle, place)];
@@ -359,6 +376,23 @@ class Mechanism {
       }
     }
     return there;
+  }
+
+  // The drawing of a spring from one point to another.
+  zigzag([ax, ay], [bx, by]) {
+    const [left, top] = [this.across(ax), this.down(ay)];
+    const [dx, dy] = [this.across(bx) - left, this.down(by) - top];
+    const length = Math.hypot(dx, dy) || 1;
+    const width = Math.min(7, length / 4) / length;
+    const steps = [];
+    for (let i = -2; i < 12; i += 1) {
+      const tooth = i >= 0 && i < 10;
+      const share = tooth ? 0.15 + 0.07 * (i + 0.5) : [0, 0.15, 0.85, 1][i < 0 ? i + 2 : i - 8];
+      const side = tooth ? width * (i % 2 ? -1 : 1) : 0;
+      const [x, y] = [left + share * dx - side * dy, top + share * dy + side * dx];
+      steps.push(`${x.toFixed(2)} ${y.toFixed(2)}`);
+    }
+    return Number.isFinite(left + top + dx + dy) ? `M${steps.join("L")}` : "";
   }
 
   put(element, place) {

@@ -18,6 +18,7 @@ from proofmass.sim.pymunk.kinematics import (
     along,
     bound,
     close,
+    damping,
     gaps,
     jacobian,
     least,
@@ -56,12 +57,15 @@ def contraction(links: Links, pose: Array) -> float:
 
 
 def _starts(links: Links) -> list[int]:
-    """First rows of the constraints but the first: a pin has two rows, a slide two of one."""
+    """First rows of the constraints but the first.
+
+    A pin has two rows, a slide two of one, a gear and a drive have one.
+    """
     starts: list[int] = []
     for k, hold in enumerate(links.holds):
         starts += [2 * k] if hold.axis is None else [2 * k, 2 * k + 1]
     count = 2 * len(links.holds)
-    return [*starts[1:], *range(count, count + len(links.drives))]
+    return [*starts[1:], *range(count, links.rows + len(links.drives))]
 
 
 def enough(links: Links, poses: Array, left: float) -> int:
@@ -106,9 +110,10 @@ def start_motion(
     full = _padded(velocity)
     h = 1e-5 / (1e-5 + sizes(links, full))
     turning = (jacobian(held, pose + h * full) - jacobian(held, pose - h * full)) / (2 * h)
-    damping = np.array([joint.damping for joint in links.joints])
+    coefficients, damped = damping(links)
+    slopes = jacobian(damped, pose)
     force = -jacobian(lambda p: potential(links, p), pose)
-    force = force - rates.T @ (damping * (rates @ velocity))
+    force = force - slopes.T @ (coefficients * (slopes @ velocity))
     needed = np.append(closed, acceleration) - turning @ velocity
     return full, _padded(_held(links, rows, force, needed))
 

@@ -47,7 +47,9 @@ def simulate(model: Path, run: Run) -> Curves:
     own step from standstill gives no velocity.  How far to go along that velocity is chosen by a
     stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
 
-    Second order in time, but for joint damping: Chipmunk's dampers are first order.
+    Springs and dampers may act between two sites.
+
+    Second order in time, but for damping: Chipmunk's dampers are first order.
 
     Parameters
     ----------

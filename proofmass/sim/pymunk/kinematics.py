@@ -14,7 +14,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel
-from proofmass.sim.pymunk.links import Hold, HoldTable, LinkJoint, Links, Pull
+from proofmass.sim.pymunk.links import Hold, HoldTable, LinkJoint, Links, LinkSpring, Pull
 
 STEP = 1e-30
 QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -31,7 +31,7 @@ def turned(angle: Array, vector: Array) -> Array:
     return found
 
 
-def apart(hold: Hold | HoldTable, pose: Array) -> Array:
+def apart(hold: Hold | HoldTable | LinkSpring, pose: Array) -> Array:
     """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
     a, b = pose[..., hold.a, :], pose[..., hold.b, :]
     return b[..., :2] + turned(b[..., 2], hold.on_b) - a[..., :2] - turned(a[..., 2], hold.on_a)
@@ -49,9 +49,13 @@ def _rows(links: Links, pose: Array) -> Array:
 
 
 def residual(links: Links, pose: Array) -> Array:
-    """How far all holds are from held (..., rows), of poses (..., links + 1, 3)."""
+    """How far holds, then gears, are from held (..., rows), of poses (..., links + 1, 3)."""
     rows = _rows(links, pose)
-    return rows.reshape(*rows.shape[:-2], -1)
+    turns = [
+        (pose[..., gear.a, 2] - gear.ratio * pose[..., gear.b, 2] + gear.phase)[..., None]
+        for gear in links.gears
+    ]
+    return np.concatenate([rows.reshape(*rows.shape[:-2], -1), *turns], axis=-1)
 
 
 def gaps(links: Links, pose: Array) -> Array:
@@ -67,6 +71,26 @@ def joint_value(joint: LinkJoint, pose: Array) -> Array:
         return joint.value + joint.sign * (pose[..., hold.b, 2] - pose[..., hold.a, 2])
     along = turned(pose[..., hold.a, 2], hold.axis)
     return joint.value + (along * apart(hold, pose)).sum(-1)
+
+
+def spring_length(spring: LinkSpring, pose: Array) -> Array:
+    """Length of a spring between points [m] (...), of poses (..., links + 1, 3)."""
+    return np.asarray(np.sqrt((apart(spring, pose) ** 2).sum(-1)))
+
+
+def damping(links: Links) -> tuple[Array, Callable[[Array], Array]]:
+    """Coefficients (dampers,) of joints, then of springs between points, and what they damp.
+
+    The latter is a function of poses (..., links + 1, 3): values and lengths (..., dampers).
+    """
+    springs = tuple(spring for spring in links.springs if spring.damping)
+
+    def damped(pose: Array) -> Array:
+        lengths = [spring_length(spring, pose)[..., None] for spring in springs]
+        return np.concatenate([values(links.joints, pose), *lengths], axis=-1)
+
+    coefficients = [joint.damping for joint in links.joints]
+    return np.array([*coefficients, *(spring.damping for spring in springs)]), damped
 
 
 def values(joints: tuple[LinkJoint, ...], pose: Array) -> Array:
@@ -111,7 +135,7 @@ def alike(links: Links, rows: Array, wanted: Array) -> tuple[Array, Array]:
 
 
 def potential(links: Links, pose: Array) -> Array:
-    """Energy [J] (...) of gravity, joint springs and loads, as the engine's links carry it.
+    """Energy [J] (...) of gravity, springs and loads, as the engine's links carry it.
 
     Loads that follow their links have no potential.  Here they keep the direction that they have in
     the real part of the pose, so that derivatives by complex steps are those of their work.
@@ -121,6 +145,8 @@ def potential(links: Links, pose: Array) -> Array:
     for joint in links.joints:
         value = joint_value(joint, pose)
         energy = energy + joint.spring_energy(value) - joint.load * value
+    for spring in links.springs:
+        energy = energy + spring.energy(spring_length(spring, pose))
     for pull in links.pulls:
         body = pose[..., pull.link, :]
         point = body[..., :2] + turned(body[..., 2], pull.at)
@@ -212,7 +238,7 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
     """The gap [m] of the loops at their closest, with joints and drives held."""
     if not np.isfinite(pose).all():
         return np.inf
-    tree = residual(links, pose).size - 2 * len(links.loops)
+    tree = 2 * len(links.joints)
     weight = 1e4 / links.bounds
     weight[tree : tree + 2 * len(links.loops)] /= 1e4
     ground = pose[-1:]
@@ -247,7 +273,7 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     links : Links
     pose : ndarray (..., links + 1, 3) [m, m, rad]
     pull : ndarray (rows,)
-        Forces in the holds, the drives and the joints on their stops [N or N m], in this order.
+        Forces in the holds, the gears, the drives and the joints on their stops [N or N m].
     stops : tuple of LinkJoint
         These joints.
     """
@@ -264,6 +290,16 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     found[..., :2] = (units[table.b] - units[table.a]).T @ force
     found[..., 2] = on_b @ units[table.b] - (on_a - with_a) @ units[table.a]
     found[..., :-1, :2] -= links.mass[:, None] * links.gravity
+    for gear, moment in zip(links.gears, pull[2 * len(links.holds) : links.rows], strict=True):
+        found[..., gear.a, 2] -= moment
+        found[..., gear.b, 2] += gear.ratio * moment
+    for spring in links.springs:
+        way, length = apart(spring, pose), spring_length(spring, pose)[..., None]
+        force = spring.push(length) * way / np.where(length > 0, length, 1.0)
+        for link, on, sign in ((spring.a, spring.on_a, 1.0), (spring.b, spring.on_b, -1.0)):
+            arm = turned(pose[..., link, 2], on) @ QUARTER
+            found[..., link, :2] += sign * force
+            found[..., link, 2] += sign * (arm * force).sum(-1)
     for load in links.pulls:
         arm = turned(pose[..., load.link, 2], load.at) @ QUARTER
         force = force_of(load, pose)
@@ -276,13 +312,13 @@ def _between(
     links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]
 ) -> tuple[Array, Array]:
     """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
-    table, slides, rows = links.table, links.table.slides, 2 * len(links.holds)
+    table, slides, rows = links.table, links.table.slides, links.rows
     efforts = np.zeros((*pose.shape[:-2], len(links.holds)))
     pushes = list(zip([*links.drives, *stops], pull[rows:].tolist(), strict=True))
     for k, joint in enumerate(links.joints):
         push = sum(push for pushed, push in pushes if pushed is joint)
         efforts[..., k] = -joint.spring_force(joint_value(joint, pose)) - joint.load - push
-    held = -pull[:rows].reshape(-1, 2)
+    held = -pull[: 2 * len(links.holds)].reshape(-1, 2)
     signs = np.append([joint.sign for joint in links.joints], np.zeros(len(links.loops)))
     axis = turned(pose[..., table.a, 2], table.axis)
     sliding = held[:, :1] * (axis @ QUARTER) + efforts[..., None] * axis
@@ -308,8 +344,8 @@ class Modes:
         What loads that follow their links add to the matrix of these curvatures, without symmetry
         [1/s^2].
     pull : ndarray (held,)
-        What it takes to hold what is held [N or N m]: holds, drives, then the joints on their
-        stops.
+        What it takes to hold what is held [N or N m]: holds, gears, drives, then the joints on
+        their stops.
     stops : tuple of LinkJoint
         These joints.
     """

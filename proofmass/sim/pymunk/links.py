@@ -81,6 +81,51 @@ class LinkJoint:
 
 
 @dataclass(frozen=True)
+class LinkGear:
+    """Two links on hinges of the ground that turn in a ratio.
+
+    The turn of link `a` since the start is `ratio` times that of link `b`, less `phase` [rad].
+    """
+
+    name: str
+    a: int
+    b: int
+    ratio: float
+    phase: float
+
+
+@dataclass(frozen=True)
+class LinkSpring:
+    """A spring and a damper between points of two links, seen from their centres at the start.
+
+    The spring is slack at lengths from `slack[0]` to `slack[1]` [m]; `bodies` are those of the
+    MJCF.
+    """
+
+    name: str
+    a: int
+    b: int
+    on_a: Array
+    on_b: Array
+    stiffness: float
+    damping: float
+    slack: tuple[float, float]
+    bodies: tuple[int, int]
+
+    def stretch(self, length: Array) -> Array:
+        """How far lengths are from those at which the spring is slack [m]."""
+        return np.asarray(length - np.clip(length.real, *self.slack))
+
+    def push(self, length: Array) -> Array:
+        """Force [N] with which the spring pushes its ends apart."""
+        return np.asarray(-self.stiffness * self.stretch(length))
+
+    def energy(self, length: Array) -> Array:
+        """Energy [J] of the spring."""
+        return np.asarray(0.5 * self.stiffness * self.stretch(length) ** 2)
+
+
+@dataclass(frozen=True)
 class Pull:
     """A load at a point of a link, seen from its centre at the start: constant in the world.
 
@@ -118,6 +163,10 @@ class Links:
         Ids of the joints with a prescribed motion, in the run's order.
     loops : tuple of Hold
         What closes the loops.
+    gears : tuple of LinkGear
+        Which couple hinges of the ground.
+    springs : tuple of LinkSpring
+        Between points of links; also those that only measure a length.
     pulls : tuple of Pull
         Forces and moments on links.
     gravity : ndarray (2,)
@@ -136,6 +185,8 @@ class Links:
     joints: tuple[LinkJoint, ...]
     driven: tuple[int, ...]
     loops: tuple[Hold, ...]
+    gears: tuple[LinkGear, ...]
+    springs: tuple[LinkSpring, ...]
     pulls: tuple[Pull, ...]
     gravity: Array
     extent: float
@@ -154,6 +205,11 @@ class Links:
     def holds(self) -> tuple[Hold, ...]:
         """All holds: those of the joints, then the loops."""
         return (*(joint.hold for joint in self.joints), *self.loops)
+
+    @property
+    def rows(self) -> int:
+        """How many equations hold the links: two of each hold, one of each gear."""
+        return 2 * len(self.holds) + len(self.gears)
 
     @cached_property
     def table(self) -> HoldTable:
@@ -182,8 +238,9 @@ class Links:
     def bounds(self) -> Array:
         """What all that is prescribed is measured in (rows + drives,): extents [m], radians."""
         across = np.column_stack([np.ones(len(self.holds)), ~self.table.slides])
+        turns = np.zeros(len(self.gears))
         along = [joint.hold.axis is not None for joint in self.drives]
-        return np.where(np.append(across, along), self.extent, 1.0)
+        return np.where(np.concatenate([across.ravel(), turns, along]), self.extent, 1.0)
 
     @property
     def pose(self) -> Array:

@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import gear_of, joint_of
+from proofmass.sim.contents import connects, gear_of, joint_of, straight_tendon
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
-from proofmass.sim.pymunk.links import HAIR, Hold, LinkJoint, Links, Pull
+from proofmass.sim.pymunk.links import HAIR, Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
 from proofmass.sim.pymunk.read import Sensor, channel
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
@@ -150,6 +150,7 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
         *_equalities(model),
         *_actuators(model, driven),
         *_contacts(model),
+        *_tendons(model),
         *_others(model),
     ]
     if reasons:
@@ -182,12 +183,9 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
         if int(model.jnt_type[j]) not in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE):
             yield f"{JOINT(int(model.jnt_type[j])).name[6:].lower()} {name}"
             continue
-        grounded = model.body_weldid[model.body_parentid[model.jnt_bodyid[j]]] == 0
         if model.dof_dampingpoly[dof].any():
             yield f"polynomial damping of {name}"
-        if model.dof_armature[dof] > 0 and not (
-            grounded and model.jnt_type[j] == JOINT.mjJNT_HINGE
-        ):
+        if model.dof_armature[dof] > 0 and not _on_ground(model, j):
             yield f"armature of {name}, which is not a hinge on the ground"
 
 
@@ -204,9 +202,24 @@ def _bodies(model: mujoco.MjModel) -> Iterator[str]:
 
 def _equalities(model: mujoco.MjModel) -> Iterator[str]:
     for e in range(model.neq):
-        if model.eq_active0[e] and model.eq_type[e] != EQ.mjEQ_CONNECT:
-            kind = EQ(int(model.eq_type[e])).name[5:].lower()
-            yield f"{kind} equality '{model.equality(e).name}'"
+        if not model.eq_active0[e] or model.eq_type[e] == EQ.mjEQ_CONNECT:
+            continue
+        kind = EQ(int(model.eq_type[e])).name[5:].lower()
+        name = f"{kind} equality '{model.equality(e).name}'"
+        if model.eq_type[e] != EQ.mjEQ_JOINT:
+            yield name
+        elif model.eq_obj2id[e] < 0 or not model.eq_data[e, 1]:
+            yield f"{name}, which locks a joint"
+        elif model.eq_data[e, 2:5].any():
+            yield f"{name}, whose polycoef is not linear"
+        elif not all(_on_ground(model, int(j)) for j in (model.eq_obj1id[e], model.eq_obj2id[e])):
+            yield f"{name}, whose joints are not both hinges on the ground"
+
+
+def _on_ground(model: mujoco.MjModel, joint: int) -> bool:
+    """Whether a joint is a hinge on the ground."""
+    parent = model.body_parentid[model.jnt_bodyid[joint]]
+    return bool(model.jnt_type[joint] == JOINT.mjJNT_HINGE and model.body_weldid[parent] == 0)
 
 
 def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
@@ -265,8 +278,24 @@ def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
                 yield h, g
 
 
+def _tendons(model: mujoco.MjModel) -> Iterator[str]:
+    for t in range(model.ntendon):
+        name = f"tendon '{model.tendon(t).name}'"
+        for what, there in {
+            f"{name}, which does not go straight from a site to a site": straight_tendon(model, t)
+            is None,
+            f"the range of {name}": model.tendon_limited[t],
+            f"frictionloss of {name}": model.tendon_frictionloss[t],
+            f"armature of {name}": model.tendon_armature[t],
+            f"a spring that yields of {name}": model.tendon_springyield[t].any(),
+            f"a polynomial spring of {name}": model.tendon_stiffnesspoly[t].any(),
+            f"polynomial damping of {name}": model.tendon_dampingpoly[t].any(),
+        }.items():
+            if there:
+                yield what
+
+
 def _others(model: mujoco.MjModel) -> Iterator[str]:
-    yield from (f"tendon '{model.tendon(t).name}'" for t in range(model.ntendon))
     yield from (
         what
         for what, there in {
@@ -340,6 +369,8 @@ def read_links(
         joints,
         driven,
         loops,
+        tuple(_gears(model, joints)),
+        _springs(model, data, plane, of_body, centre, extent),
         pulls,
         plane.flat(model.opt.gravity),
         extent,
@@ -451,6 +482,39 @@ def _dead_loads(
             yield Pull(body, link, at, plane.flat(force), 0.0)
 
 
+def _springs(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    plane: MotionPlane,
+    of_body: Array,
+    centre: Array,
+    extent: float,
+) -> tuple[LinkSpring, ...]:
+    found = []
+    for t in range(model.ntendon):
+        sites, name = straight_tendon(model, t), model.tendon(t).name
+        assert sites is not None
+        points, bodies = data.site_xpos[list(sites)], model.site_bodyid[list(sites)]
+        if abs((points[0] - points[1]) @ plane.normal) > PARALLEL * extent:
+            raise Unsupported(f"tendon '{name}', whose sites differ in height over the plane")
+        a, b = of_body[bodies]
+        flat = plane.flat(points)
+        found.append(
+            LinkSpring(
+                name,
+                int(a),
+                int(b),
+                flat[0] - centre[a],
+                flat[1] - centre[b],
+                float(model.tendon_stiffness[t]),
+                float(model.tendon_damping[t]),
+                (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
+                (int(bodies[0]), int(bodies[1])),
+            )
+        )
+    return tuple(found)
+
+
 def with_controls(links: Links, loads: Sequence[str], controls: Array) -> Links:
     """The links with other controls of some actuators."""
     model, data = links.model, copy(links.data)
@@ -475,7 +539,7 @@ def _loops(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
 ) -> tuple[Hold, ...]:
     loops = []
-    for e in np.flatnonzero(model.eq_active0):
+    for e in connects(model):
         ids = (model.eq_obj1id[e], model.eq_obj2id[e])
         if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
             points, bodies = data.site_xpos[list(ids)], model.site_bodyid[list(ids)]
@@ -489,6 +553,21 @@ def _loops(
         flat = plane.flat(points)
         loops.append(Hold(model.equality(e).name, a, b, flat[0] - centre[a], flat[1] - centre[b]))
     return tuple(loops)
+
+
+def _gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[LinkGear]:
+    for e in np.flatnonzero(model.eq_active0 & (model.eq_type == EQ.mjEQ_JOINT)):
+        one, two = (joints[j] for j in (model.eq_obj1id[e], model.eq_obj2id[e]))
+        zeros = model.qpos0[model.jnt_qposadr[[model.eq_obj1id[e], model.eq_obj2id[e]]]]
+        level, slope = model.eq_data[e, :2].tolist()
+        lacks = one.value - zeros[0] - level - slope * (two.value - zeros[1])
+        yield LinkGear(
+            model.equality(e).name,
+            one.hold.b,
+            two.hold.b,
+            slope * one.sign * two.sign,
+            float(one.sign * lacks),
+        )
 
 
 def _extent(

@@ -15,10 +15,11 @@ import pymunk
 from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
-from proofmass.sim.pymunk.links import Hold, LinkJoint, Links
+from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.read import (
     Direction,
+    Length,
     Level,
     PointPlace,
     Potential,
@@ -269,6 +270,8 @@ def _rendered(
         word
         for word in (
             "spring_force",
+            "beyond",
+            "apart",
             "slid",
             "kinetic",
             "unwrapped",
@@ -281,9 +284,9 @@ def _rendered(
     }
     efforts = writer.efforts() if "effort" in needs else None
     if efforts:
-        asked = "\n".join([*efforts["driven"], *(row["value"] for row in efforts["joints"])])
-        needs |= {"along"} | ({"slid"} if "slid(" in asked else set())
-        needs |= {"spring_force"} if efforts["joints"] else set()
+        asked = "\n".join([*efforts["driven"], *(row["value"] for row in efforts["springs"])])
+        needs |= {word for word in ("slid", "apart", "beyond") if f"{word}(" in asked}
+        needs |= {"along"} | ({"spring_force"} if efforts["springs"] else set())
     needs |= {"along"} if needs & {"rate", "acceleration"} else set()
     needs |= {"ahead"} if drive == "motor" else set()
     return template("pymunk.py.jinja", comment=comment).render(
@@ -304,6 +307,7 @@ def _rendered(
         pulls=writer.pulls(),
         parts=parts,
         slides=bool(links.table.slides.any()),
+        gears=bool(links.gears),
         drives=drives,
         needs=needs,
         start=writer.start(pose, velocity),
@@ -377,6 +381,13 @@ class Writer:
         seen, together = None, ""
         for owner, constraint in constraints(self.links, bodies):
             a, b = name[constraint.a], name[constraint.b]
+            if isinstance(owner, LinkSpring):
+                assert isinstance(constraint, pymunk.DampedSpring)
+                yield self._point_spring(owner, constraint, a, b)
+                continue
+            if isinstance(owner, LinkGear):
+                yield self._gear(owner, a, b)
+                continue
             first, seen = owner is not seen, owner
             if isinstance(constraint, pymunk.DampedRotarySpring | pymunk.DampedSpring):
                 assert isinstance(owner, LinkJoint)
@@ -436,6 +447,45 @@ class Writer:
             joint.stiffness
         ) + [f"a damper, {joint.damping:g} {effort} s/{unit}"] * bool(joint.damping)
         return {"words": f"{called(joint)}: {' and '.join(told)}", "lines": lines}
+
+    def _point_spring(
+        self, spring: LinkSpring, made: pymunk.DampedSpring, a: str, b: str
+    ) -> dict[str, Any]:
+        (low, high), numbers = spring.slack, (made.rest_length, made.stiffness, made.damping)
+        ends = f"{tupled(made.anchor_a)}, {tupled(made.anchor_b)}"
+        text = f"add(pymunk.DampedSpring({a}, {b}, {ends}, {', '.join(map(digits, numbers))}))"
+        lines, slack = [wrapped(text)], f"slack at {low:g} m"
+        if high > low:
+            lines, slack = [wrapped(f"spring = {text}")], f"slack from {low:g} to {high:g} m"
+            force = f"spring_force({self._beyond('length', spring)}, {digits(made.stiffness)}"
+            lines += ["spring.force_func = lambda _, length: (", f"    {force}, 0.0, 0.0))"]
+        told = [f"a spring, {spring.stiffness:g} N/m, {slack}"] * bool(spring.stiffness)
+        told += [f"a damper, {spring.damping:g} N s/m"] * bool(spring.damping)
+        named = f'spring "{spoken(spring.name)}"' if spring.name else "a spring"
+        return {"words": f"{named} between points: {' and '.join(told)}", "lines": lines}
+
+    def _gear(self, gear: LinkGear, a: str, b: str) -> dict[str, Any]:
+        ratio, phase = digits(gear.ratio), digits(gear.phase)
+        named = f'gear "{spoken(gear.name)}"' if gear.name else "a gear"
+        return {
+            "words": f"{named}: {a} turns {gear.ratio:g} times as far as {b}",
+            "lines": [wrapped(f"add(pymunk.GearJoint({a}, {b}, {phase}, {ratio}))")],
+        }
+
+    def _length(self, spring: LinkSpring) -> str:
+        """The length of a spring between points as a function of ``pose``."""
+        places = [
+            tupled(at(self.links, link, on))
+            for link, on in ((spring.a, spring.on_a), (spring.b, spring.on_b))
+        ]
+        return f"apart(pose, {self.names[spring.a]}, {self.names[spring.b]}, {', '.join(places)})"
+
+    def _beyond(self, length: str, spring: LinkSpring) -> str:
+        """How far a length is from those at which a spring is slack."""
+        low, high = spring.slack
+        return (
+            less(length, low) if low == high else f"beyond({length}, {digits(low)}, {digits(high)})"
+        )
 
     def _stop(
         self, joint: LinkJoint | Hold, stop: pymunk.Constraint, a: str, b: str
@@ -532,6 +582,8 @@ class Writer:
         """A function of ``pose``."""
         if isinstance(function, Value):
             return self._value(function.joint)
+        if isinstance(function, Length):
+            return self._length(function.spring)
         if isinstance(function, Turn):
             return changing(
                 [(function.share, f"angle(pose, {self.names[function.link]})")], function.start
@@ -567,8 +619,8 @@ class Writer:
         return summed([(1.0, text)], joint.value)
 
     def efforts(self) -> dict[str, Any]:
-        """What the efforts of drives follow from: their coordinates, joints with springs, loads."""
-        joints = [
+        """What the efforts of drives follow from: their coordinates, springs, loads."""
+        springs = [
             {
                 "value": wrapped(f"lambda pose: {self._value(joint)}", 9, 9),
                 "numbers": ", ".join(map(digits, (joint.rest, *joint.stiffness))),
@@ -577,6 +629,18 @@ class Writer:
             }
             for joint in self.links.joints
             if any(joint.stiffness) or joint.damping or joint.load
+        ]
+        springs += [
+            {
+                "value": wrapped(
+                    f"lambda pose: {self._beyond(self._length(spring), spring)}", 9, 9
+                ),
+                "numbers": f"0.0, {digits(spring.stiffness)}, 0.0, 0.0",
+                "damping": digits(spring.damping),
+                "load": "0.0",
+            }
+            for spring in self.links.springs
+            if spring.stiffness or spring.damping
         ]
         pulls = [
             f"{self.names[pull.link]}, {tupled(pull.at)}, {tupled(pull.force)}, "
@@ -588,7 +652,7 @@ class Writer:
             "sizes": ", ".join(
                 "1.0" if joint.hold.axis is None else "EXTENT" for joint in self.links.drives
             ),
-            "joints": joints,
+            "springs": springs,
             "pulls": pulls,
         }
 
@@ -603,6 +667,12 @@ class Writer:
             f"{', '.join(map(digits, joint.stiffness))}"
             for joint in self.links.joints
             if any(joint.stiffness)
+        ]
+        springs += [
+            f"{wrapped(self._beyond(self._length(spring), spring), 29, 8)}, "
+            f"{digits(spring.stiffness)}, 0.0, 0.0"
+            for spring in self.links.springs
+            if spring.stiffness
         ]
         return {
             "words": " and ".join(["gravity"] * heavy + ["springs"] * bool(springs)) or "nothing",

@@ -53,6 +53,7 @@ from proofmass.sim.pymunk.kinematics import (
     named,
     potential,
     sizes,
+    spring_length,
     stages,
     turned,
     values,
@@ -652,7 +653,11 @@ def hold(links: Links, settings: Settings) -> Held:
 
 def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     """The space of links without their dampers, and without drives."""
-    undamped = replace(links, joints=tuple(replace(joint, damping=0.0) for joint in links.joints))
+    undamped = replace(
+        links,
+        joints=tuple(replace(joint, damping=0.0) for joint in links.joints),
+        springs=tuple(replace(spring, damping=0.0) for spring in links.springs),
+    )
     return build(undamped, iterations, error_bias)
 
 
@@ -672,8 +677,14 @@ def _step(links: Links, pose: Array) -> float:
         abs(joint.stiffness[0]) * (links.extent if joint.hold.axis is not None else 1.0)
         for joint in links.joints
     ]
+    wound += [links.extent * spring.stiffness for spring in links.springs]
+
+    def coordinates(pose: Array) -> Array:
+        lengths = [spring_length(spring, pose)[..., None] for spring in links.springs]
+        return np.concatenate([values(links.joints, pose), *lengths], axis=-1)
+
     force = (
-        np.abs(jacobian(lambda p: values(links.joints, p), pose)).T @ wound
+        np.abs(jacobian(coordinates, pose)).T @ wound
         + np.abs(jacobian(lambda p: potential(links, p), pose))
     ).reshape(-1, 3)
     pull = force / np.column_stack([links.mass, links.mass, links.moment / links.extent])
@@ -788,7 +799,7 @@ def _follow(
         except BadModel as error:
             if len(read) < 2:
                 raise
-            last = named(held.links, laws[:, 0, len(read) - 1])
+            last = named(loaded.links, laws[:, 0, len(read) - 1])
             return read, f"stopped at {last}: {error}"
         pose, before = held.pose, controls
         effort = held.efforts() if -2 in orders else np.zeros(len(value))

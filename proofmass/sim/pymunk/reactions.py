@@ -9,14 +9,25 @@ with J the Jacobian of holds, drives and joints that are beyond a stop.  At rest
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import anchor_bodies
-from proofmass.sim.pymunk.kinematics import along, bound, force_of, potential, turned, values
+from proofmass.sim.contents import anchor_bodies, connects
+from proofmass.sim.pymunk.kinematics import (
+    along,
+    apart,
+    bound,
+    damping,
+    force_of,
+    potential,
+    spring_length,
+    turned,
+    values,
+)
 from proofmass.sim.pymunk.links import Links
 
 BLOCK = 256
@@ -44,7 +55,7 @@ class SampledMotion:
 
 
 def solve_forces(links: Links, motion: SampledMotion) -> Array:
-    """Forces in the holds, of the drives and of stops (n, rows + drives + limited joints).
+    """Forces in holds and gears, of drives and of stops (n, rows + drives + limited joints).
 
     A hold pushes its second link with its force, and its first link against it.
     """
@@ -66,14 +77,15 @@ def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
     rows = np.concatenate([along(lambda p: bound(links, p), pose, units), stops], axis=-1)  # J^T
     slides = [joint.hold.axis is not None for joint in limited]
     bounds = np.append(links.bounds, np.where(slides, links.extent, 1.0))
-    damping = np.array([joint.damping for joint in links.joints])
-    joints = along(lambda p: values(links.joints, p), pose, units)
-    rates = along(lambda p: values(links.joints, p), pose[:, 0], velocity)
+    coefficients, damped = damping(links)
+    slopes = along(damped, pose, units)
+    rates = along(damped, pose[:, 0], velocity)
     moved = (links.weights * motion.acceleration[block])[:, :-1].reshape(-1, size)
     load = along(lambda p: potential(links, p), pose, units)
     rub = np.broadcast_to(motion.rub, (len(motion.pose), len(links.joints)))
-    lost = damping * rates + rub[block]
-    needed = moved + load + (joints @ lost[..., None])[..., 0]
+    lost = coefficients * rates
+    lost[:, : len(links.joints)] += rub[block]
+    needed = moved + load + (slopes @ lost[..., None])[..., 0]
     inverse = np.linalg.pinv(rows * links.sizes[:, None] / bounds, rcond=DEPENDENT)
     return np.asarray((inverse @ (needed * links.sizes)[..., None])[..., 0] / bounds)
 
@@ -133,13 +145,22 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
         frame = data.ximat[b].reshape(3, 3)
         moment = moment + (plane.normal @ frame) ** 2 @ model.body_inertia[b] * bend[:, 0]
     first = 2 * len(links.joints)
-    for k, (e, loop) in enumerate(zip(np.flatnonzero(model.eq_active0), links.loops, strict=True)):
+    for k, (e, loop) in enumerate(zip(connects(model), links.loops, strict=True)):
         pull = forces[:, first + 2 * k : first + 2 * k + 2]
-        one, two = anchor_bodies(model, int(e))
+        one, two = anchor_bodies(model, e)
         if one in carried:
             add(loop.a, loop.on_a, pull)
         if two in carried:
             add(loop.b, loop.on_b, -pull)
+    for spring in links.springs:
+        way, length = apart(spring, motion.pose), spring_length(spring, motion.pose)
+        rate = along(partial(spring_length, spring), motion.pose, motion.velocity)
+        pull = (spring.push(length) - spring.damping * rate)[:, None] * way
+        pull = pull / np.where(length > 0, length, 1.0)[:, None]
+        if spring.bodies[0] in carried:
+            add(spring.a, spring.on_a, pull)
+        if spring.bodies[1] in carried:
+            add(spring.b, spring.on_b, -pull)
     for load in links.pulls:
         if load.body in carried:
             add(load.link, load.at, np.broadcast_to(-force_of(load, motion.pose), place.shape))

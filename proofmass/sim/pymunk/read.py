@@ -10,8 +10,8 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import gear_of_force, joint_of, parts_of, spoken_parts
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
-from proofmass.sim.pymunk.kinematics import along, joint_value, turned
-from proofmass.sim.pymunk.links import LinkJoint, Links
+from proofmass.sim.pymunk.kinematics import along, joint_value, spring_length, turned
+from proofmass.sim.pymunk.links import LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.reactions import Interaction, SampledMotion, solve_forces, transmitted
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
@@ -116,8 +116,19 @@ class Value:
 
 
 @dataclass(frozen=True)
+class Length:
+    """The length of a spring between points [m]."""
+
+    spring: LinkSpring
+
+    def __call__(self, pose: Array) -> Array:
+        """The length [m] in poses (..., links + 1, 3)."""
+        return spring_length(self.spring, pose)
+
+
+@dataclass(frozen=True)
 class Potential:
-    """MuJoCo's potential energy [J]: -m g.r of every body, plus the joint springs."""
+    """MuJoCo's potential energy [J]: -m g.r of every body, plus the springs."""
 
     links: Links
 
@@ -129,6 +140,8 @@ class Potential:
             energy = energy - mass * (at @ self.links.model.opt.gravity)
         for joint in self.links.joints:
             energy = energy + joint.spring_energy(joint_value(joint, pose))
+        for spring in self.links.springs:
+            energy = energy + spring.energy(spring_length(spring, pose))
         return energy
 
 
@@ -199,6 +212,8 @@ def _scalar(links: Links, s: int) -> Sensor | str:
     if kind in (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL) or user:
         order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}.get(kind, 2)
         return Sensor(order, Value(links.joints[obj]))
+    if kind in (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL):
+        return Sensor(int(kind == S.mjSENS_TENDONVEL), Length(links.springs[obj]))
     if kind == S.mjSENS_E_POTENTIAL:
         return Sensor(0, Potential(links))
     if kind == S.mjSENS_E_KINETIC:
@@ -246,7 +261,7 @@ def force_curves(
     if not wanted:
         return {}
     forces = solve_forces(links, motion)
-    drives = forces[:, 2 * len(links.holds) :]
+    drives = forces[:, links.rows :]
     return {
         name: transmitted(links, c.transmitted, motion, forces)
         if c.transmitted

@@ -13,7 +13,7 @@ import pymunk
 from pymunk import batch
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.pymunk.links import Hold, LinkJoint, Links, Pull
+from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
 
 Settings = dict[str, Any]
 """timestep [s], iterations, error_bias."""
@@ -63,9 +63,15 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
 
 def constraints(
     links: Links, bodies: list[pymunk.Body]
-) -> Iterator[tuple[LinkJoint | Hold, pymunk.Constraint]]:
-    """All constraints but those of drives, in the solver's order, with the joint or the loop each
-    belongs to: springs, loads and stops of a joint, what holds it, then the loops."""
+) -> Iterator[tuple[LinkSpring | LinkJoint | Hold | LinkGear, pymunk.Constraint]]:
+    """All constraints but those of drives, in the solver's order, with what each belongs to.
+
+    Springs between points; springs, loads and stops of a joint, what holds it; then the loops and
+    the gears.
+    """
+    for spring in links.springs:
+        if (spring.stiffness or spring.damping) and spring.a != spring.b:
+            yield spring, _point_spring(spring, links, bodies)
     for joint in links.joints:
         for constraint in (
             *_springs(joint, links, bodies),
@@ -75,6 +81,8 @@ def constraints(
     for loop in links.loops:
         for constraint in _hold(loop, links, bodies):
             yield loop, constraint
+    for gear in links.gears:
+        yield gear, pymunk.GearJoint(bodies[gear.a], bodies[gear.b], gear.phase, gear.ratio)
 
 
 def _pull(pull: Pull, body: pymunk.Body) -> None:
@@ -171,6 +179,25 @@ def _spring(
     )
     sliding.force_func = lambda _, length: force(joint.value + length - far)
     return sliding
+
+
+def _point_spring(
+    spring: LinkSpring, links: Links, bodies: list[pymunk.Body]
+) -> pymunk.DampedSpring:
+    """A spring between points of two links."""
+    low, high = spring.slack
+    made = pymunk.DampedSpring(
+        bodies[spring.a],
+        bodies[spring.b],
+        at(links, spring.a, spring.on_a),
+        at(links, spring.b, spring.on_b),
+        low,
+        spring.stiffness,
+        spring.damping,
+    )
+    if high > low:
+        made.force_func = lambda _, length: float(spring.push(np.asarray(length)))
+    return made
 
 
 def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:

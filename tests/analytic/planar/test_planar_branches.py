@@ -261,7 +261,14 @@ def test_geared_cranks_follow_their_polynomial(ratio, bend):
             '<body><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body>',
             "joint 'b' leaves the plane",
         ),
-        ('<body><joint name="a" type="slide"/><geom size="0.1"/></body>', "without hinges"),
+        (
+            '<body><joint name="a" type="slide"/><geom size="0.1"/>'
+            '<body><joint name="b" type="slide" axis="1 0 0"/><geom size="0.1"/>'
+            '<body><joint name="c" type="slide" axis="0 1 0"/><geom size="0.1"/></body></body>'
+            "</body>",
+            "joint 'c' leaves the plane",
+        ),
+        ('<geom size="0.1"/>', "a mechanism without joints"),
     ],
 )
 def test_what_is_no_planar_linkage_is_named(xml, words):

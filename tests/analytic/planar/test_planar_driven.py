@@ -1,0 +1,137 @@
+"""Drives beside free degrees of freedom in time: equations by hand, and the work of the drive."""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+from scipy.integrate import solve_ivp
+
+from proofmass.analytic.planar import SingularHere, solve
+from proofmass.reference import evaluate, grid
+from tests.shipped import loaded, shipped
+
+G, FAR, OWN = 9.81, 0.3, 1e-9  # m/s^2, m, kg m^2
+CART, MASSES, LENGTHS = 2.0, (1.0, 0.5), (0.8, 0.5)
+W = 2 * np.pi / 1.5  # rad/s
+
+
+def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """To and fro by 0.3 m in 1.5 s, as a swing goes."""
+    t = np.asarray(t, float)
+    half = FAR / 2
+    return half * (1 - np.cos(W * t)), half * W * np.sin(W * t), half * W**2 * np.cos(W * t)
+
+
+def bend(t: float, y: np.ndarray) -> np.ndarray:
+    """Accelerations of the absolute angles: Lagrange's equations, the rail's acceleration known."""
+    a, b, u, v = y
+    (m1, m2), (l1, l2), push = MASSES, LENGTHS, float(law(np.asarray(t))[2])
+    mixed = m2 * l1 * l2 * np.cos(a - b)
+    matrix = np.array([[(m1 + m2) * l1**2 + OWN, mixed], [mixed, m2 * l2**2 + OWN]])
+    turn = m2 * l1 * l2 * np.sin(a - b)
+    pull = [
+        -turn * v**2 - (m1 + m2) * l1 * (G * np.sin(a) + push * np.cos(a)),
+        turn * u**2 - m2 * l2 * (G * np.sin(b) + push * np.cos(b)),
+    ]
+    return np.linalg.solve(matrix, pull)
+
+
+def swung(t: np.ndarray) -> np.ndarray:
+    """Absolute angles and their rates (4, n)."""
+    start = [0.4, 0.1, 0.0, 0.0]
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        return np.append(y[2:], bend(t, y))
+
+    return solve_ivp(slope, (0, t[-1]), start, "DOP853", t, rtol=1e-13, atol=1e-13).y
+
+
+def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
+    case = loaded(shipped("driven_cart.toml"))
+    t = grid(case, "dynamics")
+    state = tuple(part[None] for part in law(t))
+    found = evaluate(case, "dynamics", t, state).channels
+    truth = swung(t)
+    a, b, u, v = truth
+    du, dv = np.array([bend(*one) for one in zip(t, truth.T, strict=True)]).T
+    tip = law(t)[0] + 0.8 * np.sin(a) + 0.5 * np.sin(b)
+    # of the cart: Newton for all three masses along the rail
+    (m1, m2), (l1, l2) = MASSES, LENGTHS
+    force = (CART + m1 + m2) * law(t)[2]
+    force = force + (m1 + m2) * l1 * (du * np.cos(a) - u**2 * np.sin(a))
+    force = force + m2 * l2 * (dv * np.cos(b) - v**2 * np.sin(b))
+    wanted = {
+        "upper": a,
+        "lower": b - a,
+        "upper_rate": u,
+        "lower_rate": v - u,
+        "upper_acceleration": du,
+        "lower_acceleration": dv - du,
+        "tip.x": tip,
+        "force": force,
+    }
+    for name, curve in wanted.items():
+        # both integrators' walls, on a motion that parts by a factor of ten
+        assert np.abs(found[name] - curve).max() < 1e-10 * max(1.0, np.ptp(curve)), name
+
+
+def test_a_pendulum_on_a_driven_cart_obeys_its_one_equation():
+    """theta'' = -(g sin theta + x'' cos theta) / L, with L that of the bob's moment of inertia."""
+    text = shipped("driven_cart.xml").read_text()
+    inner = text[text.index('<body name="lower"') : text.index("</body>") + len("</body>")]
+    text = text.replace(inner, "")
+    for name in ("lower", "lower_rate", "lower_acceleration", "tip"):
+        text = "\n".join(line for line in text.splitlines() if f'name="{name}"' not in line)
+    model = mujoco.MjModel.from_xml_string(text.replace('qpos="0 0.4 -0.3"', 'qpos="0 0.4"'))
+    t, length = np.linspace(0, 3, 61), 0.8 + OWN / 0.8
+
+    def slope(t: float, y: np.ndarray) -> list[float]:
+        push = float(law(np.asarray(t))[2])
+        return [y[1], -(G * np.sin(y[0]) + push * np.cos(y[0])) / length]
+
+    truth = solve_ivp(slope, (0, 3), [0.4, 0.0], "DOP853", t, rtol=1e-13, atol=1e-13).y
+    found = solve(*law(t), model=model, joints=("cart",), in_time=(t, [law]))
+    assert np.abs(found["upper"] - truth[0]).max() < 1e-11
+    assert np.abs(found["upper_rate"] - truth[1]).max() < 1e-10
+
+
+def test_the_drive_of_a_four_bar_with_a_pendulum_does_the_work():
+    """The energy that the moment of the crank brings in, by quadrature, is what there is more."""
+    text = shipped("fourbar.xml").read_text()
+    bob = (
+        '<body name="bob" pos="2.5 0 0"><joint name="bob" pos="0 0 0"/>'
+        '<inertial pos="0.4 -0.6 0" mass="1.5" diaginertia="0.05 0.05 0.05"/></body>'
+    )
+    text = text.replace('<site name="rocker_end"', f'{bob}<site name="rocker_end"', 1)
+    text = text.replace("2.2459278597319283", "2.2459278597319283 -1.2")
+    text = text.replace('<key name="crossed" qpos="0 -1.3502639 -2.2459278"/>', "")
+    more = '<jointpos name="bob" joint="bob"/><e_potential name="v"/><e_kinetic name="t"/>'
+    model = mujoco.MjModel.from_xml_string(text.replace("<sensor>", f"<sensor>{more}"))
+
+    def turned(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        t = np.asarray(t, float)
+        return 2 * t + 0.3 * np.sin(3 * t), 2 + 0.9 * np.cos(3 * t), -2.7 * np.sin(3 * t)
+
+    nodes, shares = leggauss(60)
+    t = np.concatenate([[0.0], 0.5 * (nodes + 1), [1.0]])
+    found = solve(*turned(t), model=model, joints=("crank",), in_time=(t, [turned]))
+    energy = found["v"] + found["t"]
+    power = found["holding_moment"] * turned(t)[1]
+    assert np.ptp(energy) > 10.0  # J
+    assert energy[-1] - energy[0] == pytest.approx(0.5 * shares @ power[1:-1], abs=1e-9)
+    assert np.ptp(found["bob"]) > 1.0  # rad: it does swing
+
+
+def test_drives_that_determine_all_joints_ask_for_no_times():
+    """With the laws or without them: poses by the loops alone, at the drives' own state."""
+    model, t = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml"))), np.linspace(0, 1, 11)
+    state = t, 1.0 + 0 * t, 0 * t
+    one = solve(*state, model=model, joints=("crank",))
+    two = solve(*state, model=model, joints=("crank",), in_time=(t, [law]))
+    assert all((one[name] == two[name]).all() for name in one)
+
+
+def test_a_sweep_that_leaves_degrees_of_freedom_is_still_refused():
+    model = mujoco.MjModel.from_xml_path(str(shipped("driven_cart.xml")))
+    with pytest.raises(SingularHere):
+        solve([0.0, 0.1], model=model, joints=("cart",))

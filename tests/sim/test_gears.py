@@ -1,0 +1,174 @@
+"""Gears: joint equalities between two hinges of the ground, in both engines and the reference."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from proofmass.analytic.planar import solve
+from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
+from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
+from proofmass.sim.pymunk.program import write_program
+from tests.shipped import shipped
+
+ENGINES = {"mujoco": MUJOCO, "pymunk": PYMUNK}
+FILE = shipped("gear_pair.xml")
+SMALL, LARGE, AXLE = 0.3, 0.5, 0.8  # m
+MASS, ARM, OWN, PINION, G = 5.0, 0.2 + 0.1j, 0.6, 0.09, 9.81
+"""Of the wheel [kg, m, kg m^2], moment of inertia of the pinion [kg m^2], gravity [m/s^2]."""
+CHANNELS = ("wheel", "wheel_tooth.x", "wheel_tooth.y", "wheel_rate", "moment")
+
+
+def closed_form(pinion: np.ndarray) -> dict[str, np.ndarray]:
+    """Wheel, its tooth, its rate at 1 rad/s of the pinion, and the moment that holds the pinion."""
+    ratio = -SMALL / LARGE
+    wheel = ratio * pinion
+    tooth = AXLE - 0.5 * np.exp(1j * wheel)
+    return {
+        "wheel": wheel,
+        "wheel_tooth.x": tooth.real,
+        "wheel_tooth.y": tooth.imag,
+        "wheel_rate": np.full_like(pinion, ratio),
+        "moment": MASS * G * (ARM * np.exp(1j * wheel)).real * ratio,
+    }
+
+
+def turning(joint: str = "pinion") -> Drive:
+    return Drive(joint, lambda t: (t, 1 + 0 * t, 0 * t))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_sweep_is_the_closed_form(engine):
+    run = Run("sweep", np.linspace(0, 21, 64), CHANNELS, (turning(),))
+    found, truth = ENGINES[engine].simulate(FILE, run).channels, closed_form(run.x)
+    for name in CHANNELS:
+        assert np.abs(found[name] - truth[name]).max() < 1e-12 * max(1.0, np.ptp(truth[name])), name
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_ratio_wrong_in_the_ninth_digit_is_seen(engine, tmp_path):
+    """The mutation of what is above."""
+    file = tmp_path / "wrong.xml"
+    file.write_text(FILE.read_text().replace("0 -0.6 0", "0 -0.600000001 0"))
+    run = Run("sweep", np.linspace(0, 21, 64), CHANNELS, (turning(),))
+    found, truth = ENGINES[engine].simulate(file, run).channels, closed_form(run.x)
+    assert np.abs(found["wheel"] - truth["wheel"]).max() > 1e-8
+
+
+def test_the_reference_is_the_closed_form():
+    model, angle = mujoco.MjModel.from_xml_path(str(FILE)), np.linspace(0, 21, 64)
+    found, truth = solve(angle, model=model, joints=("pinion",)), closed_form(angle)
+    for name in CHANNELS:
+        assert np.abs(found[name] - truth[name]).max() < 1e-13 * max(1.0, np.ptp(truth[name])), name
+
+
+def let_go(start: float, until: float) -> tuple[np.ndarray, np.ndarray]:
+    """The wheel of a pair that is let go, by the inertia that it has with its pinion."""
+    inertia = OWN + MASS * abs(ARM) ** 2 + PINION * (LARGE / SMALL) ** 2
+
+    def slope(_: float, y: np.ndarray) -> list[float]:
+        return [y[1], -MASS * G * (ARM * np.exp(1j * y[0])).real / inertia]
+
+    t = np.linspace(0, until, 41)
+    return t, solve_ivp(slope, (0, until), [start, 0.0], "DOP853", t, rtol=1e-13, atol=1e-13).y[0]
+
+
+def test_a_pair_that_is_let_go_swings_with_the_inertia_of_both(tmp_path):
+    t, truth = let_go(0.0, 2.0)
+    found = solve(t, model=mujoco.MjModel.from_xml_path(str(FILE)))["wheel"]
+    assert np.abs(found - truth).max() < 1e-12
+    errors = []
+    for step in (2e-3, 1e-3):
+        settings = {"timestep": step, "iterations": 200, "error_bias": 0.0}
+        run = Run("dynamics", t, ("wheel",), settings=settings)
+        errors.append(np.abs(PYMUNK.simulate(FILE, run).channels["wheel"] - truth).max())
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+    run = Run("dynamics", t, ("wheel",), settings={"timestep": 1e-3})
+    assert np.abs(MUJOCO.simulate(FILE, run).channels["wheel"] - truth).max() < 1e-4  # its softness
+
+
+TURNED = """<mujoco><compiler angle="radian"/>
+  <option gravity="0 -9.81 0" timestep="1e-3"><flag contact="disable"/></option>
+  <worldbody><body><joint name="other"/><inertial pos=".1 0 0" mass="1" diaginertia="1 1 1"/></body>
+  <body pos="1 0 0" euler="0 0 0.4"><joint name="one" axis="0 0 -1" ref="0.3" stiffness="20"
+    springref="0.5"/><inertial pos="0.3 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+  <body pos="2 0 0"><joint name="two" ref="-0.2" damping="0.1"/>
+    <inertial pos="0.2 0.1 0" mass="2" diaginertia="0.1 0.1 0.1"/></body></worldbody>
+  <equality><joint name="mesh" joint1="one" joint2="two" polycoef="0.05 1.7 0 0 0"/></equality>
+  <sensor><jointpos name="one" joint="one"/><jointpos name="two" joint="two"/>
+  <jointvel name="rate" joint="two"/></sensor>
+  <keyframe><key name="start" qpos="0 {one!r} 0.2"/></keyframe></mujoco>""".replace(
+    "{one!r}", repr(0.3 + 0.05 + 1.7 * 0.4)
+)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_axes_zeros_and_levels_count(engine, tmp_path):
+    """The pair rests between a spring and two weights; a third hinge is driven beside it."""
+    file = tmp_path / "turned.xml"
+    file.write_text(TURNED)
+    run = Run("sweep", np.linspace(0, 1, 5), ("one", "two"), (turning("other"),))
+    found = ENGINES[engine].simulate(file, run).channels
+
+    def slope(two: float) -> float:
+        """Of the energy, by the second joint; angles of the bodies from their joints' values."""
+        one = 0.3 + 0.05 + 1.7 * (two + 0.2)
+        first, second = 0.4 - (one - 0.3), two + 0.2
+        weights = G * (
+            -0.3 * np.cos(first) * 1.7 + 2 * (0.2 * np.cos(second) - 0.1 * np.sin(second))
+        )
+        return 20 * (one - 0.5) * 1.7 + weights
+
+    two = brentq(slope, -1.5, 0.5, xtol=1e-15)
+    assert np.abs(found["two"] - two).max() < 1e-10
+    assert np.abs(found["one"] - (0.35 + 1.7 * (two + 0.2))).max() < 1e-12
+
+
+def test_a_program_in_pymunk_alone_has_the_gear(tmp_path):
+    file = tmp_path / "turned.xml"
+    file.write_text(TURNED)
+    settings = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
+    names = ("one", "two", "rate")
+    run = Run("dynamics", np.linspace(0, 0.5, 26), names, settings=settings)
+    wanted = PYMUNK.simulate(file, run).channels
+    truth = solve(run.x, model=mujoco.MjModel.from_xml_path(str(file)))
+    (tmp_path / "run.py").write_text(write_program(file, run, "", ""))
+    done = subprocess.run(
+        [sys.executable, "-I", "run.py"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    head, *rows = (tmp_path / "curves.csv").read_text().splitlines()
+    found = dict(zip(head.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))
+    for name in names:
+        assert np.abs(found[name] - wanted[name]).max() < 1e-11 * np.ptp(wanted[name]), name
+        assert np.abs(wanted[name] - truth[name]).max() < 1e-3 * np.ptp(truth[name]), name
+
+
+PAIR = """<mujoco><option><flag contact="disable"/></option><worldbody>
+  <body><joint name="a" {kind}/><geom size="0.1"/>{inner}</body>
+  <body pos="1 0 0"><joint name="b"/><geom size="0.1"/></body></worldbody>
+  <equality><joint name="mesh" joint1="{one}" joint2="b" polycoef="{poly}"/></equality></mujoco>"""
+ON_A = '<body pos="1 0 0"><joint name="c"/><geom size="0.1"/></body>'
+
+
+@pytest.mark.parametrize(
+    ("kind", "inner", "one", "poly", "words"),
+    [
+        ("", "", "a", "0 1 0.1 0 0", "whose polycoef is not linear"),
+        ("", "", "a", "0.2 0 0 0 0", "which locks a joint"),
+        ('type="slide" axis="1 0 0"', "", "a", "0 1 0 0 0", "not both hinges on the ground"),
+        ("", ON_A, "c", "0 1 0 0 0", "not both hinges on the ground"),
+    ],
+)
+def test_pymunk_names_couplings_that_are_no_gear(kind, inner, one, poly, words, tmp_path):
+    file: Path = tmp_path / "pair.xml"
+    file.write_text(PAIR.format(kind=kind, inner=inner, one=one, poly=poly))
+    with pytest.raises(Unsupported, match=f"joint equality 'mesh', .*{words}"):
+        PYMUNK.simulate(file, Run("dynamics", np.linspace(0, 1, 3), ()))

@@ -1,0 +1,276 @@
+"""Springs between two points in both engines: in time, at rest, in programs, refusals."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from proofmass.analytic.planar import solve
+from proofmass.report.case_data import motion_data
+from proofmass.sim.motion import motion
+from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
+from proofmass.sim.picture import picture
+from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
+from proofmass.sim.pymunk.program import write_program
+from tests.shipped import shipped
+
+ENGINES = {"mujoco": MUJOCO, "pymunk": PYMUNK}
+EXACT = {"iterations": 2000, "error_bias": 0.0}
+CHAIN = """<mujoco><compiler angle="radian"/>
+  <option gravity="0 -9.81 0" timestep="1e-3" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody><site name="wall" pos="0.5 0.9 0"/>
+    <body><joint name="a"/><inertial pos="0.3 0.1 0" mass="2" diaginertia="1 1 0.2"/>
+      <site name="foot"/><site name="elbow" pos="0.1 0.2 0"/>
+      <body pos="0.7 0 0"><joint name="b" axis="0 0 -1"/>
+        <inertial pos="0.3 0 0" mass="1" diaginertia="1 1 0.1"/><site name="tip" pos="0.6 0.1 0"/>
+      </body></body></worldbody>
+  <tendon><spatial name="high" {high}><site site="wall"/><site site="tip"/></spatial>
+    <spatial name="low" {low}><site site="tip"/><site site="elbow"/></spatial>
+    <spatial name="ruler"><site site="wall"/><site site="elbow"/></spatial></tendon>
+  <actuator><motor name="m" joint="a"/></actuator>
+  <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/><jointvel name="w" joint="b"/>
+    <tendonpos name="length" tendon="high"/><tendonvel name="pace" tendon="low"/>
+    <tendonpos name="ruler" tendon="ruler"/><e_potential name="potential"/>
+    <actuatorfrc name="moment" actuator="m"/><force name="pin" site="foot"/></sensor>
+  <keyframe><key name="start" qpos="0.3 0.9" qvel="1 -0.5"/></keyframe></mujoco>"""
+SPRINGS = 'stiffness="60" springlength="0.5"', 'stiffness="35" springlength="0.3"'
+SLACK = 'stiffness="60" springlength="0.45 0.85"', 'stiffness="35" springlength="0.3 0.5"'
+DAMPED = 'stiffness="60" springlength="0.5" damping="1.5"', 'damping="0.8"'
+MOVING = ("a", "b", "w", "length", "pace", "ruler", "potential")
+
+
+def chain(folder: Path, springs: tuple[str, str]) -> Path:
+    """A file of a double pendulum with two springs and a tendon that only measures."""
+    file = folder / "chain.xml"
+    file.write_text(CHAIN.format(high=springs[0], low=springs[1]))
+    return file
+
+
+def reference(file: Path, run: Run, inertia: bool = False) -> dict[str, np.ndarray]:
+    """The planar reference of a run."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    if not run.drives:
+        return solve(run.x, model=model)
+    joints = tuple(drive.joint for drive in run.drives)
+    return solve(*run.motion(run.x), model=model, joints=joints, inertia=inertia)
+
+
+def errors(engine: str, file: Path, step: float, until: float = 1.0) -> dict[str, float]:
+    """Largest errors of a free motion, as shares of the range."""
+    settings = {"timestep": step, **(EXACT if engine == "pymunk" else {})}
+    run = Run("dynamics", np.linspace(0, until, 51), MOVING, settings=settings)
+    found, truth = ENGINES[engine].simulate(file, run).channels, reference(file, run)
+    return {n: float(np.abs(found[n] - truth[n]).max() / np.ptp(truth[n])) for n in MOVING}
+
+
+@pytest.mark.parametrize("springs", [SPRINGS, SLACK], ids=["springs", "slack"])
+def test_pymunk_is_of_second_order(springs, tmp_path):
+    """The tip passes the wall within 0.1 m, where the rate of the length changes within 0.02 s."""
+    file = chain(tmp_path, springs)
+    coarse, fine = (errors("pymunk", file, step) for step in (1e-3, 5e-4))
+    for name in MOVING:
+        assert coarse[name] < (2e-3 if name == "pace" else 5e-4)
+        assert coarse[name] / fine[name] == pytest.approx(4, rel=0.15)
+
+
+def test_dampers_of_pymunk_are_of_first_order(tmp_path):
+    file = chain(tmp_path, DAMPED)
+    coarse, fine = (errors("pymunk", file, step) for step in (1e-3, 5e-4))
+    for name in ("a", "b", "length"):
+        assert coarse[name] < 3e-3
+        assert 1.8 < coarse[name] / fine[name] < 2.5  # 2, with a share of second order
+
+
+def test_mujoco_is_of_fourth_order(tmp_path):
+    file = chain(tmp_path, SPRINGS)
+    coarse, fine = (errors("mujoco", file, step) for step in (1e-3, 5e-4))
+    for name in MOVING:
+        assert coarse[name] < 1e-7
+        assert 9 < coarse[name] / fine[name] < 23  # 16, with terms of other orders at 1 ms
+
+
+@pytest.mark.parametrize(("springs", "allowed"), [(DAMPED, 1e-8), (SLACK, 5e-6)])
+def test_mujoco_has_dampers_and_slack_springs(springs, allowed, tmp_path):
+    """Where a spring begins to pull, RK4 is of second order."""
+    assert max(errors("mujoco", chain(tmp_path, springs), 1e-3).values()) < allowed
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_spring_one_percent_stiffer_is_another_motion(engine, tmp_path):
+    """The mutation: what the tests above allow, a wrong stiffness exceeds."""
+    run = Run("dynamics", np.linspace(0, 1, 51), ("b",), settings={"timestep": 1e-3})
+    stiffer = chain(tmp_path, (SPRINGS[0].replace("60", "60.6"), SPRINGS[1]))
+    wrong = ENGINES[engine].simulate(stiffer, run)
+    truth = reference(chain(tmp_path, SPRINGS), run)["b"]
+    assert np.abs(wrong.channels["b"] - truth).max() > 1e-3 * np.ptp(truth)
+
+
+@pytest.mark.parametrize("springs", [SLACK, DAMPED], ids=["slack", "damped"])
+def test_a_program_in_pymunk_alone_has_the_springs(springs, tmp_path):
+    file = chain(tmp_path, springs)
+    settings = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
+    run = Run("dynamics", np.linspace(0, 0.5, 26), MOVING, settings=settings)
+    wanted = PYMUNK.simulate(file, run).channels
+    program = tmp_path / "run.py"
+    program.write_text(write_program(file, run, "", ""))
+    done = subprocess.run(
+        [sys.executable, "-I", program.name], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    head, *rows = (tmp_path / "curves.csv").read_text().splitlines()
+    found = dict(zip(head.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))
+    for name in MOVING:
+        assert np.abs(found[name] - wanted[name]).max() < 1e-11 * np.ptp(wanted[name]), name
+
+
+def held_four_bar(folder: Path, stiffness: float = 40.0) -> Path:
+    """The shipped four-bar with a spring from its coupler to the ground, and sensors."""
+    text = shipped("fourbar_forces.xml").read_text()
+    site = '<site name="hook" pos="1.5 2.5 0"/>'
+    spring = (
+        f'<tendon><spatial name="spring" stiffness="{stiffness}" damping="7" springlength="1.2">'
+        '<site site="hook"/><site site="on_coupler"/></spatial></tendon>'
+    )
+    text = text.replace("<worldbody>", f"<worldbody>{site}", 1)
+    text = text.replace("<equality>", f"{spring}<equality>", 1)
+    text = text.replace(
+        '<body name="coupler" pos="1 0 0">',
+        '<body name="coupler" pos="1 0 0"><site name="on_coupler" pos="0.7 0.4 0"/>',
+        1,
+    )
+    file = folder / "four_bar.xml"
+    file.write_text(text)
+    assert "on_coupler" in text.split("<tendon>")[0]
+    return file
+
+
+TURN = Drive("crank", lambda t: (t, 1 + 0 * t, 0 * t))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_sweep_has_the_spring_in_its_moment(engine, tmp_path):
+    """At rest the damper does nothing; a spring one percent stiffer is seen a thousand times."""
+    file = held_four_bar(tmp_path)
+    run = Run("sweep", np.linspace(0, 6, 25), ("holding_moment",), (TURN,))
+    found = ENGINES[engine].simulate(file, run).channels["holding_moment"]
+    truth = reference(file, run)["holding_moment"]
+    without = reference(held_four_bar(tmp_path, 0.0), run)["holding_moment"]
+    assert np.ptp(truth - without) > 10.0  # N m: it does hold something
+    assert np.abs(found - truth).max() < 1e-11 * np.ptp(truth)
+    wrong = reference(held_four_bar(tmp_path, 40.4), run)["holding_moment"]
+    assert np.abs(found - wrong).max() > 1e-3 * np.ptp(truth)
+
+
+def test_forces_of_pins_in_pymunk_know_the_spring(tmp_path):
+    """At rest, and in time at 1 rad/s with its damper; MuJoCo's sensors leave tendons out."""
+    file = held_four_bar(tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    names = [
+        f"{model.sensor(s).name}.{part}"
+        for s in range(model.nsensor)
+        if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_FORCE
+        for part in "xy"
+    ]
+    assert len(names) > 5
+    for kind, allowed in (("sweep", 1e-10), ("dynamics", 1e-4)):
+        run = Run(kind, np.linspace(0, 3, 13), tuple(names), (TURN,))
+        found, truth = PYMUNK.simulate(file, run).channels, reference(file, run, kind == "dynamics")
+        for name in names:
+            assert np.abs(found[name] - truth[name]).max() < allowed * np.ptp(truth[name]), name
+        assert not MUJOCO.simulate(file, run).channels
+        assert "leave out tendon 'spring'" in MUJOCO.simulate(file, run).missing[names[0]]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("springs", [SPRINGS, SLACK], ids=["springs", "slack"])
+def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tmp_path):
+    """The second arm hangs between two springs; its place by a search of the energy alone."""
+    file = chain(tmp_path, springs)
+    file.write_text(file.read_text().replace('qpos="0.3 0.9"', 'qpos="0.3 -2.3"'))
+    run = Run(
+        "sweep",
+        np.linspace(0.3, 0.9, 13),
+        ("b", "moment"),
+        (Drive("a", lambda t: (t, 1 + 0 * t, 0 * t)),),
+    )
+    found = ENGINES[engine].simulate(file, run)
+    (k_high, *high), (k_low, *low) = numbers(springs)
+
+    def total(a: float, b: float) -> float:
+        arm = np.exp(1j * a)
+        fore = np.exp(1j * (a - b))
+        tip = 0.7 * arm + (0.6 + 0.1j) * fore
+        weight = 9.81 * (2 * ((0.3 + 0.1j) * arm).imag + (0.7 * arm + 0.3 * fore).imag)
+        return (
+            weight
+            + stored(k_high, high, abs(tip - 0.5 - 0.9j))
+            + stored(k_low, low, abs(tip - (0.1 + 0.2j) * arm))
+        )
+
+    for a, b, moment in zip(run.x, found.channels["b"], found.channels["moment"], strict=True):
+        best = minimize_scalar(lambda x, a=a: total(a, x), (b - 0.3, b, b + 0.2), tol=1e-12)
+        assert b == pytest.approx(best.x, abs=3e-8)  # the root of rounding in the energy
+        slope = (total(a + 1e-5, b) - total(a - 1e-5, b)) / 2e-5
+        assert moment == pytest.approx(slope, abs=1e-6)
+
+
+def numbers(springs: tuple[str, str]) -> list[tuple[float, float, float]]:
+    """Stiffness and slack lengths of two springs."""
+    found = []
+    for text in springs:
+        parts = dict(zip(text.split('"')[0::2], text.split('"')[1::2], strict=False))
+        slack = [float(x) for x in parts[" springlength="].split()]
+        found.append((float(parts["stiffness="]), slack[0], slack[-1]))
+    return found
+
+
+def stored(stiffness: float, slack: list[float], length: float) -> float:
+    """Energy of a spring."""
+    return 0.5 * stiffness * (length - min(max(length, slack[0]), slack[1])) ** 2
+
+
+@pytest.mark.parametrize(
+    ("high", "words"),
+    [
+        ('range="0 1" limited="true"', "the range of tendon 'high'"),
+        ('frictionloss="1"', "frictionloss of tendon 'high'"),
+        ('armature="1"', "armature of tendon 'high'"),
+        ('stiffness="1 2"', "a polynomial spring of tendon 'high'"),
+        ('damping="1 2"', "polynomial damping of tendon 'high'"),
+    ],
+)
+def test_pymunk_names_what_it_does_not_cover(high, words, tmp_path):
+    with pytest.raises(Unsupported, match=words):
+        PYMUNK.simulate(chain(tmp_path, (high, "")), Run("dynamics", np.linspace(0, 1, 3), ()))
+
+
+def test_pymunk_names_a_spring_that_leaves_the_plane(tmp_path):
+    file = chain(tmp_path, SPRINGS)
+    file.write_text(file.read_text().replace('pos="0.5 0.9 0"', 'pos="0.5 0.9 0.1"'))
+    with pytest.raises(Unsupported, match="tendon 'high', whose sites differ in height"):
+        PYMUNK.simulate(file, Run("dynamics", np.linspace(0, 1, 3), ()))
+
+
+def test_a_picture_and_an_animation_have_the_springs_ends(tmp_path):
+    """At all poses of both: as far apart as the sensor says, and on the bodies that carry them."""
+    file = chain(tmp_path, SPRINGS)
+    run = Run("dynamics", np.linspace(0, 1, 26), MOVING)
+    drawn = picture(file, run, 26)
+    assert [coil.name for coil in drawn.coils] == ["high", "low"]  # the ruler is not drawn
+    lengths = np.linalg.norm(np.diff(drawn.coils[0].ends, axis=1)[:, 0], axis=1)
+    truth = reference(file, run)["length"]
+    assert np.abs(lengths - truth).max() < 1e-6
+    moved = motion(file, run, {}, 26)
+    for coil, still in zip(moved.coils, moved.picture.coils, strict=True):
+        for k, (body, at) in enumerate(zip(coil.body, coil.at, strict=True)):
+            places = moved.places[:, body] if body >= 0 else np.zeros((26, 3))
+            turn = np.exp(1j * places[:, 2]) * complex(*at)
+            ends = places[:, :2] + np.column_stack([turn.real, turn.imag])
+            assert np.abs(ends - still.ends[:, k]).max() < 1e-12
+    data = motion_data(moved)["coils"]
+    assert [(one["name"], one["body"]) for one in data] == [("high", [-1, 1]), ("low", [1, 0])]
