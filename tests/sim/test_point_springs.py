@@ -274,3 +274,24 @@ def test_a_picture_and_an_animation_have_the_springs_ends(tmp_path):
             assert np.abs(ends - still.ends[:, k]).max() < 1e-12
     data = motion_data(moved)["coils"]
     assert [(one["name"], one["body"]) for one in data] == [("high", [-1, 1]), ("low", [1, 0])]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_ideal_spring_balances_a_weight_in_a_sweep(engine, tmp_path):
+    """k a b = m g c: without a free length the spring holds the weight at every angle."""
+    stiffness = 2 * 9.81 * 0.5 / (0.4 * 0.25)
+    for wrong, share in ((1.0, 0.0), (1.01, 0.01)):
+        file = tmp_path / "balanced.xml"
+        file.write_text(f"""<mujoco><compiler angle="radian"/>
+          <option gravity="0 -9.81 0"><flag contact="disable"/></option><worldbody>
+          <site name="one" pos="0 0.4 0"/><body><joint name="arm"/>
+          <inertial pos="0.5 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>
+          <site name="two" pos="0.25 0 0"/></body></worldbody>
+          <tendon><spatial name="spring" stiffness="{wrong * stiffness!r}" springlength="0">
+          <site site="one"/><site site="two"/></spatial></tendon>
+          <actuator><motor name="m" joint="arm"/></actuator>
+          <sensor><actuatorfrc name="moment" actuator="m"/></sensor></mujoco>""")
+        drive = Drive("arm", lambda t: (t, 1 + 0 * t, 0 * t))
+        run = Run("sweep", np.linspace(0, 6, 25), ("moment",), (drive,))
+        found = ENGINES[engine].simulate(file, run).channels["moment"]
+        assert np.abs(found + share * 9.81 * np.cos(run.x)).max() < 1e-12
