@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from math import ceil
 from pathlib import Path
 
 import mujoco
@@ -449,10 +450,13 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
     if not linkage.leaves_freedoms():
         yield from swept(model, data, run)
         return
-    late, (count, model.opt.timestep) = time.monotonic() + SECONDS, run.steps(model.opt.timestep)
-    times = run.x[0] + model.opt.timestep * np.arange((run.x.size - 1) * count + 1)
+    late, (begin, end) = time.monotonic() + SECONDS, run.x[[0, -1]]
+    steps = max(1, ceil((end - begin) / model.opt.timestep))
+    times = np.linspace(begin, end, steps + 1)
+    model.opt.timestep = (end - begin) / steps
+    shown = np.rint((run.x - begin) / model.opt.timestep).astype(int)  # samples may be uneven
     for k, torque in enumerate((*start(linkage, run, times)[0], None)):
-        if k % count == 0:
+        for _ in np.flatnonzero(shown == k):
             mujoco.mj_kinematics(model, data)
             yield False
         if torque is not None:

@@ -10,6 +10,7 @@ import pytest
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.motion import Measured, motion
+from proofmass.sim.mujoco.engine import ENGINE
 from proofmass.solve import plan
 from tests.shipped import shipped
 
@@ -87,3 +88,17 @@ def test_an_engine_that_snaps_later_is_drawn_on_its_own_side(snap: Path) -> None
     assert half[17, 1] == pytest.approx(joints(found, found.places)[17, LINKS // 2, 1], abs=1e-9)
     lengths = np.linalg.norm(np.diff(there[16], axis=0), axis=1)
     assert lengths[1:] == pytest.approx(1.0 / LINKS, rel=1e-6)  # by the Jacobian: up to twice that
+
+
+def test_a_free_motion_beside_a_drive_is_drawn_to_its_end() -> None:
+    """At uneven samples too: half a step of 1 ms at 6 rad/s is 3e-3 rad."""
+    case = load_case(shipped("driven_cart.toml"))
+    run = plan(case, "dynamics", "mujoco")
+    shown = motion(case.model_path, run, {}, 121)
+    spacing = np.diff(shown.index)
+    assert spacing.min() < spacing.max()
+    assert (shown.picture.stopped, shown.index[-1]) == ("", run.x.size - 1)
+    upper = ENGINE.simulate(case.model_path, run).channels["upper"][shown.index]
+    turned = shown.places[:, -2, 2] - shown.places[0, -2, 2]
+    assert np.ptp(upper) > 0.1
+    np.testing.assert_allclose(turned, upper - upper[0], atol=5e-3)
