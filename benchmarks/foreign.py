@@ -99,6 +99,8 @@ def look(file: Path) -> Told:
     except (Crashed, TimedOut, OutOfMemory) as error:
         seconds = number(time.perf_counter() - began, 2)
         return Told((type(error).__name__, *6 * ("",), seconds), str(error))
+    except Exception as error:  # a fault of ours, which must not cost the other models
+        return Told((f"fault: {type(error).__name__}", *7 * ("",)), str(error))
 
 
 def told_here(file: Path) -> Told:

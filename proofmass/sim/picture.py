@@ -450,11 +450,10 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
     if not linkage.leaves_freedoms():
         yield from swept(model, data, run)
         return
-    late, (begin, end) = time.monotonic() + SECONDS, run.x[[0, -1]]
-    steps = max(1, ceil((end - begin) / model.opt.timestep))
-    times = np.linspace(begin, end, steps + 1)
-    model.opt.timestep = (end - begin) / steps
-    shown = np.rint((run.x - begin) / model.opt.timestep).astype(int)  # samples may be uneven
+    late, begin = time.monotonic() + SECONDS, float(run.x[0])
+    model.opt.timestep = step = common_step(run.x, model.opt.timestep)
+    shown = np.rint((run.x - begin) / step).astype(int)
+    times = begin + step * np.arange(shown[-1] + 1)
     for k, torque in enumerate((*start(linkage, run, times)[0], None)):
         for _ in np.flatnonzero(shown == k):
             mujoco.mj_kinematics(model, data)
@@ -464,6 +463,19 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
             mujoco.mj_step(model, data)
         if time.monotonic() >= late or not np.isfinite(data.qpos).all():
             raise Unsupported("the motion was not followed to its end")
+
+
+def common_step(x: Array, longest: float) -> float:
+    """The longest step of which whole numbers lead to some of the samples of an even grid.
+
+    >>> common_step(np.array([0.0, 0.2, 0.5, 0.7]), 0.06)
+    0.05
+    """
+    spacing = np.diff(x)
+    uneven = float(np.ptp(spacing))
+    least = float(spacing.min())
+    base = least if uneven < 1e-9 * least else min(least, uneven)
+    return base / ceil(base / longest - 1e-9)
 
 
 def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:

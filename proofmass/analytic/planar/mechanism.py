@@ -391,6 +391,10 @@ class Reader:
         hinge = self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
         if not len(self.axes):
             raise NotCovered("a mechanism without joints has no plane of motion")
+        along = np.linalg.norm(np.cross(self.axes[0], self.axes), axis=1).max() <= PARALLEL
+        pinned = mujoco.mjtEq.mjEQ_CONNECT in self.model.eq_type[self.model.eq_active0 > 0]
+        if not hinge.any() and along and pinned:
+            raise NotCovered("a pin between slides along one line holds nothing across it")
         normal = (
             np.asarray(self.axes[hinge][0])
             if hinge.any()

@@ -278,3 +278,11 @@ def test_tendon_equalities_of_springs_are_named():
     )
     with pytest.raises(NotCovered, match="equality 'same' is neither connect nor joint"):
         read(model, "")
+
+
+@pytest.mark.parametrize("name", ["springs_series", "springs_parallel"])
+def test_a_pin_between_slides_along_one_line_is_refused(name):
+    """It would hold across the line as well, where guides do already."""
+    model = mujoco.MjModel.from_xml_path(str(shipped(f"{name}.xml")))
+    with pytest.raises(NotCovered, match="slides along one line"):
+        solve([0.0, 1.0], model=model)
