@@ -468,8 +468,8 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
 def common_step(x: Array, longest: float) -> float:
     """The longest step of which whole numbers lead to some of the samples of an even grid.
 
-    >>> common_step(np.array([0.0, 0.2, 0.5, 0.7]), 0.06)
-    0.05
+    >>> common_step(np.array([0.0, 2.0, 5.0, 7.0]), 0.6)
+    0.5
     """
     spacing = np.diff(x)
     uneven = float(np.ptp(spacing))
