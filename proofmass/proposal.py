@@ -37,7 +37,7 @@ from proofmass.sim.contents import joint_of, joints, keys, loose_bodies, sensors
 from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import BadModel, NotSolved, Unsupported
 from proofmass.strict import Kind
-from proofmass.worker import isolated
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
 LOOKING = 240.0
 """Wall time to compile a model, and to follow its joints or to solve its motion closely [s]."""
@@ -314,6 +314,8 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         look = isolated(look_at, model, timeout=LOOKING)
     except BadModel as error:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
+    except (TimedOut, OutOfMemory, Crashed) as error:
+        raise InputError(model, "", f"its motion could not be looked at: {error}") from None
     if look.driven and not look.reaches:
         raise InputError(model, "", "no joint with a name can be driven from the start pose")
     if look.freedoms == 0:

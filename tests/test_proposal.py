@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from proofmass import proposal
 from proofmass.check import check
 from proofmass.cli import app
 from proofmass.errors import InputError
@@ -130,12 +131,24 @@ def test_a_model_with_contacts_is_held_against_its_own_equations(tmp_path):
     assert max(c.error_max for c in found.comparisons) > 0  # a step of 2 ms is not exact
 
 
+def test_a_model_without_names_has_nothing_to_measure(tmp_path):
+    model = tmp_path / "top.xml"
+    model.write_text(TOP.replace(' name="top"', ""))
+    with pytest.raises(InputError, match="no joint, site or loose body of it has a name"):
+        write_proposal("spun", model)
+    assert [file.name for file in tmp_path.iterdir()] == ["top.xml"]
+
+
+def test_a_model_that_takes_too_long_to_look_at_is_said(tmp_path, monkeypatch):
+    model = tmp_path / "box.xml"
+    model.write_text(BOX)
+    monkeypatch.setattr(proposal, "LOOKING", 0.05)
+    with pytest.raises(InputError, match=r"could not be looked at: no answer in 0\.05 s"):
+        write_proposal("fallen", model)
+    assert [file.name for file in tmp_path.iterdir()] == ["box.xml"]
+
+
 WRONG = {
-    "no names": (
-        r"name='[^']*'|name=.(crank|coupler|rocker|point|fixed|coupler_end)\b.",
-        "",
-        "name",
-    ),
     "no model": ("<mujoco", "<mujoca", "mujoca|Unrecognized|XML"),
     "nothing moves": (
         "</equality>",
