@@ -226,3 +226,25 @@ def test_a_model_that_is_lost_says_so(tmp_path):
     (found,) = check([file]).comparisons
     assert found.outcome == Outcome.DIVERGED
     assert "MuJoCo warning" in found.message
+
+
+def stopped_early() -> OwnRun:
+    """The way that chooses its steps, which has come to the third sample only."""
+    way = run(0.0 * TIMES, "DOP853 at 1e-9", 0.0)
+    return replace(way, points=way.points[:3], stopped="out of time", late=True)
+
+
+def test_steps_that_fall_faster_than_their_order_tell_nothing():
+    """As with a trampoline of MuJoCo: order 2.9, and 3 mm off where 0.2 mm would be left."""
+    early = stopped_early()
+    fast, slow = (Rung(motion(order, close=early, rough=early)) for order in (2.9, 1.0))
+    assert fast.until <= 0.02  # where DOP853 ended
+    assert slow.until == 1.0
+
+
+def test_a_motion_that_steps_alone_tell_is_known_to_the_last_difference():
+    """Whatever order they show: it may not last."""
+    early = stopped_early()
+    rung = Rung(motion(2.0, close=early, rough=early))
+    assert rung.order == pytest.approx(2.0, abs=0.01)
+    assert rung.known == pytest.approx(float(rung.differences[-1][-1]))
