@@ -50,9 +50,9 @@ FALLS = 1.6
 JUMPS = 2.0
 """Contacts scatter differences by less; by more, finer steps lead to another motion."""
 FASTEST = 2.1
-"""Order beyond which errors of MuJoCo's steps, of first order or from rest of second, do not fall:
-the coarse steps still lead to another motion.  RK4's do fall so, where nothing touches; the other
-two tell of it."""
+"""Largest order that counts as convergence.  MuJoCo's steps are of first order, or of second from
+rest; errors that fall faster show that the coarser steps led to another motion.  RK4 is of fourth
+order where nothing touches; there `close` and `disturbed` decide."""
 ROUNDING = 1e-9
 """Share of the size below which a difference need not fall any more."""
 CHAOTIC = 1e3

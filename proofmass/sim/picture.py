@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
-from math import ceil
 from pathlib import Path
 
 import mujoco
@@ -24,7 +23,7 @@ from proofmass.sim.mujoco.equilibrium import Resting, Unstable, linkage_of
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported, whole_steps
 from proofmass.sim.rods import chain, joints_of
 
 
@@ -452,10 +451,10 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
         return
     late, begin = time.monotonic() + SECONDS, float(run.x[0])
     model.opt.timestep = step = common_step(run.x, model.opt.timestep)
-    shown = np.rint((run.x - begin) / step).astype(int)
-    times = begin + step * np.arange(shown[-1] + 1)
+    shown = np.bincount(np.rint((run.x - begin) / step).astype(int))  # samples at each step
+    times = begin + step * np.arange(len(shown), dtype=float)
     for k, torque in enumerate((*start(linkage, run, times)[0], None)):
-        for _ in np.flatnonzero(shown == k):
+        for _ in range(shown[k]):
             mujoco.mj_kinematics(model, data)
             yield False
         if torque is not None:
@@ -475,7 +474,7 @@ def common_step(x: Array, longest: float) -> float:
     uneven = float(np.ptp(spacing))
     least = float(spacing.min())
     base = least if uneven < 1e-9 * least else min(least, uneven)
-    return base / ceil(base / longest - 1e-9)
+    return base / whole_steps(base, longest)
 
 
 def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:

@@ -12,6 +12,7 @@ An engine knows no reference and no tolerance.  It imports nothing of the core; 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count, takewhile
+from math import ceil
 from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
@@ -320,8 +321,17 @@ class Run:
                 f"{width:g} s from sample to sample are {steps:.3g} time steps of "
                 f"{timestep:g} s; give a longer step or a shorter run"
             )
-        count = max(1, int(np.ceil(steps - 1e-9)))
+        count = whole_steps(width, float(timestep))
         return count, width / count
+
+
+def whole_steps(width: float, longest: float) -> int:
+    """The least number of equal steps over a width that are no longer than the longest.
+
+    >>> whole_steps(1.0, 0.3), whole_steps(1.0, 0.1), whole_steps(1.0, 2.0)
+    (4, 10, 1)
+    """
+    return max(1, ceil(width / longest - 1e-9))
 
 
 def drive_columns(joint: str) -> tuple[str, str, str]:

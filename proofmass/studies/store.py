@@ -37,6 +37,8 @@ from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 
 MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
+Place = tuple[int, int, str]
+"""What tells tasks apart in a process: case, change of its model, run and setting."""
 BATCH = 32  # settings whose models one call of a worker compiles
 LATE = Outcome.TIMED_OUT
 ABANDONED = 3600.0  # [s] after which a file that is not whole is one that nobody writes any more
@@ -55,7 +57,7 @@ class Store:
     def __init__(self, folder: Path | str):
         self.folder = Path(folder).absolute()
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.keys: dict[tuple[int, int, str], tuple[Case, str]] = {}
+        self.keys: dict[Place, tuple[Case, str]] = {}
         self.known: dict[tuple[str, int], Measurement] = {}  # read or written by this process
         for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
             if time.time() - half.stat().st_mtime > ABANDONED:
@@ -68,10 +70,10 @@ class Store:
     def find_keys(self, tasks: Sequence[StudyRun]) -> list[str]:
         """The keys of tasks, each found once for a setting of a run; of many tasks side by side."""
         places = [place_of(task) for task in tasks]
-        unknown: dict[tuple[int, int, str], dict[str, StudyRun]] = {}
+        unknown: dict[tuple[int, str], dict[Place, StudyRun]] = {}
         for place, task in zip(places, tasks, strict=True):
             if not task.key and place not in self.keys:
-                unknown.setdefault((*place[:2], task.run), {})[place[2]] = task
+                unknown.setdefault((id(task.case), task.run), {})[place] = task
         batches = [
             list(one.items())[k : k + BATCH]
             for one in unknown.values()
@@ -80,8 +82,8 @@ class Store:
         with ThreadPoolExecutor(os.cpu_count()) as threads:
             every = list(threads.map(lambda batch: keys_of([one for _, one in batch]), batches))
         for batch, keys in zip(batches, every, strict=True):
-            for (_, task), key in zip(batch, keys, strict=True):
-                self.keys[place_of(task)] = task.case, key  # no other case has its number then
+            for (place, task), key in zip(batch, keys, strict=True):
+                self.keys[place] = task.case, key  # with the case, so that no other has its number
         return [task.key or self.keys[place][1] for place, task in zip(places, tasks, strict=True)]
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
@@ -261,8 +263,8 @@ def compiled_with(
     return found
 
 
-def place_of(task: StudyRun) -> tuple[int, int, str]:
-    """What tells tasks apart in this process: case, change of its model, run and setting."""
+def place_of(task: StudyRun) -> Place:
+    """The place of a task among those of this process."""
     changed = task.case.model_path.stat().st_mtime_ns
     return id(task.case), changed, f"{task.run} {task.setting}"
 

@@ -127,9 +127,9 @@ def solve(
     controls : mapping of str to array_like (n,)
         Of motors of joints that are not driven, along the path [1]; left out: those of the key.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
-        Times [s] of the samples, and of each drive its law, which gives values, rates and
-        accelerations at times; of use where the drives leave
-        degrees of freedom, whose motion depends on the whole way and not on the samples alone.
+        Times [s] of the samples, and of each drive its law: values, rates and accelerations as
+        functions of time.  Asked where the drives leave degrees of freedom, whose motion depends on
+        the whole way and not on the samples alone.
 
     Returns
     -------

@@ -655,13 +655,25 @@ def is_fixed(model: Any, t: int) -> bool:
     return bool(model.wrap_type[model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT)
 
 
+def beside_springs(model: Any, t: int) -> dict[str, Any]:
+    """What tendon number t may have beside springs and dampers, and whether it does."""
+    return {
+        "has a range": model.tendon_limited[t]
+        and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT),
+        "has frictionloss": model.tendon_frictionloss[t]
+        and not disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT),
+        "has armature": model.tendon_armature[t],
+        "has a spring that yields": model.tendon_springyield[t].any(),
+    }
+
+
 def refuse_tendons(model: Any) -> None:
     """Raise NotCovered, by name, for tendons that are not covered.
 
     Covered are linear springs and dampers between two sites, and fixed tendons without any.
     """
     for t in range(model.ntendon):
-        first, rubs = int(model.tendon_adr[t]), OFF.mjDSBL_FRICTIONLOSS
+        first = int(model.tendon_adr[t])
         kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
         sites = kinds.size == 2 and (kinds == mujoco.mjtWrap.mjWRAP_SITE).all()
         fixed = is_fixed(model, t)
@@ -669,12 +681,7 @@ def refuse_tendons(model: Any) -> None:
             "does not go straight from a site to a site": not (sites or fixed),
             "is fixed and has a spring or damper": fixed
             and (model.tendon_stiffness[t] or model.tendon_damping[t]),
-            "has a range": model.tendon_limited[t]
-            and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT),
-            "has frictionloss": model.tendon_frictionloss[t]
-            and not disabled(model, rubs, OFF.mjDSBL_CONSTRAINT),
-            "has armature": model.tendon_armature[t],
-            "has a spring that yields": model.tendon_springyield[t].any(),
+            **beside_springs(model, t),
             "has a polynomial spring or damper": model.tendon_stiffnesspoly[t].any()
             or model.tendon_dampingpoly[t].any(),
         }.items():

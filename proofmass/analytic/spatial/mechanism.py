@@ -14,7 +14,13 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array, Index, NotCovered
-from proofmass.analytic.planar.mechanism import disabled, joined, refuse_contacts, rotation
+from proofmass.analytic.planar.mechanism import (
+    beside_springs,
+    disabled,
+    joined,
+    refuse_contacts,
+    rotation,
+)
 
 OFF, EQ, TRN = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
 KINDS = {
@@ -527,17 +533,12 @@ def refuse_joints(model: Any) -> None:
 def refuse_tendons(model: Any) -> None:
     """Raise NotCovered for what tendons have that is not covered."""
     straight = [int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)]
-    rubs = not disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
-    bounds = not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
     for t in range(model.ntendon):
         first = int(model.tendon_adr[t])
         kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
         for what, there in {
             "wraps around a geom or a pulley": not np.isin(kinds, straight).all(),
-            "has a range": bounds and model.tendon_limited[t],
-            "has frictionloss": rubs and model.tendon_frictionloss[t],
-            "has armature": model.tendon_armature[t],
-            "has a spring that yields": model.tendon_springyield[t].any(),
+            **beside_springs(model, t),
             "has a range of actuator forces": model.tendon_actfrclimited[t],
         }.items():
             if there:

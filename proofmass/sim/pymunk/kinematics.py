@@ -78,6 +78,15 @@ def spring_length(spring: LinkSpring, pose: Array) -> Array:
     return np.asarray(np.sqrt((apart(spring, pose) ** 2).sum(-1)))
 
 
+def spring_line(spring: LinkSpring, pose: Array) -> tuple[Array, Array]:
+    """The unit vector (..., 2) from end to end of a spring between points, and its length [m].
+
+    Of no length the vector is 0.
+    """
+    length = spring_length(spring, pose)
+    return apart(spring, pose) / np.where(length > 0, length, 1.0)[..., None], length
+
+
 def damping(links: Links) -> tuple[Array, Callable[[Array], Array]]:
     """Coefficients (dampers,) of joints, then of springs between points, and what they damp.
 
@@ -294,8 +303,8 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
         found[..., gear.a, 2] -= moment
         found[..., gear.b, 2] += gear.ratio * moment
     for spring in links.springs:
-        way, length = apart(spring, pose), spring_length(spring, pose)[..., None]
-        force = spring.push(length) * way / np.where(length > 0, length, 1.0)
+        way, length = spring_line(spring, pose)
+        force = spring.push(length)[..., None] * way
         for link, on, sign in ((spring.a, spring.on_a, 1.0), (spring.b, spring.on_b, -1.0)):
             arm = turned(pose[..., link, 2], on) @ QUARTER
             found[..., link, :2] += sign * force

@@ -618,29 +618,25 @@ class Writer:
         )
         return summed([(1.0, text)], joint.value)
 
+    def _springs(self) -> Iterator[tuple[str, float, tuple[float, ...], float, float]]:
+        """Value, rest, stiffness, damping and load of each joint, and each spring of points."""
+        for joint in self.links.joints:
+            yield self._value(joint), joint.rest, joint.stiffness, joint.damping, joint.load
+        for spring in self.links.springs:
+            beyond = self._beyond(self._length(spring), spring)
+            yield beyond, 0.0, (spring.stiffness, 0.0, 0.0), spring.damping, 0.0
+
     def efforts(self) -> dict[str, Any]:
         """What the efforts of drives follow from: their coordinates, springs, loads."""
         springs = [
             {
-                "value": wrapped(f"lambda pose: {self._value(joint)}", 9, 9),
-                "numbers": ", ".join(map(digits, (joint.rest, *joint.stiffness))),
-                "damping": digits(joint.damping),
-                "load": digits(joint.load),
+                "value": wrapped(f"lambda pose: {value}", 9, 9),
+                "numbers": ", ".join(map(digits, (rest, *stiffness))),
+                "damping": digits(damping),
+                "load": digits(load),
             }
-            for joint in self.links.joints
-            if any(joint.stiffness) or joint.damping or joint.load
-        ]
-        springs += [
-            {
-                "value": wrapped(
-                    f"lambda pose: {self._beyond(self._length(spring), spring)}", 9, 9
-                ),
-                "numbers": f"0.0, {digits(spring.stiffness)}, 0.0, 0.0",
-                "damping": digits(spring.damping),
-                "load": "0.0",
-            }
-            for spring in self.links.springs
-            if spring.stiffness or spring.damping
+            for value, rest, stiffness, damping, load in self._springs()
+            if any(stiffness) or damping or load
         ]
         pulls = [
             f"{self.names[pull.link]}, {tupled(pull.at)}, {tupled(pull.force)}, "
@@ -663,16 +659,9 @@ class Writer:
         up = float(plane.normal @ model.opt.gravity)
         heavy = bool(self.links.gravity.any())
         springs = [
-            f"{wrapped(less(self._value(joint), joint.rest), 29, 8)}, "
-            f"{', '.join(map(digits, joint.stiffness))}"
-            for joint in self.links.joints
-            if any(joint.stiffness)
-        ]
-        springs += [
-            f"{wrapped(self._beyond(self._length(spring), spring), 29, 8)}, "
-            f"{digits(spring.stiffness)}, 0.0, 0.0"
-            for spring in self.links.springs
-            if spring.stiffness
+            f"{wrapped(less(value, rest), 29, 8)}, {', '.join(map(digits, stiffness))}"
+            for value, rest, stiffness, _, _ in self._springs()
+            if any(stiffness)
         ]
         return {
             "words": " and ".join(["gravity"] * heavy + ["springs"] * bool(springs)) or "nothing",

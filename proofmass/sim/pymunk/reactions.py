@@ -19,12 +19,12 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import anchor_bodies, connects
 from proofmass.sim.pymunk.kinematics import (
     along,
-    apart,
     bound,
     damping,
     force_of,
     potential,
     spring_length,
+    spring_line,
     turned,
     values,
 )
@@ -153,10 +153,9 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
         if two in carried:
             add(loop.b, loop.on_b, -pull)
     for spring in links.springs:
-        way, length = apart(spring, motion.pose), spring_length(spring, motion.pose)
+        way, length = spring_line(spring, motion.pose)
         rate = along(partial(spring_length, spring), motion.pose, motion.velocity)
         pull = (spring.push(length) - spring.damping * rate)[:, None] * way
-        pull = pull / np.where(length > 0, length, 1.0)[:, None]
         if spring.bodies[0] in carried:
             add(spring.a, spring.on_a, pull)
         if spring.bodies[1] in carried:

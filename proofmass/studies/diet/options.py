@@ -19,6 +19,7 @@ from typing import SupportsInt
 import mujoco
 import numpy as np
 
+from proofmass.sim.protocol import whole_steps
 from proofmass.studies.diet.edits import (
     Cut,
     Draft,
@@ -319,7 +320,7 @@ def steps(draft: Draft, scene: DietScene) -> list[Feature]:
     widths = [float(np.ptp(run.x)) / (run.x.size - 1) for run in runs if run.kind in STEPPED]
     values = [times * now for times in LONGER]
     if widths:  # a sweep that settles at each pose has no time between its samples
-        count = max(1, ceil(min(widths) / now - 1e-9))
+        count = whole_steps(min(widths), now)
         values = [min(widths) / fewer for times in LONGER if (fewer := ceil(count / times)) < count]
     # of what is off by rounding no digit is written
     values = list(dict.fromkeys(float(f"{step:.12g}") for step in values))

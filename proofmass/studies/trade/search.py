@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import ceil, inf, isfinite
+from math import inf, isfinite
 
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.reference import grid
-from proofmass.sim.protocol import Curves, Recipe, leading
+from proofmass.sim.protocol import Curves, Recipe, leading, whole_steps
 from proofmass.solve import prescribed_run
 from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import StudyRun, cached_reference
@@ -129,7 +129,7 @@ def whole_step(sample: float, wanted: float) -> float:
     >>> whole_step(1.0, 0.3), whole_step(1.0, 0.2)
     (0.25, 0.2)
     """
-    return sample / ceil(sample / wanted - 1e-9)
+    return sample / whole_steps(sample, wanted)
 
 
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
