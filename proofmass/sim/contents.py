@@ -47,6 +47,17 @@ OF_JOINTS = {
 }
 OF_TENDONS = {S.mjSENS_TENDONPOS: "m", S.mjSENS_TENDONVEL: "m/s"}
 FORCES = (S.mjSENS_JOINTACTFRC, S.mjSENS_JOINTLIMITFRC)
+PLACES = (
+    S.mjSENS_FRAMEPOS,
+    S.mjSENS_FRAMEQUAT,
+    S.mjSENS_FRAMEXAXIS,
+    S.mjSENS_FRAMEYAXIS,
+    S.mjSENS_FRAMEZAXIS,
+    S.mjSENS_BALLQUAT,
+    S.mjSENS_JOINTPOS,
+    S.mjSENS_TENDONPOS,
+    S.mjSENS_SUBTREECOM,
+)
 SCALARS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
 
@@ -64,6 +75,12 @@ def keys(model: mujoco.MjModel) -> list[str]:
 def sensors(model: mujoco.MjModel) -> list[str]:
     """The names of the sensors."""
     return [model.sensor(s).name for s in range(model.nsensor)]
+
+
+def place_sensors(model: mujoco.MjModel) -> list[str]:
+    """The names of the sensors that tell where something is, or how it is turned."""
+    every = (model.sensor(s).name for s in range(model.nsensor))
+    return [name for name, kind in zip(every, model.sensor_type, strict=True) if S(kind) in PLACES]
 
 
 def loose_bodies(model: mujoco.MjModel) -> list[str]:
