@@ -309,8 +309,8 @@ def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[A
     `pose` has ``site_xpos``, ``xpos`` and ``xmat`` of one pose, or of many along the first axis.
     """
     if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
-        one, two = (pose["site_xpos"][..., s, :] for s in (model.eq_obj1id[i], model.eq_obj2id[i]))
-        return one, two
+        places = pose["site_xpos"]
+        return places[..., model.eq_obj1id[i], :], places[..., model.eq_obj2id[i], :]
     one, two = (
         pose["xpos"][..., b, :]
         + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(pose["xpos"][..., b, :].shape)
