@@ -25,6 +25,7 @@ from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
 from proofmass.sim.pymunk.settings import PymunkSettings
 
 SPACE = ("timestep", "iterations", "error_bias")
+CONTACTS = ("collision_slop", "collision_bias")
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
@@ -88,12 +89,15 @@ def simulate(model: Path, run: Run) -> Curves:
 def snippet(parameters: ParameterValues, steps: int) -> str:
     """What to paste so that pymunk runs with settings, all of which must be known."""
     own = list(python(parameters, steps)) if set(parameters) >= set(SPACE) else []
-    return "\n".join([*own, *(f"# {line}" for line in left_to_sidecar(parameters, SPACE))])
+    return "\n".join(
+        [*own, *(f"# {line}" for line in left_to_sidecar(parameters, (*SPACE, *CONTACTS)))]
+    )
 
 
 def python(parameters: ParameterValues, steps: int) -> Iterator[str]:
     """Lines that step a space; the first step has no impulses to start from, so it takes more."""
     iterations = int(str(parameters["iterations"]))
+    yield from (f"space.{key} = {parameters[key]!r}" for key in CONTACTS if key in parameters)
     yield from (
         "for constraint in space.constraints:",
         f"    constraint.error_bias = {parameters['error_bias']!r}",
@@ -111,7 +115,7 @@ class Pymunk(Engine):
     title = "pymunk"
     packages = ("pymunk",)
     settings = PymunkSettings
-    chooses = SPACE
+    chooses = (*SPACE, *CONTACTS)
     planar = True
     imposed = IMPOSED
     schemes = stability.SCHEMES
