@@ -1,5 +1,8 @@
 """Contacts in pymunk: which geoms touch, friction and impacts as MuJoCo states them, refusals."""
 
+import subprocess
+import sys
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,10 +10,12 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic.contacts import bouncing_ball, rolling_ball, sliding_block
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import Run, Unsupported
+from proofmass.sim.protocol import Drive, Run, Unsupported
 from proofmass.sim.pymunk.contacts import find_pairs, restitution
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.model import read_links
+from proofmass.sim.pymunk.program import write_program
+from tests.shipped import shipped
 
 FREE = (
     '<joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>'
@@ -346,9 +351,25 @@ def test_forces_beside_contacts_are_not_told(tmp_path):
     file.write_text(
         file.read_text().replace("<sensor>", '<sensor><jointactuatorfrc name="f" joint="arm"/>')
     )
-    from proofmass.sim.protocol import Drive
-
     drive = Drive("arm", lambda t: (t, 1 + 0 * t, 0 * t))
     curves = simulate(file, Run("dynamics", np.linspace(0, 0.1, 3), ("f", "x"), (drive,)))
     assert "contacts" in curves.missing["f"]
     assert "x" in curves.channels
+
+
+@pytest.mark.parametrize("name", ["block_slides", "ball_rolls", "balls_in_row"])
+def test_a_program_of_its_own_has_the_same_contacts(name, tmp_path):
+    file = shipped(f"{name}.xml")
+    channels = {"balls_in_row": ("x1.x", "x5.x")}.get(name, ("position", "velocity"))
+    settings = {"iterations": 100, "error_bias": 0.0, "timestep": 1e-3}
+    run = Run("dynamics", np.linspace(0.0, 0.1, 11), channels, settings=settings)
+    wanted = simulate(file, run).channels
+    (tmp_path / "run.py").write_text(write_program(file, run, "", ""))
+    done = subprocess.run(
+        [sys.executable, "-I", "run.py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    head, *rows = (tmp_path / "curves.csv").read_text().splitlines()
+    found = dict(zip(head.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))
+    for channel in channels:
+        assert np.abs(found[channel] - wanted[channel]).max() < 1e-12, channel
