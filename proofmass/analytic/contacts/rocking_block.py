@@ -53,7 +53,7 @@ def solve(
     Returns
     -------
     dict of (...) arrays: angle [rad], rate [rad/s], acceleration [rad/s^2] between impacts;
-    centre_x, centre_y [m] of the block, which rests with its centre at x = 0; impacts [1] until
+    centre_x, centre_height [m] of the block, which rests with its centre at x = 0; impacts [1] until
     then.
 
     Raises
@@ -105,7 +105,7 @@ def solve(
         "rate": rate,
         "acceleration": acceleration,
         "centre_x": -np.sign(angle) * way,
-        "centre_y": half_width * np.sin(lean) + half_height * np.cos(lean),
+        "centre_height": half_width * np.sin(lean) + half_height * np.cos(lean),
         "impacts": np.minimum(of, len(ends)).astype(float),
     }
 

@@ -70,7 +70,7 @@ def test_energy_between_impacts_and_the_share_that_they_leave(name):
     at = rocking_block.solve(times, **case)
     inertia = (case["width"] ** 2 + case["height"] ** 2) / 3.0
     rest = 0.5 * case["height"]
-    energy = 0.5 * inertia * at["rate"] ** 2 + GRAVITY * (at["centre_y"] - rest)
+    energy = 0.5 * inertia * at["rate"] ** 2 + GRAVITY * (at["centre_height"] - rest)
     kept = rocking_block.ratio(width=case["width"], height=case["height"]) ** 2
     left, moves = energy[0] * kept ** at["impacts"], at["rate"] != 0.0
     moves[0] = True
@@ -79,7 +79,7 @@ def test_energy_between_impacts_and_the_share_that_they_leave(name):
     # the centre goes round the corner on which the block stands
     corner = -np.sign(at["angle"]) * 0.5 * case["width"]
     half = 0.5 * np.hypot(case["width"], case["height"])
-    away = np.hypot(at["centre_x"] - corner, at["centre_y"])
+    away = np.hypot(at["centre_x"] - corner, at["centre_height"])
     np.testing.assert_allclose(away[at["angle"] != 0], half, rtol=1e-14)
 
 
@@ -96,7 +96,7 @@ def test_it_rests_in_the_end():
     late = rocking_block.solve([50.0, 60.0], width=0.1, height=0.4, tilt=0.1)
     for name in ("angle", "rate", "centre_x"):
         assert not late[name].any()
-    assert late["centre_y"].tolist() == [0.2, 0.2]
+    assert late["centre_height"].tolist() == [0.2, 0.2]
     assert late["impacts"][0] > 50
 
 
