@@ -53,8 +53,8 @@ def solve(
     Returns
     -------
     dict of (...) arrays: angle [rad], rate [rad/s], acceleration [rad/s^2] between impacts;
-    centre_x, centre_height [m] of the block, which rests with its centre at x = 0; impacts [1] until
-    then.
+    centre_x, centre_height [m] of the block, which rests with its centre at x = 0; impacts [1]
+    until then.
 
     Raises
     ------
