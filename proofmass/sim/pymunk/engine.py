@@ -48,7 +48,8 @@ def simulate(model: Path, run: Run) -> Curves:
     own step from standstill gives no velocity.  How far to go along that velocity is chosen by a
     stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
 
-    Springs and dampers may act between two sites.
+    Springs and dampers may act between two sites.  In dynamics geoms touch where MuJoCo lets them,
+    with its friction; see `proofmass.sim.pymunk.contacts`.
 
     Second order in time, but for damping: Chipmunk's dampers are first order.
 
@@ -60,8 +61,8 @@ def simulate(model: Path, run: Run) -> Curves:
         What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
         whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
         100 in dynamics and 500 in a sweep, and more where it needs them; ``error_bias``, the
-        share of a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and
-        0.9**60.
+        share of a gap left after a second, 0; ``collision_slop`` [m] and ``collision_bias`` of
+        contacts, 1e-6 and 0.9**60; ``defaults = True`` for Chipmunk's own.
 
     Returns
     -------
