@@ -248,7 +248,7 @@ def springs() -> list[float]:
         return np.concatenate([y[5:], np.append(0.0, press) - np.append(press, 0.0)])
 
     start = [*([0.0] * 5), 1.0, *([0.0] * 4)]
-    done = solve_ivp(rates, (0.0, 60.0), start, "DOP853", rtol=1e-10, atol=1e-12, max_step=0.02)
+    done = solve_ivp(rates, (0.0, 60.0), start, "DOP853", rtol=1e-9, atol=1e-9, max_step=0.05)
     return [float(v) for v in done.y[5:, -1]]
 
 

@@ -41,7 +41,7 @@ def solve(
     Parameters
     ----------
     time : [s], (...), not negative
-    balls : how many, 2 or more
+    balls : how many [1], 2 or more
     radius : of all of them [m]
     gap : between neighbours at time 0 [m]; 0 for elastic balls only
     speed : of the first ball at time 0 [m/s], positive
