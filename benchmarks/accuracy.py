@@ -22,6 +22,7 @@ from benchmarks import ROOT, accuracy_sheet, command, folders
 from benchmarks.accuracy_far import far
 from benchmarks.accuracy_series import causes, orders
 from proofmass.case import Case
+from proofmass.outcome import Outcome
 from proofmass.reference import grid
 from proofmass.report.figures import save
 from proofmass.report.style import RC
@@ -127,7 +128,6 @@ def refined_rows(
     """Settings of each case, with those that `choose` searches."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
     store, jobs = Store(folder / "runs"), os.cpu_count() or 1
-    took = {c.name: sum(row.seconds for row in found[c.name] if row.seconds > 0) for c in cases}
 
     def one(what: tuple[Case, str]) -> list[StudyRow]:
         case, engine = what
@@ -139,10 +139,25 @@ def refined_rows(
 
     # more searches than processors, the longest first, so that no processor waits for one of them
     with pool() as workers, ThreadPoolExecutor(2 * jobs) as searches:
-        asked = sorted(product(cases, ENGINES), key=lambda each: -took[each[0].name])
+        asked = sorted(
+            product(cases, ENGINES),
+            key=lambda each: -expected(found[each[0].name], each[1], min(errors)),
+        )
         for (case, _), rows in zip(asked, searches.map(one, asked), strict=True):
             found[case.name] += rows
     return found
+
+
+def expected(rows: Sequence[StudyRow], engine: str, wanted: float) -> float:
+    """Wall time [s] of a run that is so close, if errors fall with the square of its step."""
+    return min(
+        (
+            row.seconds * max(row.reached("position") / wanted, 1.0) ** 0.5
+            for row in rows
+            if row.engine == engine and row.outcome == Outcome.RAN
+        ),
+        default=0.0,
+    )
 
 
 def picks(
@@ -180,8 +195,17 @@ def picks(
         except Cannot as why:
             return Pick(case.name, engine, wanted, None, str(why))
 
+    # the longest first; told in the order of the cases
+    order = sorted(asked, key=lambda each: -expected(rows[each[0].name], each[1], each[2] / MARGIN))
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        return list(threads.map(one, asked))
+        found = dict(zip(map(named_by, order), threads.map(one, order), strict=True))
+    return [found[named_by(each)] for each in asked]
+
+
+def named_by(asked: tuple[Case, str, float]) -> tuple[str, str, float]:
+    """What tells a pick from others."""
+    case, engine, wanted = asked
+    return case.name, engine, wanted
 
 
 def head(study: Trade) -> str:

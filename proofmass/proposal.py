@@ -14,6 +14,7 @@ its engine's tolerance gets a finer step.
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import product
 from math import ceil, floor, inf, isfinite, isnan, log10, pi
 from pathlib import Path
 
@@ -33,7 +34,7 @@ from proofmass.files import read_text, write_whole
 from proofmass.ladder import PROCESSOR, Rung, why_lost
 from proofmass.outcome import Outcome
 from proofmass.reference import smooth_terms
-from proofmass.sim.contents import joint_of, joints, keys, loose_bodies, sensors
+from proofmass.sim.contents import joint_of, joints, keys, loose_bodies, place_sensors, sensors
 from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import BadModel, NotSolved, Unsupported
 from proofmass.strict import Kind
@@ -45,6 +46,9 @@ TURN = 2 * pi
 SHARE = 0.9  # of the way that a joint can be driven, so that no limit position is met
 LEAST = 0.01  # of a turn, or of the mechanism's size: a drive that goes no further shows nothing
 LET_GO = 1.0  # s, of a free motion
+ROUNDED = 1e-12
+"""Share of a curve's range that its proposed tolerance allows at least: another machine's rounding,
+which steps add up."""
 SLACK = 3.0  # times the error that was measured: another machine's rounding, a motion a bit longer
 MEANT = {
     "planar": "reads the numbers of the model: a wrong one is wrong in both",
@@ -118,6 +122,8 @@ class Look:
         Of all joints that can be driven, the best first.
     sensors : tuple of str
         Names of those it has.
+    placed : bool
+        Whether one with a name tells where something is, or how it is turned.
     joints, sites, bodies : tuple of str
         Names of what could be measured: hinges and slides, sites, bodies on balls and free joints.
     timestep : float
@@ -134,6 +140,7 @@ class Look:
     freedoms: int
     reaches: tuple[Reach, ...]
     sensors: tuple[str, ...]
+    placed: bool
     joints: tuple[str, ...]
     sites: tuple[str, ...]
     bodies: tuple[str, ...]
@@ -197,6 +204,7 @@ def look_of(model: MjModel, start: str, freedoms: int, reaches: tuple[Reach, ...
         freedoms,
         reaches,
         tuple(filter(None, sensors(model))),
+        any(place_sensors(model)),
         tuple(name for name, unit in joints(model).items() if name and unit),
         tuple(filter(None, (model.site(s).name for s in range(model.nsite)))),
         tuple(filter(None, loose_bodies(model))),
@@ -285,7 +293,9 @@ class Proposal:
 
 
 def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
-    """Write a sidecar for a model, beside it; and a copy of the model if that has no sensor.
+    """Write a sidecar for a model, beside it; and a copy of the model with more sensors.
+
+    The copy is written if no sensor of the model tells of a place, as those of forces and rates.
 
     Parameters
     ----------
@@ -321,10 +331,15 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
     if look.freedoms == 0:
         raise InputError(model, "", "it has no degree of freedom: nothing moves")
     written = [sidecar]
-    if not look.sensors:
+    more = [] if look.placed else more_sensors(look)
+    if not more and not look.sensors:
+        raise InputError(
+            model, "", "no joint, site or loose body of it has a name, so none can be measured"
+        )
+    if more:
         if own.exists():
             raise InputError(own, "", "it is there already; give another name")
-        write_whole(own, with_sensors(model, look))
+        write_whole(own, with_sensors(model, more))
         model, written = own, [sidecar, own]
     there = list(default_engines())
     kinds: list[Kind] = ["sweep", "dynamics"] if look.driven else ["dynamics"]
@@ -353,35 +368,29 @@ def found_in(look: Look) -> str:
     return f"It has one degree of freedom; joint {best.joint!r} drives it and {turns}."
 
 
-def with_sensors(model: Path, look: Look) -> str:
-    """The model's text with sensors of all joints, sites and loose bodies that have a name."""
-    wanted = [
-        *(
-            SENSORS[kind].format(name=name)
-            for name in look.joints
-            for kind in ("jointpos", "jointvel")
+def more_sensors(look: Look) -> list[str]:
+    """Sensors of all joints, sites and loose bodies that have a name.
+
+    Names that sensors of the model have already are left to these.
+    """
+    asked = [
+        *product(look.joints, ("jointpos", "jointvel")),
+        *product(
+            (name for name in look.sites if name not in look.joints), ("framepos", "framelinvel")
         ),
-        *(
-            SENSORS[kind].format(name=name)
-            for name in look.sites
-            for kind in ("framepos", "framelinvel")
-            if name not in look.joints
-        ),
-        *(
-            SENSORS[kind].format(name=name)
-            for name in look.bodies
-            for kind in ("body", "quat", "linear", "angular")
-        ),
+        *product(look.bodies, ("body", "quat", "linear", "angular")),
     ]
-    if not wanted:
-        raise InputError(
-            model, "", "no joint, site or loose body of it has a name, so none can be measured"
-        )
+    every = [SENSORS[kind].format(name=name) for name, kind in asked]
+    return [one for one in every if one.split('"')[1] not in look.sensors]
+
+
+def with_sensors(model: Path, more: list[str]) -> str:
+    """The model's text with more sensors."""
     text = read_text(model)
     head, end, tail = text.rpartition("</mujoco>")
     if not end:
         raise InputError(model, "", "no </mujoco> to write sensors before")
-    inside = "\n".join(f"    {one}" for one in wanted)
+    inside = "\n".join(f"    {one}" for one in more)
     return f"{head}\n  <sensor>\n{inside}\n  </sensor>\n{end}{tail}"
 
 
@@ -442,18 +451,25 @@ def worst(found: list[Comparison]) -> str:
 def measured_tolerance(solver: str, found: list[Comparison]) -> Iterator[str]:
     """A tolerance for each unit of a free motion, from what a run was off by."""
     errors: dict[str, float] = {}
+    least: dict[str, float] = {}
     for c in found:
         if isfinite(c.error_max):
+            scale = c.error_rms / c.nrmse if c.nrmse > 0 else 0.0
             errors[c.unit] = max(c.error_max, errors.get(c.unit, 0.0))
+            least[c.unit] = max(ROUNDED * scale, least.get(c.unit, 0.0))
     for unit, error in errors.items():
         yield ""
         yield "[[tolerance]]"
         yield 'run = "dynamics"'
         yield f'solver = "{solver}"'
         yield f'unit = "{unit}"'
-        yield f"abs = {rounded_up(SLACK * error)!r}"
+        yield f"abs = {rounded_up(max(SLACK * error, least[unit]))!r}"
         measured = f"{error:.2g} {spoken_unit(unit)}".rstrip()
-        yield f'why = "proposed: {SLACK:g} times what was measured, {measured}"'
+        rounding = f"; at least {ROUNDED:g} of the range, for rounding"
+        yield (
+            f'why = "proposed: {SLACK:g} times what was measured, {measured}'
+            f'{rounding if least[unit] > SLACK * error else ""}"'
+        )
 
 
 def spoken_unit(unit: str) -> str:

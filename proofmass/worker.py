@@ -22,7 +22,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from queue import Empty, SimpleQueue
+from queue import Empty, LifoQueue
 from typing import IO, Any, cast
 
 try:
@@ -136,7 +136,8 @@ class Worker:
         self.errors.close()
 
 
-idle: SimpleQueue[Worker] = SimpleQueue()
+idle: LifoQueue[Worker] = LifoQueue()
+"""The last one comes first: it has the reference of the case that a study is at."""
 busy: set[Worker] = set()
 stopped = threading.Event()
 

@@ -111,6 +111,28 @@ def test_a_model_in_space_is_let_go(tmp_path):
     assert Outcome.DIFFERS in {c.outcome for c in worse}
 
 
+def test_a_model_whose_sensors_tell_no_place_gets_some_that_do(tmp_path):
+    """Beside its own, whose names stay with them; what can be chosen by is a place."""
+    model = tmp_path / "top.xml"
+    own = '<sensor><frameangvel name="top_rate" objtype="body" objname="top"/></sensor></mujoco>'
+    model.write_text(TOP.replace("</mujoco>", own))
+    (sidecar, copy), _ = write_proposal("spun", model)
+    assert copy.read_text().count('"top_rate"') == 1
+    assert {"top_place.x", "top_turn.w", "top_rate.z"} <= load_case(sidecar).channels.keys()
+
+
+def test_a_proposed_tolerance_leaves_room_for_rounding(tmp_path):
+    """A body that flies freely is off by rounding, which is another on another machine."""
+    model = tmp_path / "top.xml"
+    model.write_text(TOP)
+    (sidecar, _), _ = write_proposal("spun", model)
+    case = load_case(sidecar)
+    rate = next(one for one in case.tolerance if one.unit == ("rad/s",) or one.unit == "rad/s")
+    found = check([sidecar], detectable=False, causes=False).comparisons
+    swing = max(c.error_rms / c.nrmse for c in found if c.unit == "rad/s" and c.nrmse > 0)
+    assert rate.abs >= 1e-12 * swing
+
+
 BOX = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
 <body name="box" pos="0 0 .3" euler="20 10 0"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
 </worldbody></mujoco>"""

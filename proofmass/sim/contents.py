@@ -47,6 +47,17 @@ OF_JOINTS = {
 }
 OF_TENDONS = {S.mjSENS_TENDONPOS: "m", S.mjSENS_TENDONVEL: "m/s"}
 FORCES = (S.mjSENS_JOINTACTFRC, S.mjSENS_JOINTLIMITFRC)
+PLACES = (
+    S.mjSENS_FRAMEPOS,
+    S.mjSENS_FRAMEQUAT,
+    S.mjSENS_FRAMEXAXIS,
+    S.mjSENS_FRAMEYAXIS,
+    S.mjSENS_FRAMEZAXIS,
+    S.mjSENS_BALLQUAT,
+    S.mjSENS_JOINTPOS,
+    S.mjSENS_TENDONPOS,
+    S.mjSENS_SUBTREECOM,
+)
 SCALARS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
 
@@ -64,6 +75,12 @@ def keys(model: mujoco.MjModel) -> list[str]:
 def sensors(model: mujoco.MjModel) -> list[str]:
     """The names of the sensors."""
     return [model.sensor(s).name for s in range(model.nsensor)]
+
+
+def place_sensors(model: mujoco.MjModel) -> list[str]:
+    """The names of the sensors that tell where something is, or how it is turned."""
+    every = (model.sensor(s).name for s in range(model.nsensor))
+    return [name for name, kind in zip(every, model.sensor_type, strict=True) if S(kind) in PLACES]
 
 
 def loose_bodies(model: mujoco.MjModel) -> list[str]:
@@ -292,8 +309,8 @@ def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[A
     `pose` has ``site_xpos``, ``xpos`` and ``xmat`` of one pose, or of many along the first axis.
     """
     if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
-        one, two = (pose["site_xpos"][..., s, :] for s in (model.eq_obj1id[i], model.eq_obj2id[i]))
-        return one, two
+        places = pose["site_xpos"]
+        return places[..., model.eq_obj1id[i], :], places[..., model.eq_obj2id[i], :]
     one, two = (
         pose["xpos"][..., b, :]
         + (pose["xmat"][..., b, :].reshape(-1, 3, 3) @ p).reshape(pose["xpos"][..., b, :].shape)

@@ -7,6 +7,7 @@ compiled model and moved by this package's own kinematics, so it holds the *engi
 the drawing: a wrong length in the MJCF is wrong in both.
 """
 
+import pickle
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -183,7 +184,7 @@ def solve(
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
         d = Drives.of(mechanism, joints)
         if joints and in_time is not None:
-            q, v, a = free_motion(mechanism, in_time[0], prescribed(d, in_time[1]))
+            q, v, a = _beside(mechanism, joints, *in_time)
         else:
             q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
     for k, joint in enumerate(mechanism.joints):
@@ -282,6 +283,26 @@ def _knots(
 def _free(mechanism: Mechanism, times: tuple[float, ...]) -> tuple[Array, Array, Array]:
     """A free motion, which every solver of a case is held to."""
     return free_motion(mechanism, np.array(times))
+
+
+def _beside(
+    mechanism: Mechanism, joints: tuple[str, ...], times: Array, laws: Sequence[Law]
+) -> tuple[Array, Array, Array]:
+    """A motion beside driven joints: the same for all solvers, whatever their drives did."""
+    try:
+        packed = pickle.dumps((times, laws))
+    except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
+        return free_motion(mechanism, times, prescribed(Drives.of(mechanism, joints), laws))
+    return _beside_once(mechanism, joints, packed)
+
+
+@lru_cache(maxsize=8)
+def _beside_once(
+    mechanism: Mechanism, joints: tuple[str, ...], packed: bytes
+) -> tuple[Array, Array, Array]:
+    """`_beside`, of times and laws as bytes."""
+    times, laws = pickle.loads(packed)
+    return free_motion(mechanism, times, prescribed(Drives.of(mechanism, joints), laws))
 
 
 _read = lru_cache(maxsize=32)(read)

@@ -287,6 +287,9 @@ class Resting(Linkage):
                     raise self.ending(error) from None
         return tangent
 
+    def together(self, values: Array, tangent: Array | None) -> None:
+        """None: a rest is followed one pose after the other, since it may end."""
+
     def ending(self, error: BadModel) -> BadModel:
         """Why the path of rests ends at the present pose."""
         here = self.data.qpos[self.adr]

@@ -4,10 +4,17 @@ The loops are closed by Newton's method on the engine's own constraint rows, wit
 held; rates follow from the null space, accelerations from the rows' time derivative:
 
     J(q) v = 0,   v_drive = rate            J a = -J' v,   a_drive = acceleration
+
+A path of many poses is followed in strides, as one pose after the other would be.  The poses
+between the ends of strides are guessed from these, by polynomials of third degree, and closed
+together.
 """
+
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
+from scipy.linalg.lapack import dgesdd
 
 from proofmass.analytic.numerics import STANDS, Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
@@ -15,7 +22,6 @@ from proofmass.sim.mujoco.model import loop_gap
 from proofmass.sim.protocol import BadModel, Unsupported
 
 EQ = mujoco.mjtEq
-EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 LIMITS = {
     "joint": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT),
     "tendon": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON),
@@ -28,6 +34,12 @@ UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is si
 UNDRIVEN = np.zeros(0)  # values of no drives
 NUDGE = 1e-3  # [rad, or extents] a pose that is singular is not so when it is moved by that
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
+BLOCK = 1000  # poses that are closed together
+AHEAD = 1e-2  # [extents or rad] a guess between strides that is further off is none
+SHORTENS = 0.1  # of a Newton step: the next one is shorter, or the guess is none
+REGULAR = 1e3  # [extents or rad per extent] poses that move so for a gap are followed one by one
+THERE = 1e-12  # [extents or rad] the last Newton step of poses together, whose rows are kept
+TURNS = 5  # Newton steps of poses together
 
 
 class Linkage:
@@ -43,8 +55,8 @@ class Linkage:
         The same of the active equalities' rows, then of the drives.
     shares : ndarray (rows + drives, nv)
         Their quotients, that of the rows' Jacobian by one of lengths in extents.
-    lever : float
-        Largest move [extents or rad] for a gap of an extent, in the pose last closed.
+    inverse : ndarray (nv, rows + drives)
+        `invert` the Jacobian of the pose last closed.
     rub : ndarray (nv,)
         What dry friction asks of the joints, in the sense of their motion [N m or N].
     loaded : ndarray of int
@@ -81,6 +93,13 @@ class Linkage:
                 spans += self.span(i, kind)
         self.spans = np.array([*spans, *self.sizes[self.dofs]])
         self.shares = self.sizes / self.spans[:, None]
+        self.held = (self.units * self.shares[self.spans.size - self.dofs.size :]).copy()
+        self.equalities = [
+            (i, EQ(model.eq_type[i])) for i in np.flatnonzero(data.eq_active).tolist()
+        ]
+        self.bodies = {
+            i: anchor_bodies(model, i) for i, kind in self.equalities if kind == EQ.mjEQ_CONNECT
+        }
         self.rub = np.zeros(model.nv)
         self.loaded = np.flatnonzero(data.xfrc_applied.any(axis=1))
         self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
@@ -118,14 +137,15 @@ class Linkage:
     def rows(self) -> tuple[Array, Array]:
         """Residual and Jacobian of the active equalities at the present pose."""
         mujoco.mj_fwdPosition(self.model, self.data)
-        data, keep = self.data, self.data.efc_type == EQUALITY
+        data, count = self.data, self.data.ne  # the rows of equalities come first
         if not mujoco.mj_isSparse(self.model):
-            return data.efc_pos[keep], data.efc_J.reshape(data.nefc, self.model.nv)[keep]
-        rows = np.zeros((data.nefc, self.model.nv))
-        mujoco.mju_sparse2dense(
-            rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
-        )
-        return data.efc_pos[keep], rows[keep]
+            rows = data.efc_J.reshape(data.nefc, self.model.nv)
+        else:
+            rows = np.zeros((data.nefc, self.model.nv))
+            mujoco.mju_sparse2dense(
+                rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+            )
+        return data.efc_pos[:count].copy(), rows[:count].copy()
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.
@@ -141,13 +161,13 @@ class Linkage:
         tangent = tangent[:, : self.dofs.size]
         far = values - self.data.qpos[self.adr]
         strides = int(np.ceil((np.abs(far) / self.stride).max(initial=0.0)))
-        for part in np.arange(strides)[::-1]:
+        for part in range(strides)[::-1]:
             target, before = values - far * part / strides, self.data.qpos.copy()
             ahead = tangent @ (target - self.data.qpos[self.adr])
             mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
             try:
                 there = self.place(target)
-                sure = self.lever < UNSURE
+                sure = not part or self.lever() < UNSURE
             except (BadModel, Unsupported):
                 if not part:
                     raise
@@ -156,9 +176,102 @@ class Linkage:
                 self.data.qpos[:] = before
             else:
                 tangent = there
+        return self.loaded_tangent(tangent)
+
+    def path(self, values: Array) -> Iterator[Array]:
+        """The tangents at values (drives + loads, n), each with the model in its pose.
+
+        Raises
+        ------
+        BadModel, Unsupported
+            As `move` does, where the path ends.
+        """
+        tangent, drives = None, self.dofs.size
+        for first in range(0, values.shape[1], BLOCK):
+            block = values[:, first : first + BLOCK]
+            begin = self.data.qpos.copy(), self.data.ctrl.copy()
+            if (found := self.together(block, tangent)) is None:
+                self.data.qpos[:], self.data.ctrl[:] = begin
+                for one in block.T:
+                    tangent = self.move(one, tangent)
+                    yield tangent
+                continue
+            for pose, inverse, controls in zip(*found, block[drives:].T, strict=True):
+                self.data.qpos[:], self.data.ctrl[self.controls] = pose, controls
+                mujoco.mj_fwdPosition(self.model, self.data)
+                self.inverse = inverse
+                tangent = self.loaded_tangent(inverse[:, inverse.shape[1] - drives :])
+                yield tangent
+
+    def together(self, values: Array, tangent: Array | None) -> tuple[Array, Array] | None:
+        """Poses (n, nv) and `inverse` (n, nv, rows + drives) of a path that is regular.
+
+        None where poses are as far from each other as strides, where one of them is singular or
+        cannot be closed, or where Newton's method does not go from a guess straight to its pose.
+        """
+        drives = values[: self.dofs.size].T
+        far = np.abs(np.diff(drives, axis=0) / self.stride).max(axis=1, initial=0.0)
+        far = np.append(0.0, np.cumsum(far))
+        knots = [0]
+        while knots[-1] < far.size - 1:
+            ahead = int(np.searchsorted(far, far[knots[-1]] + 1.0, "right")) - 1
+            knots.append(max(ahead, knots[-1] + 1))
+        hinged = self.model.nq == self.model.nv  # joints whose places can be added to
+        if not hinged or not 2 <= len(knots) < far.size / 2:
+            return None
+        ends, ways = [], []
+        try:
+            for k in knots:
+                tangent = self.move(values[:, k], tangent)
+                ends.append(self.data.qpos.copy())
+                ways.append(tangent[:, : self.dofs.size])
+        except (BadModel, Unsupported):
+            return None
+        poses = between(drives, np.array(knots), np.array(ends), np.array(ways))
+        before = np.full(len(poses), AHEAD / SHORTENS)
+        for _ in range(TURNS):
+            poses[:, self.dofs] = drives
+            gaps, jacobians = self.rows_at(poses)
+            if (inverses := self.invert_regular(jacobians)) is None:
+                return None
+            moves = -(inverses[..., : gaps.shape[1]] @ gaps[..., None])[..., 0]
+            size = np.abs(moves / self.sizes).max(axis=1)
+            if ((size > NEAR) & ~(size < SHORTENS * before)).any():
+                return None
+            poses, before = poses + moves, size
+            if size.max() <= THERE:
+                poses[:, self.dofs] = drives
+                left = gaps + (jacobians @ moves[..., None])[..., 0]
+                open_by = np.abs(left / self.spans[: gaps.shape[1]]).max(initial=0.0)
+                return (poses, inverses) if open_by < CLOSED else None
+        return None
+
+    def rows_at(self, poses: Array) -> tuple[Array, Array]:
+        """`rows` at poses (n, nv)."""
+        found = []
+        for pose in poses:
+            self.data.qpos[:] = pose
+            found.append(self.rows())
+        residuals, jacobians = zip(*found, strict=True)
+        return np.array(residuals), np.array(jacobians)
+
+    def invert_regular(self, jacobians: Array) -> Array | None:
+        """`invert` of many poses (n, nv, rows + drives); None if one of them is near a singular."""
+        held = np.broadcast_to(self.held, (len(jacobians), *self.held.shape))
+        scaled = np.concatenate([jacobians * self.shares[: jacobians.shape[1]], held], axis=1)
+        if scaled.shape[1] < self.model.nv or not np.isfinite(scaled).all():
+            return None
+        left, values, right = np.linalg.svd(scaled, full_matrices=False)
+        if not (values[:, -1] > values[:, 0] / REGULAR).all():
+            return None
+        inverses = (right.transpose(0, 2, 1) / values[:, None]) @ left.transpose(0, 2, 1)
+        return np.asarray(inverses * self.shares.T)
+
+    def loaded_tangent(self, tangent: Array) -> Array:
+        """The tangent of the drives, and that of loads, which move nothing."""
         if not self.controls.size:
             return tangent
-        return np.pad(tangent, ((0, 0), (0, self.controls.size)))  # loads move nothing
+        return np.pad(tangent, ((0, 0), (0, self.controls.size)))
 
     def place(self, values: Array) -> Array:
         """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
@@ -173,6 +286,10 @@ class Linkage:
         jacobian, residual = self.closed(values)
         self.inverse = self.invert(jacobian)
         return self.inverse[:, residual.size :]
+
+    def lever(self) -> float:
+        """Largest move [extents or rad] for a gap of an extent, in the pose last closed."""
+        return float(np.abs(self.inverse / self.shares.T).max())
 
     def closed(self, values: Array) -> tuple[Array, Array]:
         """Jacobian and residual of the loops with the drives at `values` [rad or m].
@@ -259,7 +376,10 @@ class Linkage:
 
     def scaled(self, jacobian: Array) -> Array:
         """The loops' rows and, below them, the drives', with all lengths in extents."""
-        return np.concatenate([jacobian, self.units]) * self.shares
+        found = np.empty(self.shares.shape)
+        np.multiply(jacobian, self.shares[: len(jacobian)], out=found[: len(jacobian)])
+        found[len(jacobian) :] = self.held
+        return found
 
     def spoken(self, values: Array) -> str:
         """The driven joints with their values."""
@@ -271,7 +391,7 @@ class Linkage:
         Its last columns are the motions that the drives allow.  A planar loop in 3-D carries rows
         that are always zero, hence no plain inverse.
         """
-        left, values, right = np.linalg.svd(self.scaled(jacobian), full_matrices=False)
+        left, values, right, _ = dgesdd(self.scaled(jacobian), full_matrices=0)  # without checks
         rank = int((values > 1e-10 * values[0]).sum())
         if rank < self.model.nv:
             raise Unsupported(
@@ -279,39 +399,29 @@ class Linkage:
                 f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
                 f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose"
             )
-        inverse = (right.T / values) @ left.T
-        self.lever = float(np.abs(inverse).max())
-        return np.asarray(inverse * self.shares.T)
+        return np.asarray((right.T / values) @ left.T * self.shares.T)
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
         mujoco.mj_fwdVelocity(self.model, self.data)
-        drift = [
-            -part
-            for i in range(self.model.neq)
-            if self.data.eq_active[i]
-            for part in self.row_drift(i, velocity)
-        ]
-        return np.asarray(self.inverse @ [*drift, *values])
+        drift = [self.row_drift(i, kind, velocity) for i, kind in self.equalities]
+        return np.asarray(self.inverse @ np.concatenate([*drift, values]))
 
-    def row_drift(self, i: int, velocity: Array) -> Array:
-        """J' v of equality number i, in the engine's order of rows."""
-        if self.model.eq_type[i] == EQ.mjEQ_CONNECT:
-            p1, p2 = anchors(self.model, i, pose_of(self.data))
-            b1, b2 = anchor_bodies(self.model, i)
-            return (self.jacobian_rate(p1, b1) - self.jacobian_rate(p2, b2)) @ velocity
-        second = self.model.eq_obj2id[i]
+    def row_drift(self, i: int, kind: mujoco.mjtEq, velocity: Array) -> Array:
+        """-J' v of equality number i, in the engine's order of rows."""
+        model, data = self.model, self.data
+        if kind == EQ.mjEQ_CONNECT:
+            (one, two), (first, second) = np.zeros((2, 3, model.nv)), self.bodies[i]
+            here, there = anchors(model, i, pose_of(data))
+            mujoco.mj_jacDot(model, data, one, None, here, first)
+            mujoco.mj_jacDot(model, data, two, None, there, second)
+            return np.asarray((two - one) @ velocity)
+        second = model.eq_obj2id[i]
         if second < 0:
             return np.zeros(1)
-        dof, adr = self.model.jnt_dofadr[second], self.model.jnt_qposadr[second]
-        poly = np.polynomial.Polynomial(self.model.eq_data[i, :5]).deriv(2)
-        return np.array([-poly(self.data.qpos[adr] - self.model.qpos0[adr]) * velocity[dof] ** 2])
-
-    def jacobian_rate(self, point: Array, body: int) -> Array:
-        """Time derivative of a point's translational Jacobian (3, nv)."""
-        rate = np.zeros((3, self.model.nv))
-        mujoco.mj_jacDot(self.model, self.data, rate, None, point, body)
-        return rate
+        dof, adr = model.jnt_dofadr[second], model.jnt_qposadr[second]
+        poly = np.polynomial.Polynomial(model.eq_data[i, :5]).deriv(2)
+        return np.array([poly(data.qpos[adr] - model.qpos0[adr]) * velocity[dof] ** 2])
 
     def needed(self) -> Array:
         """What must act on the joints for the present rates and accelerations, loops open (nv,)."""
@@ -345,7 +455,41 @@ class Linkage:
         model, data, needed = self.model, self.data, self.needed()
         if sensors:
             data.efc_force[:] = 0.0
-            data.efc_force[data.efc_type == EQUALITY] = self.loop_forces(needed)
+            data.efc_force[: data.ne] = self.loop_forces(needed)
             mujoco.mj_rnePostConstraint(model, data)
             mujoco.mj_sensorAcc(model, data)
         return needed @ tangent
+
+
+def between(drives: Array, knots: Array, ends: Array, ways: Array) -> Array:
+    """Poses guessed from those at knots, with the values of the drives.
+
+    Parameters
+    ----------
+    drives : ndarray (n, drives)
+        Values of the drives [rad or m].
+    knots : ndarray (knots,) of int
+        Numbers of the poses that are known, the first and the last among them.
+    ends, ways : ndarray (knots, nv), (knots, nv, drives)
+        These poses, and how they move with the drives [rad or m, or 1].
+
+    Returns
+    -------
+    ndarray (n, nv)
+        On the line of the drives from a knot to the next Hermite's polynomials of third degree,
+        beside it the ways of both knots.
+    """
+    k = np.clip(np.searchsorted(knots, np.arange(len(drives)), "right") - 1, 0, knots.size - 2)
+    start, line = drives[knots[k]], drives[knots[k + 1]] - drives[knots[k]]
+    square = (line**2).sum(axis=1)
+    share = ((drives - start) * line).sum(axis=1) / np.where(square > 0, square, 1.0)
+    aside, u = drives - start - share[:, None] * line, share[:, None]
+    along = [(ways[j] @ line[..., None])[..., 0] for j in (k, k + 1)]
+    beside = [(ways[j] @ aside[..., None])[..., 0] for j in (k, k + 1)]
+    return np.asarray(
+        ends[k]
+        + u**2 * (3 - 2 * u) * (ends[k + 1] - ends[k])
+        + u * (1 - u) * ((1 - u) * along[0] - u * along[1])
+        + (1 - u) * beside[0]
+        + u * beside[1]
+    )

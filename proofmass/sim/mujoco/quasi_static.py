@@ -68,10 +68,10 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     moments, stopped, done = np.empty((run.x.size, drives)), "", run.x.size
     shown = interactions(record)
     began = time.perf_counter()
-    tangent, fastest = None, float(np.abs(state[1]).max())
+    fastest, path = float(np.abs(state[1]).max()), linkage.path(inputs[0])
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in inputs), strict=True)):
         try:
-            tangent = linkage.move(values, tangent)
+            tangent = next(path)
             linkage.check_limits()
             linkage.rubs(tangent @ rates, fastest)
             if not run.inertia:

@@ -31,7 +31,17 @@ from proofmass.sim.pymunk.kinematics import (
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.reactions import SampledMotion
 from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, moving, unwrapped
-from proofmass.sim.pymunk.space import FIELDS, Motor, Settings, add_drives, aim, build, put, taken
+from proofmass.sim.pymunk.space import (
+    FIELDS,
+    Motor,
+    Settings,
+    add_drives,
+    aim,
+    build,
+    empty_buffer,
+    put,
+    taken,
+)
 
 CLEAR = 1e-9
 """How far below one the share must be of what a constraint holds."""
@@ -184,7 +194,7 @@ def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
     space, drives, targets, back = prepared(links, run, per, settings)
     record = np.zeros(len(targets), bool)
     record[::per] = record[per - 1 :: per] = True
-    buffer = batch.Buffer()
+    buffer = empty_buffer()
     first = max(SURE, 10 * settings["iterations"])
     step_through(space, settings["timestep"], drives, targets, record, buffer, first)
     return at_samples(*taken(buffer, links), record, per, back)

@@ -5,6 +5,7 @@ error bias of 0 a step of Chipmunk makes up for all that lacks to the target, so
 drift, even where several of them pull at one link and only the last in order is met exactly.
 """
 
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -205,6 +206,18 @@ def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:
     buffer = batch.Buffer()  # all bodies at once, which takes half the time of their attributes
     buffer.set_float_buf(np.hstack([pose, velocity]))
     batch.set_space_bodies(space, FIELDS, buffer)
+
+
+kept = threading.local()
+
+
+def empty_buffer() -> batch.Buffer:
+    """The buffer of this thread, for the reads of a run: pymunk never frees the memory of one."""
+    if not hasattr(kept, "buffer"):
+        kept.buffer = batch.Buffer()
+    buffer: batch.Buffer = kept.buffer
+    buffer.clear()
+    return buffer
 
 
 def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:

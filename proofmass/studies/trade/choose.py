@@ -198,7 +198,7 @@ def would_need(
     )
     if limits is None:
         return f"{said}; proofmass choose measures finer steps"
-    if first.seconds > limits.longest:
+    if first.seconds > limits.likely:
         return f"{said}; --longest is {number(limits.longest)}"
     if limits.short:
         return (

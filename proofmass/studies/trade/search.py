@@ -240,7 +240,7 @@ def search(
     while tasks := [
         task
         for family in found
-        for task in following(case, family, found, of, needed, longest, slack)
+        for task in following(case, family, found, of, needed, limits.likely, slack)
     ]:
         limits.spent = time.monotonic() - began
         if limits.spent > limits.budget:

@@ -283,6 +283,11 @@ SAFE = 0.8  # of the error that is needed: orders change a little
 APART = 1.4  # times a step that the one before it must be, for an order to be told from both
 
 
+LIKELY = 0.9
+"""Share of the longest wall time that a run is expected to take at most: expectations are off by a
+tenth, and a run that is given up tells nothing."""
+
+
 @dataclass
 class Limits:
     """How much time a search may take, and how much it took.
@@ -307,6 +312,11 @@ class Limits:
     settings: int = 0
     known: int = 0
     short: bool = False
+
+    @property
+    def likely(self) -> float:
+        """What a run may be expected to take at most, for it to end within `longest` [s]."""
+        return LIKELY * self.longest
 
     @property
     def words(self) -> str:

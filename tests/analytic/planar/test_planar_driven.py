@@ -6,7 +6,9 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 from scipy.integrate import solve_ivp
 
+from proofmass.analytic import planar
 from proofmass.analytic.planar import SingularHere, solve
+from proofmass.drive import Swing
 from proofmass.reference import evaluate, grid
 from tests.shipped import loaded, shipped
 
@@ -73,6 +75,22 @@ def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
     for name, curve in wanted.items():
         # both integrators' walls, on a motion that parts by a factor of ten
         assert np.abs(found[name] - curve).max() < 1e-10 * max(1.0, np.ptp(curve)), name
+
+
+def test_a_motion_beside_a_drive_is_integrated_once(monkeypatch):
+    """It is that of the law, whatever a solver's drive did; another law has its own."""
+    calls, integrate = [], planar.free_motion
+    monkeypatch.setattr(planar, "free_motion", lambda *given: calls.append(1) or integrate(*given))
+    model = mujoco.MjModel.from_xml_path(str(shipped("driven_cart.xml")))
+    t, swing = np.linspace(0, 0.1, 3), Swing(0.0, 0.123, 1.0)
+    one = solve(*swing(t), model=model, joints=("cart",), in_time=(t, (swing,)))
+    late = solve(*swing(t + 1e-9), model=model, joints=("cart",), in_time=(t, (swing,)))
+    assert len(calls) == 1
+    assert all((one[name] == late[name]).all() for name in one)
+    wider = Swing(0.0, 0.124, 1.0)
+    other = solve(*wider(t), model=model, joints=("cart",), in_time=(t, (wider,)))
+    assert len(calls) == 2
+    assert np.abs(other["upper"] - one["upper"]).max() > 1e-5
 
 
 def test_a_pendulum_on_a_driven_cart_obeys_its_one_equation():

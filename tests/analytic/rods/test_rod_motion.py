@@ -163,6 +163,25 @@ def test_the_drive_does_the_work_of_the_energy():
     assert np.abs(at["deflection"]).max() > 0.03
 
 
+def test_drives_that_differ_by_rounding_have_one_motion(monkeypatch):
+    """And one that is faster by 1e-6 has its own: the slider is ahead by as much of its way."""
+    integrated, whole = [], rod_motion.moved
+    monkeypatch.setattr(rod_motion, "moved", lambda *given: integrated.append(1) or whole(*given))
+    angle = np.linspace(0.0, 1.0, 5)
+    noise = 1e-13 * np.cos(np.arange(5.0))
+    links = LINKS | {"coupler_mass": 0.123}
+    one = slider_crank_elastic.solve(angle, 6.0 + 0.0 * angle, 0.0 * angle, **links)
+    first = len(integrated)
+    two = slider_crank_elastic.solve(angle + noise, 6.0 + noise, 0.0 * angle, **links)
+    assert first
+    assert len(integrated) == first
+    assert np.abs(two["slider"] - one["slider"]).max() < 1e-9
+    three = slider_crank_elastic.solve(angle * (1 + 1e-6), 6.0 + 0.0 * angle, 0 * angle, **links)
+    assert len(integrated) > first
+    ahead = (three["slider"] - one["slider"])[-1] / (1e-6 * one["slider_velocity"][-1] / 6.0)
+    assert ahead == pytest.approx(1.0, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -1,0 +1,128 @@
+"""How long does `proofmass choose` take, the first time and the next?
+
+    python -m benchmarks.choose_waits [folder] [--only CASE ...] [--quick]
+
+Writes docs/choose_waits.md.  For each case that is stepped in time the command is given twice, with
+a store that is empty before the first time.  What it printed is kept in the folder
+(reports/choose_waits).  With --only the page of these cases is printed, and no document is written.
+"""
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+
+from benchmarks import ROOT, command, folders
+from proofmass.case import Case
+from proofmass.studies.command import named
+from proofmass.studies.measure import machine
+from proofmass.wording import number
+
+ERROR = 1e-4  # of the range of the positions
+FIRST, NEXT = 30.0, 3.0  # s, that a person waits for
+HEAD = """# How long choose takes
+
+`python -m benchmarks.choose_waits` made this on {machine}. For each of the {count} cases that are
+stepped in time, `proofmass choose CASE --error {error}` was given twice: *first* with an empty
+store, *next* when the store had its runs. Both are wall times of the whole command, with its start;
+no other work was done meanwhile. *Settings* is how many were measured the first time, in the
+engines that the case has. *Found* is the engine of the setting, or the first words of the refusal.
+
+| | least | median | largest | cases within {first} s | within {next} s |
+|---|---|---|---|---|---|
+{summary}
+
+| case | first [s] | next [s] | settings | found |
+|---|---|---|---|---|
+{rows}
+"""
+
+
+@dataclass(frozen=True)
+class Waited:
+    """Wall times of the two calls for a case [s], and what they printed."""
+
+    case: str
+    seconds: tuple[float, float]
+    settings: str
+    found: str
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Time the command for all cases, or for the pendulum."""
+    parser = command(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "choose_waits")
+    parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
+    given = parser.parse_args(argv)
+    models = ROOT / "models"
+    every = named([models / "linkages" / "pendulum.toml" if given.quick else models])
+    cases = [c for c in every if "dynamics" in c.run and (not given.only or c.name in given.only)]
+    with folders(given.quick, given.folder) as (folder, docs):
+        folder.mkdir(parents=True, exist_ok=True)
+        found = []
+        for case in cases:
+            found.append(waited(case, 0.1 if given.quick else ERROR, folder))
+            print(row(found[-1]), flush=True)
+        if given.only:
+            print(page(found))
+        else:
+            (docs / "choose_waits.md").write_text(page(found), encoding="utf-8")
+
+
+def waited(case: Case, error: float, folder: Path) -> Waited:
+    """Give the command twice."""
+    took, told = list[float](), list[str]()
+    with TemporaryDirectory() as store:
+        asked = ["choose", str(case.file), "--error", f"{error:g}", "--store", store]
+        for _ in range(2):
+            began = time.perf_counter()
+            ran = subprocess.run(
+                [sys.executable, "-m", "proofmass", *asked], capture_output=True, text=True
+            )
+            took.append(time.perf_counter() - began)
+            told.append(f"exit code {ran.returncode}\n{ran.stdout}\n{ran.stderr}")
+    (folder / f"{case.name}.txt").write_text("\n".join(told), encoding="utf-8")
+    measured = re.search(r"(\d+) settings\s+measured", told[0])
+    return Waited(case.name, (took[0], took[1]), measured[1] if measured else "", words(told[0]))
+
+
+def words(told: str) -> str:
+    """The engine of the setting that a call found, or why it found none."""
+    code, _, rest = told.partition("\n")
+    if code.endswith(" 0"):
+        return next(name for name in ("pymunk", "MuJoCo") if name in rest)
+    return next((line for line in reversed(rest.splitlines()) if line.strip()), code)[:80]
+
+
+def row(each: Waited) -> str:
+    """A line of the table."""
+    first, again = (number(seconds, 2) for seconds in each.seconds)
+    return f"| {each.case} | {first} | {again} | {each.settings} | {each.found} |"
+
+
+def page(found: Sequence[Waited]) -> str:
+    """The document."""
+    lines = []
+    for k, name in enumerate(("first", "next")):
+        took = [each.seconds[k] for each in found]
+        cells = [number(value, 2) + " s" for value in (min(took), median(took), max(took))]
+        within = [f"{sum(value <= most for value in took)}" for most in (FIRST, NEXT)]
+        lines.append(f"| {name} | {' | '.join([*cells, *within])} |")
+    return HEAD.format(
+        machine=machine(),
+        count=len(found),
+        error=number(ERROR),
+        first=number(FIRST),
+        next=number(NEXT),
+        summary="\n".join(lines),
+        rows="\n".join(map(row, sorted(found, key=lambda each: -each.seconds[0]))),
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""Poses of a sweep that are closed together are those that are followed one after the other."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from proofmass.sim.mujoco import linkage
+from proofmass.sim.mujoco.engine import simulate
+from proofmass.sim.mujoco.linkage import Linkage, between
+from proofmass.sim.protocol import Curves
+from proofmass.solve import plan
+from tests.shipped import loaded, shipped
+
+CASES = {  # whether all poses are closed together
+    "fourbar": True,
+    "fivebar_circle": True,
+    "threeprr_circle": True,
+    "hacksaw": True,
+    "peaucellier": True,
+    "universal_joint": True,
+    "gear_pair": False,  # its samples are as far from each other as strides
+    "change_point": False,  # it is singular half way
+}
+
+
+def swept(name: str) -> Curves:
+    case = loaded(shipped(f"{name}.toml"))
+    return simulate(case.model_path, plan(case, "sweep", "mujoco"))
+
+
+def far_apart(one: Curves, two: Curves) -> float:
+    """The largest difference of two runs, as a share of the range, or of a unit if that is less."""
+    return max(
+        float(np.abs(one.channels[name] - two.channels[name]).max())
+        / max(1.0, float(np.ptp(two.channels[name])))
+        for name in two.channels
+    )
+
+
+@pytest.fixture
+def blocks(monkeypatch) -> list[bool]:
+    """Of each block of a sweep, whether its poses were closed together."""
+    found, whole = list[bool](), Linkage.together
+
+    def noted(self, *given):
+        result = whole(self, *given)
+        found.append(result is not None)
+        return result
+
+    monkeypatch.setattr(Linkage, "together", noted)
+    return found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_poses_together_are_those_one_by_one(name, blocks, monkeypatch):
+    found = swept(name)
+    assert all(blocks) == CASES[name]
+    monkeypatch.setattr(Linkage, "together", lambda *given: None)
+    followed = swept(name)
+    assert found.stopped == followed.stopped
+    assert far_apart(found, followed) < 1e-11  # rounding, by the worst transmission on the way
+
+
+@pytest.mark.parametrize(
+    "spoil", [lambda poses: poses + 0.05, lambda poses: poses * np.nan], ids=["far", "no number"]
+)
+def test_a_guess_that_is_far_off_is_not_taken(
+    spoil: Callable[[np.ndarray], np.ndarray], blocks, monkeypatch
+):
+    wanted = swept("fourbar")
+    monkeypatch.setattr(linkage, "between", lambda *given: spoil(between(*given)))
+    found = swept("fourbar")
+    assert blocks == [True, False]
+    assert far_apart(found, wanted) < 1e-11
+
+
+def test_blocks_of_poses_go_on_where_the_last_one_ended(blocks, monkeypatch):
+    wanted = swept("fourbar")
+    monkeypatch.setattr(linkage, "BLOCK", 100)
+    found = swept("fourbar")
+    assert blocks == [True] * 5
+    assert far_apart(found, wanted) < 1e-11
+
+
+def test_a_sweep_to_a_limit_position_ends_where_it_does_one_by_one(blocks, monkeypatch):
+    """A drive that is asked to turn on, where the linkage can only swing."""
+    case = loaded(shipped("double_rocker.toml"))
+    run = plan(case, "sweep", "mujoco")
+    (drive,) = run.drives
+    begin = float(drive.law(run.x)[0][0])
+
+    def further(x: np.ndarray) -> tuple[np.ndarray, ...]:
+        value, rate, acceleration = drive.law(x)
+        return begin + 3.0 * (value - begin), 3.0 * rate, 3.0 * acceleration
+
+    run = replace(run, drives=(replace(drive, law=further),))
+    found = simulate(case.model_path, run)
+    assert found.stopped
+    assert blocks == [False]
+    monkeypatch.setattr(Linkage, "together", lambda *given: None)
+    followed = simulate(case.model_path, run)
+    assert (found.stopped, found.x.size) == (followed.stopped, followed.x.size)
+
+
+def test_guesses_are_exact_for_polynomials_of_third_degree():
+    """On the line of the drives; beside it for what is linear there."""
+    x = np.linspace(0.0, 1.0, 13)
+    drives = np.column_stack([x, 2.0 * x])
+    knots = np.array([0, 6, 12])
+
+    def pose(d: np.ndarray) -> np.ndarray:
+        return np.column_stack([d[:, 0] ** 3 - d[:, 1], d[:, 1] ** 2])
+
+    ways = np.array([[[3 * a**2, -1.0], [0.0, 2 * b]] for a, b in drives[knots]])
+    guess = between(drives, knots, pose(drives[knots]), ways)
+    assert np.abs(guess - pose(drives)).max() < 1e-15
+    aside = drives.copy()
+    aside[3] += [-0.002, 0.001]  # across the line
+    off = between(aside, knots, pose(drives[knots]), ways)[3] - pose(aside)[3]
+    assert np.abs(off).max() < 1e-3  # the ways of the knots for those of the place between
+    assert np.abs(pose(drives)[3] - pose(aside)[3]).max() > 1.3e-3
