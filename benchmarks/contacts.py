@@ -279,11 +279,12 @@ impacts, each of which is up to a step late.
 In MuJoCo a body that friction should hold slides. With the elliptic cone and an impedance d that
 is the same for every depth, n contacts creep with
 
-    v = (1 - d) / d  a / (b n impratio),      b = 2 / (d timeconst)  or  damping / d,
+    v = (1 - d) / d  m A a / (b n impratio),      b = 2 / (d timeconst)  or  damping / d,
 
 `proofmass.sim.mujoco.contacts.creep_rate`; a is the acceleration that the body would have without
-friction. The step, the weight and the coefficient of friction do not matter. A box on a slope of
-0.3 rad, friction 0.6:
+friction, m A MuJoCo's `body_invweight0` times the mass, 1 for a free body. The step, the weight
+and the coefficient of friction do not matter, as long as no contact holds all that its friction
+can. A box with two slides on a slope of 0.3 rad, friction 0.6:
 
 {creep}
 

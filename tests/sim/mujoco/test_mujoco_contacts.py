@@ -17,7 +17,10 @@ SETTINGS = {
 }
 
 
-def crept(step, geom="box", solref=(0.02, 1.0), impedance=0.9, impratio=1.0):
+SLIDES = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+
+
+def crept(step, geom="box", solref=(0.02, 1.0), impedance=0.9, impratio=1.0, joints=SLIDES):
     """Speed [m/s] at which a body of 2 kg slides down a slope in bare MuJoCo, after a second."""
     size = "0.1 0.1 0.02"
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{step}" cone="elliptic"
@@ -26,7 +29,7 @@ def crept(step, geom="box", solref=(0.02, 1.0), impedance=0.9, impratio=1.0):
       <default><geom friction="{FRICTION} 0 0" solref="{solref[0]} {solref[1]}"
       solimp="{impedance} {impedance}"/></default>
       <worldbody><geom type="plane" size="2 2 .1"/>
-      <body pos="0 0 0.02"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+      <body pos="0 0 0.02">{joints}
       <geom type="{geom}" size="{size}" mass="2"/></body></worldbody></mujoco>""")
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, round(1.0 / step))
@@ -38,6 +41,15 @@ def test_creep_is_the_closed_form_at_every_step(name):
     told = creep_rate(pull=9.81 * np.sin(ANGLE), contacts=4, **SETTINGS[name])
     for step in (2e-3, 1e-3):
         assert crept(step, **SETTINGS[name]) == pytest.approx(told, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("joints", "share"), [("<freejoint/>", 1.0), (f'{SLIDES}<joint axis="0 1 0"/>', 2.0 / 3.0)]
+)
+def test_a_body_that_may_turn(joints, share):
+    """Its contacts bear the weight unevenly and creep evenly, as MuJoCo's inverse mass has it."""
+    told = creep_rate(pull=9.81 * np.sin(ANGLE), contacts=4, inverse_mass=share)
+    assert crept(2e-3, joints=joints) == pytest.approx(told, rel=1e-4)
 
 
 def test_a_sphere_has_one_contact():
