@@ -61,6 +61,7 @@ def chain(name: str) -> dict[str, list[Place]]:
     return found
 
 
+RUBS = (".//default/geom", "friction", 0, 1.0)  # of all geoms
 LENGTHS = {
     "fourbar": FOUR_BAR
     | {"point_along": [at(SITE, "point")], "point_across": [at(SITE, "point", 1)]},
@@ -122,6 +123,20 @@ LENGTHS = {
     "threeprr_circle": PARALLEL_ROBOT,
     "threeprr_forces": PARALLEL_ROBOT | {"leg": [at(BODY, f"pin_{k}") for k in (1, 2, 3)]},
     "pendulum": {"length": [(".//inertial", "pos", 1, -1), (".//body", "pos", 1, 1)]},
+    "block_slides": {"friction": [RUBS]},
+    "block_sticks": {"speed": [(".//key", "qvel", 0, 1)], "friction": [RUBS]},
+    "block_stops": {"friction": [RUBS], "speed": [(".//key", "qvel", 0, 1)]},
+    "ball_rolls": {
+        "spin": [(".//key", "qvel", 2, 1)],
+        "speed": [(".//key", "qvel", 0, 1)],
+        "friction": [RUBS],
+    },
+    "ball_bounces": {"height": [(".//key", "qpos", 0, 1)]},
+    "block_rocks": {"tilt": [(".//key", "qpos", 2, 1)]},
+    "balls_in_row": {
+        "gap": [at(BODY, f"ball{k + 1}", 0, k) for k in range(1, 5)],
+        "speed": [(".//key", "qvel", 0, 1)],
+    },
     # the other balancers are of the same template, which `test_balancer_template` holds
     "balancer_sine_free_preload": chain("balancer_sine_free_preload"),
     "balancer4_sine": chain("balancer4_sine"),

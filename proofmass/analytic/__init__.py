@@ -28,6 +28,16 @@ REFERENCES = {
     "planar": "proofmass.analytic.planar",
     "spatial": "proofmass.analytic.spatial",
     "refined": "proofmass.analytic.refined",
+    **{
+        name: f"proofmass.analytic.contacts.{name}"
+        for name in (
+            "ball_row",
+            "bouncing_ball",
+            "rocking_block",
+            "rolling_ball",
+            "sliding_block",
+        )
+    },
     "balancer": "proofmass.analytic.balancer",
     "balancer_posture": "proofmass.analytic.balancer.posture",
     "spring_release": "proofmass.analytic.balancer.spring_release",

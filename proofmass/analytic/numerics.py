@@ -13,16 +13,20 @@ class NotCovered(ValueError):
     """A model holds what a reference that reads it does not cover; the message names it."""
 
 
-def positive(**lengths: float) -> None:
-    """ValueError that names the first length that is not positive and finite.
+def positive(unit: str = "m", /, **values: float) -> None:
+    """ValueError that names the first value that is not positive and finite, with its unit.
 
     >>> positive(crank=1.0, coupler=-2.0)
     Traceback (most recent call last):
     ValueError: coupler must be a positive finite length [m], got -2.0
+    >>> positive("m/s^2", gravity=0.0)
+    Traceback (most recent call last):
+    ValueError: gravity must be positive and finite [m/s^2], got 0.0
     """
-    for name, length in lengths.items():
-        if not 0.0 < length < np.inf:
-            raise ValueError(f"{name} must be a positive finite length [m], got {length}")
+    kind = "a positive finite length" if unit == "m" else "positive and finite"
+    for name, value in values.items():
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{name} must be {kind} [{unit}], got {value}")
 
 
 def not_negative(unit: str = "kg", /, **values: float) -> None:

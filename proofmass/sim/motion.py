@@ -294,7 +294,7 @@ class MovingScene(PictureScene):
 
         for j in range(model.njnt):
             name, body = model.joint(j).name, int(model.jnt_bodyid[j])
-            if name in self.hidden:
+            if name in self.hidden or self.is_free(j):
                 continue
             mark = marks[name]
             parent = int(model.body_parentid[body])

@@ -154,10 +154,11 @@ class PictureScene:
                 links[rod] = (self.placed(b, p, rows), *links[rod])
             else:
                 fixed.append(self.placed(b, p, rows))
+        fixed += self.floors([o for link in links.values() for o in link])
         marks = [
             self.joint(j, rows, run)
             for j in range(model.njnt)
-            if model.joint(j).name not in rod_of and model.jnt_type[j] != J.mjJNT_FREE
+            if model.joint(j).name not in rod_of and not self.is_free(j)
         ]
         marks += [self.pin(i, rows) for i in connects(model)]
         marks += [self.clamp(rod, rows) for rod in run.rods if self.walled(rod)]
@@ -180,6 +181,28 @@ class PictureScene:
                 for t, sites in springs_between_sites(model)
             ),
         )
+
+    def is_free(self, joint: int) -> bool:
+        """Whether a joint holds nothing in the drawing: one of a body that is free in the plane."""
+        model, body = self.model, int(self.model.jnt_bodyid[joint])
+        own = model.body_jntadr[body] + np.arange(model.body_jntnum[body])
+        kinds = sorted(model.jnt_type[own].tolist())
+        planar = kinds == [J.mjJNT_SLIDE, J.mjJNT_SLIDE, J.mjJNT_HINGE]
+        return bool(model.jnt_type[joint] == J.mjJNT_FREE or (planar and not self.along))
+
+    def floors(self, outlines: list[Array]) -> Iterator[Array]:
+        """Slabs (poses, 4, 2) of the planes that are seen on their edge, as wide as what moves."""
+        model, data = self.model, self.data
+        for g in np.flatnonzero(model.geom_type == G.mjGEOM_PLANE):
+            up = self.flat(data.geom_xmat[g].reshape(3, 3)[:, 2])
+            if not outlines or np.linalg.norm(up) < 1 - 1e-9:
+                continue
+            at, along = self.flat(data.geom_xpos[g]), np.array([up[1], -up[0]])
+            ways = np.concatenate([(o - at).reshape(-1, 2) @ along for o in outlines])
+            wide = 0.1 * np.ptp(ways)
+            ends = at + along * np.array([[ways.min() - wide], [ways.max() + wide]])
+            slab = np.vstack([ends, ends[::-1] - 0.05 * self.size * up])
+            yield np.broadcast_to(slab, (len(outlines[0]), 4, 2))
 
     def flat(self, vectors: Array) -> Array:
         """Components in the drawing: (..., 3) to (..., 2)."""

@@ -165,3 +165,19 @@ def test_compact_svg_keeps_its_lines() -> None:
     found = np.cumsum(np.vstack([np.array(start.split(), float), moves]), axis=0)
     # half of a tenth, the last digit kept
     assert np.abs(found - points).max() <= 0.05 + 1e-9
+
+
+def test_a_floor_is_drawn_under_what_moves_and_a_free_body_has_no_guides() -> None:
+    """As wide as the block's way; the slope's surface goes through its place."""
+    run = Run("dynamics", np.linspace(0, 0.5, 6), ())
+    shape = picture(shipped("block_slides.xml"), run, count=6)
+    (floor,) = shape.ground.outlines
+    assert shape.marks == ()
+    up = np.array([-np.sin(0.5), np.cos(0.5)])
+    heights = floor[0] @ up
+    assert np.sort(heights)[2:] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert np.sort(heights)[:2].max() < -1e-3
+    block = shape.links[0].outlines[0]
+    assert (block @ up).min() == pytest.approx(0.0, abs=1e-3)  # it touches, softly
+    along = np.array([np.cos(0.5), np.sin(0.5)])
+    assert (floor[0] @ along).min() < (block @ along).min() < (floor[0] @ along).max()

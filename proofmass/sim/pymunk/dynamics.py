@@ -13,6 +13,7 @@ from pymunk import batch
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Curves, Diverged, Run
+from proofmass.sim.pymunk.contacts import add_contacts
 from proofmass.sim.pymunk.kinematics import (
     alike,
     along,
@@ -205,6 +206,9 @@ def prepared(
     """The space one step before the start, its drives, their values after each step (steps,
     drives), and the velocity before the start."""
     space = build(links, settings["iterations"], settings["error_bias"])
+    offsets = np.append(np.zeros((len(links.mass), 2)), links.centre[-1:], axis=0)
+    bodies = [*space.bodies, space.static_body]
+    add_contacts(space, links.contacts, bodies, offsets, settings)
     pose, velocity, targets = start_state(links, run, per, settings["timestep"])
     put(space, pose, velocity)
     return space, add_drives(space, links), targets, velocity
@@ -337,7 +341,7 @@ def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array,
 def _lost(links: Links, pose: Array) -> tuple[Array, Array]:
     """Largest gap [m] of each pose, and where it or anything else says that the run was lost."""
     with np.errstate(all="ignore"):
-        gap = gaps(links, pose).max(axis=-1)
+        gap = gaps(links, pose).max(axis=-1, initial=0.0)
     return gap, ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= LOST * links.extent))
 
 

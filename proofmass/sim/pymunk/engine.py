@@ -25,6 +25,7 @@ from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
 from proofmass.sim.pymunk.settings import PymunkSettings
 
 SPACE = ("timestep", "iterations", "error_bias")
+CONTACTS = ("collision_slop", "collision_bias")
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
@@ -47,7 +48,8 @@ def simulate(model: Path, run: Run) -> Curves:
     own step from standstill gives no velocity.  How far to go along that velocity is chosen by a
     stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
 
-    Springs and dampers may act between two sites.
+    Springs and dampers may act between two sites.  In dynamics geoms touch where MuJoCo lets them,
+    with its friction; see `proofmass.sim.pymunk.contacts`.
 
     Second order in time, but for damping: Chipmunk's dampers are first order.
 
@@ -59,8 +61,8 @@ def simulate(model: Path, run: Run) -> Curves:
         What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
         whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
         100 in dynamics and 500 in a sweep, and more where it needs them; ``error_bias``, the
-        share of a gap left after a second, 0; ``defaults = True`` for Chipmunk's own 10 and
-        0.9**60.
+        share of a gap left after a second, 0; ``collision_slop`` [m] and ``collision_bias`` of
+        contacts, 1e-6 and 0.9**60; ``defaults = True`` for Chipmunk's own.
 
     Returns
     -------
@@ -88,12 +90,15 @@ def simulate(model: Path, run: Run) -> Curves:
 def snippet(parameters: ParameterValues, steps: int) -> str:
     """What to paste so that pymunk runs with settings, all of which must be known."""
     own = list(python(parameters, steps)) if set(parameters) >= set(SPACE) else []
-    return "\n".join([*own, *(f"# {line}" for line in left_to_sidecar(parameters, SPACE))])
+    return "\n".join(
+        [*own, *(f"# {line}" for line in left_to_sidecar(parameters, (*SPACE, *CONTACTS)))]
+    )
 
 
 def python(parameters: ParameterValues, steps: int) -> Iterator[str]:
     """Lines that step a space; the first step has no impulses to start from, so it takes more."""
     iterations = int(str(parameters["iterations"]))
+    yield from (f"space.{key} = {parameters[key]!r}" for key in CONTACTS if key in parameters)
     yield from (
         "for constraint in space.constraints:",
         f"    constraint.error_bias = {parameters['error_bias']!r}",
@@ -111,7 +116,7 @@ class Pymunk(Engine):
     title = "pymunk"
     packages = ("pymunk",)
     settings = PymunkSettings
-    chooses = SPACE
+    chooses = (*SPACE, *CONTACTS)
     planar = True
     imposed = IMPOSED
     schemes = stability.SCHEMES

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import MotionPlane
+from proofmass.sim.pymunk.contacts import Contacts
 
 HAIR = 1e-13
 """How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
@@ -54,7 +55,8 @@ class LinkJoint:
 
     ``stiffness`` holds the spring's coefficients (k, a, b) of k x + a x^2 + b x^3, x the value less
     that at ``rest``; ``load`` is a constant moment [N m] or force [N] on the second link against
-    the first; ``friction`` is what dry friction may hold [N m or N].
+    the first; ``friction`` is what dry friction may hold [N m or N].  A joint that holds nothing
+    is a coordinate of a body that is free in the plane.
     """
 
     name: str
@@ -68,6 +70,7 @@ class LinkJoint:
     load: float
     limits: tuple[float, float] | None
     friction: float = 0.0
+    holds: bool = True
 
     def spring_force(self, value: Array | float) -> Any:
         """Moment [N m] or force [N] of the spring on the second link against the first."""
@@ -173,6 +176,8 @@ class Links:
         In the plane [m/s^2].
     extent : float
         Size of the model [m].
+    contacts : Contacts
+        What touches what.
     """
 
     model: mujoco.MjModel
@@ -190,6 +195,7 @@ class Links:
     pulls: tuple[Pull, ...]
     gravity: Array
     extent: float
+    contacts: Contacts
 
     @property
     def rubbing(self) -> tuple[int, ...]:
@@ -204,7 +210,12 @@ class Links:
     @cached_property
     def holds(self) -> tuple[Hold, ...]:
         """All holds: those of the joints, then the loops."""
-        return (*(joint.hold for joint in self.joints), *self.loops)
+        return (*(joint.hold for joint in self.joints if joint.holds), *self.loops)
+
+    @property
+    def free(self) -> tuple[LinkJoint, ...]:
+        """The joints that hold nothing, three of each body that is free in the plane."""
+        return tuple(joint for joint in self.joints if not joint.holds)
 
     @property
     def rows(self) -> int:
@@ -217,11 +228,11 @@ class Links:
         holds = self.holds
         axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
         return HoldTable(
-            np.array([hold.a for hold in holds]),
-            np.array([hold.b for hold in holds]),
-            np.array([hold.on_a for hold in holds]),
-            np.array([hold.on_b for hold in holds]),
-            np.array(axes),
+            np.array([hold.a for hold in holds], np.intp),
+            np.array([hold.b for hold in holds], np.intp),
+            np.array([hold.on_a for hold in holds]).reshape(-1, 2),
+            np.array([hold.on_b for hold in holds]).reshape(-1, 2),
+            np.array(axes).reshape(-1, 2),
         )
 
     @cached_property

@@ -14,6 +14,7 @@ from proofmass.sim.contents import connects, gear_of, joint_of, straight_tendon
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
+from proofmass.sim.pymunk.contacts import read_contacts
 from proofmass.sim.pymunk.links import HAIR, Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
 from proofmass.sim.pymunk.read import Sensor, channel
 from proofmass.sim.pymunk.settings import settings_of_run
@@ -27,6 +28,7 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
     """The links of an MJCF and the settings of a run; raises what `simulate` does."""
     compiled = _compile(model, run)
     links = read_links(compiled, run.start, _driven(compiled, run), run.rods)
+    only = f", in {run.kind}; it is covered in dynamics"
     for j in links.rubbing:
         friction = f"frictionloss of joint '{links.joints[j].name}'"
         if run.kind != "sweep":
@@ -34,12 +36,24 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
         if run.loads:
             load = f"the load of actuator '{run.loads[0].actuator}', which changes"
             raise Unsupported(f"{load}, and {friction} in one sweep")
-    return links, settings_of_run(run, compiled)
+    if run.kind != "dynamics":
+        for joint in links.free[:1]:
+            raise Unsupported(f"joint '{joint.name}' of a body that is free in the plane{only}")
+        if links.contacts:
+            touching = ", ".join(shape.name for shape in links.contacts.shapes[:6])
+            raise Unsupported(f"contact of {touching}{only} (contact is not disabled)")
+    return links, settings_of_run(run, compiled, bool(links.contacts))
 
 
 def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, str]]:
     """The channels of a run that pymunk delivers, and why it does not deliver the others."""
     found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
+    if links.contacts:
+        found |= {
+            name: "forces of holds and drives are not told from those of contacts in pymunk"
+            for name, c in found.items()
+            if isinstance(c, Sensor) and c.order <= -2
+        }
     missing = {name: why for name, why in found.items() if isinstance(why, str)}
     wanted = {name: c for name, c in found.items() if isinstance(c, Sensor)}
     return wanted, missing
@@ -98,7 +112,7 @@ def inertias(
     pins = dict[int, Array]()
     for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
         k, body = int(of_body[model.jnt_bodyid[j]]), model.jnt_bodyid[j]
-        if of_body[model.body_parentid[body]] == count:
+        if of_body[model.body_parentid[body]] == count and model.body_jntnum[body] == 1:
             moment[k] += model.dof_armature[model.jnt_dofadr[j]]
             pins[k] = plane.flat(data.xanchor[j])
     for k in range(count):
@@ -146,10 +160,9 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
     """
     reasons = [
         *_joints(model),
-        *_bodies(model),
+        *_bodies(model, driven),
         *_equalities(model),
         *_actuators(model, driven),
-        *_contacts(model),
         *_tendons(model),
         *_others(model),
     ]
@@ -189,15 +202,48 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
             yield f"armature of {name}, which is not a hinge on the ground"
 
 
-def _bodies(model: mujoco.MjModel) -> Iterator[str]:
+def _bodies(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
     for b in range(1, model.nbody):
         name = f"body '{model.body(b).name}'"
         if model.body_jntnum[b] > 1:
-            yield f"{model.body_jntnum[b]} joints on {name}"
+            yield from (
+                f"{model.body_jntnum[b]} joints on {name}{why}" for why in _not_free(model, b)
+            )
+            yield from _on_free(model, b, driven)
         if model.body_gravcomp[b]:
             yield f"gravcomp of {name}"
         if model.body_mocapid[b] >= 0:
             yield f"mocap {name}"
+
+
+def _not_free(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
+    """Why a body with several joints is not one that is free in the plane."""
+    joints = model.body_jntadr[body] + np.arange(model.body_jntnum[body])
+    if model.jnt_type[joints].tolist() != [JOINT.mjJNT_SLIDE, JOINT.mjJNT_SLIDE, JOINT.mjJNT_HINGE]:
+        return ("",)
+    if model.body_weldid[model.body_parentid[body]] != 0:
+        return (", which is not on the ground",)
+    one, two, _ = model.jnt_axis[joints]
+    return (", whose slides are not at right angles",) if abs(one @ two) > PARALLEL else ()
+
+
+def _on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]) -> Iterator[str]:
+    """What a joint of a free body may not have, since it holds nothing that could carry it."""
+    motors = {joint_of(model, a) for a in range(model.nactuator)}
+    for j in model.body_jntadr[body] + np.arange(model.body_jntnum[body]):
+        dof = model.jnt_dofadr[j]
+        for what, there in {
+            "a drive": j in driven,
+            "a motor": j in motors and j not in driven,
+            "a spring": model.jnt_stiffness[j] or model.jnt_stiffnesspoly[j].any(),
+            "damping": model.dof_damping[dof],
+            "frictionloss": model.dof_frictionloss[dof],
+            "armature": model.dof_armature[dof],
+            "a range": model.jnt_limited[j],
+        }.items():
+            if there:
+                name = f"joint '{model.joint(j).name}' of body '{model.body(body).name}'"
+                yield f"{what} of {name}, which is free in the plane"
 
 
 def _equalities(model: mujoco.MjModel) -> Iterator[str]:
@@ -247,35 +293,6 @@ def load_on_site(model: mujoco.MjModel, actuator: int) -> bool:
         return False
     frame = model.actuator_trnid[actuator, 1]
     return bool(frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0)
-
-
-def _contacts(model: mujoco.MjModel) -> Iterator[str]:
-    if off(model, OFF.mjDSBL_CONTACT) or off(model, OFF.mjDSBL_CONSTRAINT):
-        return
-    pairs = list(_colliding(model))
-    if model.npair or pairs:
-        names = [f"'{model.geom(g).name or g}'" for g in sorted({g for p in pairs for g in p})[:6]]
-        yield f"contact of geoms {', '.join(names) or 'in <pair>'} (contact is not disabled)"
-
-
-def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
-    weld, parents = model.body_weldid, not off(model, OFF.mjDSBL_FILTERPARENT)
-    for g in range(model.ngeom):
-        for h in range(g):
-            a, b = sorted((model.geom_bodyid[g], model.geom_bodyid[h]))
-            up = (weld[model.body_parentid[weld[a]]], weld[model.body_parentid[weld[b]]])
-            family = parents and ((weld[a] and up[1] == weld[a]) or (weld[b] and up[0] == weld[b]))
-            mask = (
-                model.geom_contype[g] & model.geom_conaffinity[h]
-                | model.geom_contype[h] & model.geom_conaffinity[g]
-            )
-            if (
-                mask
-                and weld[a] != weld[b]
-                and not family
-                and ((a << 16) + b not in model.exclude_signature)
-            ):
-                yield h, g
 
 
 def _tendons(model: mujoco.MjModel) -> Iterator[str]:
@@ -374,6 +391,7 @@ def read_links(
         pulls,
         plane.flat(model.opt.gravity),
         extent,
+        read_contacts(model, data, plane, of_body, centre, extent),
     )
 
 
@@ -402,7 +420,14 @@ def _joint(
     body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
     a, b = of_body[model.body_parentid[body]], of_body[body]
     point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
-    if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
+    free = bool(model.body_jntnum[body] > 1)
+    if free:  # all three are coordinates of the hinge's anchor, and of the turn about it
+        last = model.body_jntadr[body] + model.body_jntnum[body] - 1
+        point = plane.flat(data.xanchor[last])
+    if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and free:
+        axis = plane.flat(data.xaxis[j])
+        hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b], axis)
+    elif model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
         axis = plane.flat(data.xaxis[j])
         point = centre[b] if a == len(centre) - 1 else centre[a]
         foot = point + axis * (axis @ (centre[b] - point))
@@ -423,6 +448,7 @@ def _joint(
         0.0 if driven else _load(model, data, j),
         tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None,
         float(model.dof_frictionloss[dof]),
+        not free,
     )
 
 

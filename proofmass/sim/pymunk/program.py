@@ -14,6 +14,7 @@ import pymunk
 
 from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
+from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.model import find_channels, read_model
@@ -33,6 +34,7 @@ from proofmass.sim.pymunk.space import (
     STOPS,
     HingeDrive,
     Motor,
+    Settings,
     SlideDrive,
     add_drives,
     at,
@@ -315,6 +317,7 @@ def _rendered(
         potential=potential,
         efforts=efforts,
         lost=LOST,
+        contacts=writer.contacts(settings) if links.contacts else None,
     )
 
 
@@ -651,6 +654,29 @@ class Writer:
             "springs": springs,
             "pulls": pulls,
         }
+
+    def contacts(self, settings: Settings) -> dict[str, Any]:
+        """Shapes, and the friction and restitution of their pairs."""
+        own = self.links.contacts
+        return {
+            "slop": digits(settings["collision_slop"]),
+            "bias": digits(settings["collision_bias"]),
+            "shapes": [
+                {"make": self._shape(shape), "name": spoken(shape.name)} for shape in own.shapes
+            ],
+            "laws": {
+                pair: tupled((law.friction, law.restitution)) for pair, law in own.laws.items()
+            },
+        }
+
+    def _shape(self, shape: ContactShape) -> str:
+        points = [tupled(at(self.links, shape.link, point)) for point in shape.points]
+        body, radius = self.names[shape.link], digits(shape.radius)
+        if len(points) == 1:
+            return f"pymunk.Circle({body}, {radius}, {points[0]})"
+        if len(points) == 2:
+            return f"pymunk.Segment({body}, {points[0]}, {points[1]}, {radius})"
+        return f"pymunk.Poly({body}, [{', '.join(points)}], radius={radius})"
 
     def potential(self) -> dict[str, Any]:
         """What the potential energy consists of."""

@@ -6,6 +6,7 @@ With the step h and the derivative j of the place:
     with a bias of time constant T  h T; accelerations, differences of rates of which few iterations
                                     leave an error of h, may keep an error of h^0.  The gap is late
                                     by T, which brakes what is let go: energy falls by h T^2 t
+    contacts                        h at an impact, which is a step late; h^2 while one lasts
 """
 
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from proofmass.sim.contents import may_touch
 from proofmass.sim.protocol import (
     STEP,
     ParameterValue,
@@ -63,6 +65,8 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
         return (1.0, *braked) if j < 2 else (1.0, *braked, 0.0)
     if scan.varied != "timestep":
         return ()
+    if may_touch(about.model):
+        return (1.0, 2.0)
     if not scan.settings[0].get("defaults"):
         return (2.0,)
     return (1.0,) if j < 2 else (1.0, 0.0)

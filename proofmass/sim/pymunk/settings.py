@@ -9,6 +9,8 @@ from proofmass.sim.protocol import Count, EngineSettings, Number, Run, Switch
 from proofmass.sim.pymunk.space import Settings
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
+SLOP = 1e-6
+"""Overlap of shapes [m] that is left to them, so that they stay in touch where they rest."""
 
 
 class PymunkSettings(EngineSettings):
@@ -17,11 +19,16 @@ class PymunkSettings(EngineSettings):
     timestep: Number = Field(0.002, gt=0)
     iterations: Annotated[Count, Field(lt=2**31 // 10)] = 10  # ten times as many in the first step
     error_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
+    collision_slop: Number = Field(0.1, ge=0)
+    collision_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
     defaults: Switch = False
 
 
-def settings_of_run(run: Run, model: mujoco.MjModel) -> Settings:
-    """What a run sets; else Chipmunk's own with ``defaults``, and proofmass's choice without."""
+def settings_of_run(run: Run, model: mujoco.MjModel, touching: bool) -> Settings:
+    """What a run sets; else Chipmunk's own with ``defaults``, and proofmass's choice without.
+
+    Only a model in which something may touch has settings of contacts.
+    """
     given = PymunkSettings.read(run.settings).model_dump(exclude_unset=True)
     own = given.pop("defaults", False)
     tuned = {
@@ -29,4 +36,6 @@ def settings_of_run(run: Run, model: mujoco.MjModel) -> Settings:
         "iterations": 10 if own else None if run.kind == "dynamics" else 500,
         "error_bias": CHIPMUNK_BIAS if own else 0.0,
     }
+    if touching:
+        tuned |= {"collision_slop": 0.1 if own else SLOP, "collision_bias": CHIPMUNK_BIAS}
     return tuned | given

@@ -17,7 +17,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
 
 Settings = dict[str, Any]
-"""timestep [s], iterations, error_bias."""
+"""timestep [s], iterations, error_bias; of contacts collision_slop [m] and collision_bias."""
 RATES = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 FIELDS = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | RATES
 STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
@@ -76,7 +76,7 @@ def constraints(
     for joint in links.joints:
         for constraint in (
             *_springs(joint, links, bodies),
-            *_hold(joint.hold, links, bodies, joint),
+            *(_hold(joint.hold, links, bodies, joint) if joint.holds else ()),
         ):
             yield joint, constraint
     for loop in links.loops:

@@ -115,11 +115,11 @@ HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></bod
         ),
         (
             ARM.replace("<body", '<geom name="floor" size=".1" pos="0 -2 0"/><body').replace(
-                "</body>", '<geom name="tip" size=".1" pos="0 -1 0"/></body>'
+                "</body>", '<geom name="tip" type="ellipsoid" size=".1 .1 .1" pos="0 -1 0"/></body>'
             ),
             "",
             {"flag": ""},
-            "contact of geoms",
+            "contact of ellipsoid 'tip'",
         ),
     ],
 )

@@ -1,0 +1,318 @@
+"""Contacts and friction against closed forms: which errors fall with the step, in each engine.
+
+    python -m benchmarks.contacts [--quick]
+
+Runs the cases of models/contacts that have a closed form at the step of their models and at 1/2,
+1/4, ... of it, and five touching balls in bare MuJoCo with finer steps and stiffer contacts.
+Writes docs/contacts.md.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from benchmarks import ROOT, command, folders
+from proofmass import load_case
+from proofmass.case import Case
+from proofmass.compare import compare
+from proofmass.sim.mujoco.contacts import creep_rate
+from proofmass.sim.protocol import Diverged, Run
+from proofmass.sim.pymunk.contacts import restitution
+from proofmass.solve import plan, simulate
+from proofmass.wording import number
+
+HALVINGS = 5
+CASES = {
+    "block_slides": ("position", "velocity"),
+    "block_sticks": ("position", "velocity"),
+    "block_stops": ("position",),
+    "ball_rolls": ("position", "velocity", "spin"),
+    "ball_bounces": ("height",),
+    "block_rocks": ("angle",),
+    "balls_in_row": ("x1.x", "x5.x"),
+}
+"""Channels in the table, by case."""
+PLACES = ("m", "rad")
+"""Units of places, whose largest errors are told; of velocities, which jump, the root mean squares.
+"""
+ROUNDING = 1e-10
+"""Errors [SI] below this are rounding that 10,000 steps collect, and no order is told of them."""
+CREEPS: dict[str, dict[str, Any]] = {
+    "default softness, impedance 0.9": {},
+    "`impratio` 10": {"impratio": 10.0},
+    "time constant 10 ms": {"solref": (0.01, 1.0)},
+    "impedance 0.99": {"impedance": 0.99},
+    "stiffness 2000, damping 80": {"solref": (-2000.0, -80.0)},
+}
+"""Settings of contacts on which a box creeps."""
+SLOPE, RUB = 0.3, 0.6
+"""Angle of their slope [rad] and their friction [1], twice of what is needed."""
+HEAD = (
+    "| case | channel | engine | step [ms] | errors with it, and with 1/2, 1/4, 1/8, 1/16 of it |"
+    " fall with the step |\n|---|---|---|---|---|---|"
+)
+
+
+def main() -> None:
+    quick = command(__doc__).parse_args().quick
+    with folders(quick, Path("reports")) as (_, docs):
+        names, halvings = (list(CASES), HALVINGS) if not quick else (["block_stops"], 2)
+        steps = (1e-4,) if quick else (1e-4, 5e-5, 2e-5, 1e-5, 2e-6)
+        tables = {
+            "series": [HEAD, *(line for name in names for line in rows(name, halvings))],
+            "creep": creep((2e-3,) if quick else (2e-3, 5e-4)),
+            "impacts": impacts(100 if quick else 10000),
+            "touching": touching(steps, (0.95,) if quick else (0.95, 0.9999)),
+        }
+        page = PAGE.format(**{name: "\n".join(lines) for name, lines in tables.items()})
+        (docs / "contacts.md").write_text(page, encoding="utf-8")
+        print(page)
+
+
+def rows(name: str, halvings: int) -> Iterator[str]:
+    """The errors of a case, a row for each engine and channel."""
+    case = load_case(ROOT / "models" / "contacts" / f"{name}.toml")
+    for engine in ("mujoco", "pymunk"):
+        found = [errors(case, engine, k) for k in range(halvings)]
+        step = number(1e3 * own_step(case), 3)
+        for channel in CASES[name]:
+            curve = [one[channel] for one in found]
+            values = ", ".join(number(value, 2) for value in curve)
+            yield f"| {name} | {channel} | {engine} | {step} | {values} | {verdict(curve)} |"
+
+
+def own_step(case: Case) -> float:
+    """The time step of a case's model [s]."""
+    return float(mujoco.MjModel.from_xml_path(str(case.model_path)).opt.timestep)
+
+
+def errors(case: Case, engine: str, halved: int) -> dict[str, float]:
+    """Largest errors [SI] by channel, with a step that is halved so often."""
+    run = plan(case, "dynamics", engine)
+    settings = {**run.settings, "timestep": own_step(case) / 2**halved}
+    try:
+        curves = simulate(engine, case.model_path, replace(run, settings=settings))
+    except Diverged:
+        return dict.fromkeys(case.channels, np.nan)
+    compared = compare(case, "dynamics", engine, curves, detectable=False)
+    return {c.channel: c.error_max if c.unit in PLACES else c.error_rms for c in compared}
+
+
+def verdict(curve: Sequence[float]) -> str:
+    """Whether errors fall with the step, by their fit over all of it.
+
+    >>> verdict([8.0, 4.0, 2.0, 1.0]), verdict([1.0, 0.9, 1.1, 1.0])
+    ('yes, order 1.0', 'no')
+    """
+    values = np.asarray(curve, float)
+    if not np.isfinite(values).all():
+        return "lost"
+    if values.max() < ROUNDING:
+        return "exact"
+    if values.min() < ROUNDING:
+        return "yes, down to rounding"
+    order = -np.polyfit(np.arange(len(values)), np.log2(np.maximum(values, 1e-300)), 1)[0]
+    if order < 0.4:
+        return "no"
+    scatter = (np.diff(values) > 0).any()
+    return f"yes, {'unevenly, about ' if scatter else ''}order {order:.1f}"
+
+
+def creep(steps: Sequence[float]) -> Iterator[str]:
+    """Speeds of a box that friction should hold on a slope, by the closed form and in MuJoCo."""
+    told = [f"at {number(1e3 * step, 2)} ms" for step in steps]
+    yield f"| contacts | closed form [mm/s] | elliptic cone {' | '.join(told)} | pyramidal cone |"
+    yield f"|---|---{'|---' * len(told)}|---|"
+    for words, settings in CREEPS.items():
+        known = creep_rate(pull=9.81 * np.sin(SLOPE), contacts=4, **settings)
+        found = [crept(step, "elliptic", **settings) for step in steps]
+        found.append(crept(steps[0], "pyramidal", **settings))
+        speeds = " | ".join(f"{1e3 * speed:.6g}" for speed in (known, *found))
+        yield f"| {words} | {speeds} |"
+
+
+def crept(
+    step: float,
+    cone: str,
+    solref: tuple[float, float] = (0.02, 1.0),
+    impedance: float = 0.9,
+    impratio: float = 1.0,
+) -> float:
+    """Speed [m/s] at which a box of 2 kg slides down a slope in bare MuJoCo, after a second."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{step}" cone="{cone}"
+      gravity="{-9.81 * np.sin(SLOPE)} 0 {-9.81 * np.cos(SLOPE)}" impratio="{impratio}"
+      tolerance="1e-12"/>
+      <default><geom friction="{RUB} 0 0" solref="{solref[0]} {solref[1]}"
+      solimp="{impedance} {impedance}"/></default>
+      <worldbody><geom type="plane" size="2 2 .1"/>
+      <body pos="0 0 0.02"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+      <geom type="box" size="0.1 0.1 0.02" mass="2"/></body></worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, round(1.0 / step))
+    return float(-data.qvel[0])
+
+
+def impacts(steps: int) -> Iterator[str]:
+    """Restitution of a ball in bare MuJoCo, by the damping ratio and stiffness of the contact."""
+    hard = (1e4, 1e6, 1e8)
+    yield "| damping ratio | limit | " + " | ".join(f"at {k:.0e}/s²" for k in hard) + " |"
+    yield f"|---|---{'|---' * len(hard)}|"
+    for ratio in (0.07, 0.4, 1.0, 2.0):
+        found = " | ".join(f"{bounced(ratio, k, steps):.4f}" for k in hard)
+        yield f"| {ratio} | {restitution(ratio):.4f} | {found} |"
+
+
+def bounced(ratio: float, stiffness: float, steps: int) -> float:
+    """Speed after an impact over that before it, without weight; `steps` of half a period."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option timestep="{np.pi / np.sqrt(stiffness) / steps}" gravity="0 0 0"/><worldbody>
+      <geom type="plane" size="1 1 1" priority="1"
+      solref="{-stiffness} {-2 * ratio * stiffness**0.5}"/>
+      <body pos="0 0 .1"><joint type="slide" axis="0 0 1"/><geom size=".1"/></body>
+      </worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    data.qvel[0] = -1.0
+    mujoco.mj_step(model, data, 4 * steps)
+    return float(data.qvel[0])
+
+
+def touching(steps: Sequence[float], impedances: Sequence[float]) -> Iterator[str]:
+    """Velocities of five touching balls after the impact in both engines, and theories of it."""
+    yield "| | steps in a contact | impedance | v1 | v2 | v3 | v4 | v5 | energy |"
+    yield "|---|---|---|---|---|---|---|---|---|"
+    for impedance in impedances:
+        for step in steps:
+            many = np.pi / 1e3 / step
+            yield line("MuJoCo", struck(step, 1e6, impedance), f"{many:.0f}", f"{impedance:g}")
+    hard = struck(steps[0] / 10, 1e8, impedances[0])
+    many = np.pi / 1e3 / steps[0]
+    yield line("MuJoCo, 100 times as stiff", hard, f"{many:.0f}", f"{impedances[0]:g}")
+    for words, gap in {
+        "pymunk": 0.0,
+        "pymunk, 1 nm of overlap": -1e-9,
+        "pymunk, gaps of 1 nm": 1e-9,
+    }.items():
+        yield line(words, struck_rigidly(1e-4, gap))
+    yield line("the first one hits one body of four", [-0.6, 0.4, 0.4, 0.4, 0.4])
+    yield line("linear springs between the balls", springs())
+    yield line("one after the other: the reference", [0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def line(words: str, speeds: Sequence[float], steps: str = "", impedance: str = "") -> str:
+    """A row of the table of touching balls."""
+    told = [steps, impedance, *(f"{v:.4f}" for v in speeds)]
+    return f"| {words} | {' | '.join(told)} | {sum(v * v for v in speeds):.4f} |"
+
+
+def struck(step: float, stiffness: float, impedance: float) -> list[float]:
+    """Velocities [m/s] of the balls of `balls_touching` when all have parted, in bare MuJoCo."""
+    file = ROOT / "models" / "contacts" / "balls_touching.xml"
+    model = mujoco.MjModel.from_xml_path(str(file))
+    model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_EULER
+    model.geom_solref[:] = -stiffness, 0.0
+    model.geom_solimp[:, :2] = impedance
+    model.opt.tolerance = 1e-12
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, int(30.0 / stiffness**0.5 / step))
+    return [float(v) for v in data.qvel]
+
+
+def struck_rigidly(step: float, gap: float) -> list[float]:
+    """The same in pymunk, where the balls are so far apart [m]."""
+    file = ROOT / "models" / "contacts" / "balls_touching.xml"
+    tree = ElementTree.parse(file)
+    for k, body in enumerate(tree.findall(".//body")):
+        body.set("pos", f"{k * (0.04 + gap)!r} 0 0.02")
+    speeds = tuple(f"v{k}" for k in range(1, 6))
+    with TemporaryDirectory() as folder:
+        moved = Path(folder) / "row.xml"
+        tree.write(moved)
+        run = Run("dynamics", np.linspace(0.0, 0.05, 51), speeds, settings={"timestep": step})
+        curves = simulate("pymunk", moved, run)
+    return [float(curves.channels[name][-1]) for name in speeds]
+
+
+def springs() -> list[float]:
+    """Velocities [m/s] of a row of masses with springs between them that only push."""
+    from scipy.integrate import solve_ivp
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        press = np.maximum(-np.diff(y[:5]), 0.0)
+        return np.concatenate([y[5:], np.append(0.0, press) - np.append(press, 0.0)])
+
+    start = [*([0.0] * 5), 1.0, *([0.0] * 4)]
+    done = solve_ivp(rates, (0.0, 60.0), start, "DOP853", rtol=1e-9, atol=1e-9, max_step=0.05)
+    return [float(v) for v in done.y[5:, -1]]
+
+
+PAGE = """# Contacts and friction
+
+`python -m benchmarks.contacts` made this page.
+
+The cases in `models/contacts/` have closed forms (see [Sidecar](sidecar.md#references)) and run
+in both engines. How the engines model a contact differs: MuJoCo's is a spring and a damper that
+push, with a regularized friction; pymunk's is rigid, with Coulomb's friction and a coefficient of
+restitution, see [Engines](engines.md#contacts-in-pymunk).
+
+## Does the error fall with the step?
+
+Largest errors of places, in m or rad, and root mean squares of the errors of velocities, which
+jump in an impact. The step is that of the model.
+
+{series}
+
+Where MuJoCo's error does not fall, its softness decides: an impact lasts pi over the root of the
+contact's stiffness, 1 ms for the ball that bounces and 0.3 ms in the row, at every step. While a
+body slides, MuJoCo's errors are of first order with large factors, because the body hops on its
+soft contacts. pymunk's are of second order in places while a contact lasts, and of first order at
+impacts, each of which is up to a step late.
+
+## What friction should hold creeps
+
+In MuJoCo a body that friction should hold slides. With the elliptic cone and an impedance d that
+is the same for every depth, n contacts creep with
+
+    v = (1 - d) / d  m A a / (b n impratio),      b = 2 / (d timeconst)  or  damping / d,
+
+`proofmass.sim.mujoco.contacts.creep_rate`; a is the acceleration that the body would have without
+friction, m A MuJoCo's `body_invweight0` times the mass, 1 for a free body. The step, the weight
+and the coefficient of friction do not matter, as long as no contact holds all that its friction
+can. A box with two slides on a slope of 0.3 rad, friction 0.6:
+
+{creep}
+
+pymunk holds the box: its speed is rounding.
+
+## What an impact leaves
+
+A damped spring that only pushes leaves the share exp(-2 z acos(z) / (1 - z²)^(1/2)) of the speed.
+MuJoCo's contact comes to it with its stiffness, because its impedance changes with the depth;
+without weight, 10,000 steps of half a period:
+
+{impacts}
+
+## Five balls that touch
+
+The first of five equal balls that touch comes with 1 m/s, elastic. Impacts one after the other,
+the limit of gaps that go to zero, give all of its speed to the last one. MuJoCo converges to
+another motion: a contact prescribes the relative *acceleration* of its two balls, -k r - b v, and
+not a force. Balls that touch and do not overlap yet have an acceleration of zero prescribed
+between them, so that four of them move as one body: -3/5 and 2/5 for an impedance of 1. The
+stiffness makes no difference, for the same number of steps in a contact, and finer steps lead to
+this limit. In pymunk all pairs that touch at an instant act at once, which gives -3/5 and 2/5 as
+well; but rounding decides which pairs touch: 1 nm of overlap and gaps of 1 nm lead to two
+different motions, and places that touch to the last digit to a third. Linear springs between the
+balls are a limit of their own.
+
+{touching}
+"""
+
+if __name__ == "__main__":
+    main()

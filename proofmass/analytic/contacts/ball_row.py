@@ -1,0 +1,138 @@
+"""Equal balls in a row that hit each other, one impact after the other."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.contacts import since_start
+from proofmass.analytic.numerics import Array, finite, not_negative, positive
+
+MOST = 10_000
+"""Impacts that are followed at most."""
+
+
+def solve(
+    time: ArrayLike,
+    *,
+    balls: int,
+    radius: float,
+    gap: float,
+    speed: float,
+    restitution: float = 1.0,
+) -> dict[str, Array]:
+    r"""Motion of a row of equal balls on a line, of which the first one hits the others.
+
+    ::
+
+        speed
+         --->   gap
+        (1)     |  (2)  (3)  (4)  (5)
+        ---------------------------------> x
+         0       2 radius + gap
+
+    In an impact of two neighbours with the velocities v and w::
+
+        v' = ((1 - e) v + (1 + e) w) / 2          their sum is kept,
+        w' = ((1 + e) v + (1 - e) w) / 2          and e of their difference is given back
+
+    and between impacts each ball keeps its velocity. Elastic balls swap their velocities, so that
+    the last one takes all of the first one's speed. Balls that touch are the limit of small gaps:
+    of elastic ones the order of the impacts makes no difference.
+
+    Parameters
+    ----------
+    time : [s], (...), not negative
+    balls : how many [1], 2 or more
+    radius : of all of them [m]
+    gap : between neighbours at time 0 [m]; 0 for elastic balls only
+    speed : of the first ball at time 0 [m/s], positive
+    restitution : e [1], 0 <= e <= 1
+
+    Returns
+    -------
+    dict of (...) arrays: x1, x2, ... [m], places of the centres from the first one's at time 0; v1,
+    v2, ... [m/s], their velocities, after the impacts of that instant; impacts [1] until then.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain, a negative time, or inelastic balls that hit each other
+        without end within a finite time.
+
+    Notes
+    -----
+    Rounding. The floor has no friction and the balls do not turn. Source: textbook mechanics.
+
+    Examples
+    --------
+    >>> late = solve(1.0, balls=3, radius=0.1, gap=0.05, speed=2.0)
+    >>> [round(float(late[name]), 12) for name in ("x1", "x2", "x3", "v1", "v3")]
+    [0.05, 0.3, 2.4, 0.0, 2.0]
+    """
+    t = since_start(time)
+    starts, places, speeds = _events(
+        balls, radius, gap, speed, restitution, float(t.max(initial=0.0))
+    )
+    of = np.searchsorted(starts, t, side="right") - 1
+    x = places[of] + speeds[of] * (t - starts[of])[..., None]
+    v = speeds[of]
+    numbers = range(int(balls))
+    return {
+        **{f"x{k + 1}": x[..., k] for k in numbers},
+        **{f"v{k + 1}": v[..., k] for k in numbers},
+        "impacts": of.astype(float),
+    }
+
+
+def _events(
+    balls: int, radius: float, gap: float, speed: float, e: float, until: float
+) -> tuple[Array, Array, Array]:
+    """Times [s] of the start and of all impacts, places and velocities (n, balls) from then."""
+    if not (balls >= 2 and balls == int(balls)):
+        raise ValueError(f"balls must be a whole number of 2 or more, got {balls}")
+    positive(radius=radius)
+    positive("m/s", speed=speed)
+    not_negative("m", gap=gap)
+    finite(restitution=e)
+    if not 0.0 <= e <= 1.0:
+        raise ValueError(f"restitution must lie from 0 to 1 [1], got {e}")
+    if gap == 0.0 and e < 1.0:
+        raise ValueError(
+            f"gap must be positive [m]: what inelastic balls that touch do depends on the order of "
+            f"their impacts; got gap = 0 and restitution = {e}"
+        )
+    count = int(balls)
+    now, at = 0.0, (2.0 * radius + gap) * np.arange(count)
+    v = np.zeros(count)
+    v[0] = speed
+    room = np.full(count - 1, gap)  # between neighbours
+    found = [(now, at, v)]
+    while len(found) <= MOST:
+        closing = v[:-1] - v[1:]
+        with np.errstate(all="ignore"):
+            waits = np.where(closing > 1e-15 * speed, np.maximum(room, 0.0) / closing, np.inf)
+        k = int(np.argmin(waits))
+        if not (np.isfinite(waits[k]) and now + waits[k] <= until):
+            return tuple(map(np.array, zip(*found, strict=True)))  # type: ignore[return-value]
+        at, room, now = at + v * waits[k], room - closing * waits[k], now + float(waits[k])
+        room[k] = 0.0
+        one, two = v[k], v[k + 1]
+        v = v.copy()
+        v[k] = 0.5 * ((1.0 - e) * one + (1.0 + e) * two)
+        v[k + 1] = 0.5 * ((1.0 + e) * one + (1.0 - e) * two)
+        found.append((now, at, v))
+    raise ValueError(f"the balls hit each other more than {MOST} times until {now:.6g} s")
+
+
+def facts(
+    *, balls: int, radius: float, gap: float, speed: float, restitution: float = 1.0
+) -> dict[str, str]:
+    """How often the balls hit each other in all, and how fast they are afterwards, in words.
+
+    >>> facts(balls=3, radius=0.1, gap=0.05, speed=2.0)["at last"]
+    '0, 0, 2 m/s'
+    """
+    times, _, speeds = _events(balls, radius, gap, speed, restitution, np.inf)
+    return {
+        "impacts": f"{len(times) - 1}, the last one after {times[-1]:.5g} s",
+        "at last": f"{', '.join(f'{v:.4g}' for v in speeds[-1])} m/s",
+    }

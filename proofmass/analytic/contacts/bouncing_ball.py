@@ -1,0 +1,154 @@
+"""Ball that falls, bounces with a coefficient of restitution, and comes to rest."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.contacts import since_start
+from proofmass.analytic.numerics import Array, finite, not_negative, positive
+
+
+def solve(
+    time: ArrayLike,
+    *,
+    height: float,
+    restitution: float,
+    speed: float = 0.0,
+    gravity: float = 9.81,
+) -> dict[str, Array]:
+    r"""Vertical motion of a ball over a floor, through all its bounces.
+
+    ::
+
+        height
+         |\
+         | \      __
+         |  \    /  \     _
+         |   \  /    \   / \  _
+        -|----\/------\-/---\/-\........ time
+              t0               t_end, rests
+
+    With w = sqrt(speed^2 + 2 g height), the speed of the first impact::
+
+        t0 = (speed + w) / g                          first impact
+        e^n w                                         speed after impact n = 1, 2, ...
+        t_n = t0 + (2 w / g) (e + ... + e^n)          impact n + 1
+        t_end = t0 + (2 w / g) e / (1 - e)            where they accumulate, e < 1
+
+    and a parabola between two impacts. From t_end on the ball rests.
+
+    Parameters
+    ----------
+    time : [s], (...), not negative
+    height : of the lowest point over the floor at time 0 [m], not negative
+    restitution : e, speed after an impact over that before it [1], 0 <= e <= 1
+    speed : upwards at time 0 [m/s], of either sign
+    gravity : [m/s^2], positive
+
+    Returns
+    -------
+    dict of (...) arrays: height [m] of the lowest point, velocity [m/s] upwards, acceleration
+    [m/s^2] between impacts, 0 at rest; bounces [1], number of impacts until then.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain, or a negative time.
+
+    Notes
+    -----
+    Rounding, of the time of an impact: 1e-16 of the time. The number of impacts is found by a
+    logarithm and corrected by one where rounding wants it; from the last 1e-15 of the way to t_end
+    on the ball counts as resting, with as many bounces as then. Source: textbook mechanics.
+
+    Examples
+    --------
+    >>> at = solve([0.0, 1.0, 1.5, 9.0], height=5.0, restitution=0.5, gravity=10.0)
+    >>> at["height"].round(9).tolist(), at["bounces"].tolist()
+    ([5.0, 0.0, 1.25, 0.0], [0.0, 1.0, 1.0, 51.0])
+    """
+    t = since_start(time)
+    first, hit = _first_impact(height, restitution, speed, gravity)
+    e, flight = restitution, 2.0 * hit / gravity
+    late = t - first
+    end = rest_time(height=height, restitution=e, speed=speed, gravity=gravity)
+    still = e == 0.0 or flight == 0.0
+    most = 0.0 if still else np.inf if e == 1.0 else np.ceil(np.log(1e-15) / np.log(e))
+    with np.errstate(all="ignore"):
+        if still:
+            count = np.zeros(t.shape)
+        elif e == 1.0:
+            count = np.floor(late / flight)
+        else:
+            left = 1.0 - late * (1.0 - e) / (flight * e)
+            count = np.floor(np.log(np.maximum(left, 1e-300)) / np.log(e))
+        count = np.clip(np.nan_to_num(count), 0.0, most)
+        for _ in range(2):  # rounding of the logarithm
+            count = count + (late >= _since_first(count + 1.0, e, flight)) * (count < most)
+            count = count - (late < _since_first(count, e, flight)) * (count > 0.0)
+    up = hit * e ** (count + 1.0)
+    since = late - _since_first(count, e, flight)
+    before, rests = late < 0.0, (t >= end) | ((count >= most) & (late >= 0.0))
+    flying = since * (up - 0.5 * gravity * since), up - gravity * since
+    falling = height + t * (speed - 0.5 * gravity * t), speed - gravity * t
+    at, v = (
+        np.where(before, one, np.where(rests, 0.0, other))
+        for one, other in zip(falling, flying, strict=True)
+    )
+    return {
+        "height": np.maximum(at, 0.0),
+        "velocity": v,
+        "acceleration": np.where(rests & ~before, 0.0, -gravity),
+        "bounces": np.where(before, 0.0, count + 1.0),
+    }
+
+
+def _since_first(count: Array, e: float, flight: float) -> Array:
+    """Time [s] from the first impact to that after `count` flights."""
+    return flight * (count if e == 1.0 else e * (1.0 - e**count) / (1.0 - e))
+
+
+def _first_impact(
+    height: float, restitution: float, speed: float, gravity: float
+) -> tuple[float, float]:
+    """Time [s] and speed [m/s] of the first impact."""
+    not_negative("m", height=height)
+    finite(speed=speed)
+    positive("m/s^2", gravity=gravity)
+    if not 0.0 <= restitution <= 1.0:
+        raise ValueError(f"restitution must lie from 0 to 1 [1], got {restitution}")
+    hit = float(np.sqrt(speed**2 + 2.0 * gravity * height))
+    if speed < 0.0:  # without a difference of numbers that are nearly equal
+        return 2.0 * height / (hit - speed), hit
+    return (speed + hit) / gravity, hit
+
+
+def rest_time(
+    *, height: float, restitution: float, speed: float = 0.0, gravity: float = 9.81
+) -> float:
+    """Time at which the bounces accumulate [s], infinite for a restitution of 1.
+
+    >>> rest_time(height=5.0, restitution=0.5, gravity=10.0)
+    3.0
+    """
+    first, hit = _first_impact(height, restitution, speed, gravity)
+    if restitution == 1.0:
+        return np.inf if hit else first
+    return first + 2.0 * hit / gravity * restitution / (1.0 - restitution)
+
+
+def facts(
+    *, height: float, restitution: float, speed: float = 0.0, gravity: float = 9.81
+) -> dict[str, str]:
+    """When the ball hits the floor, how high it comes, and when it rests, in words.
+
+    >>> facts(height=5.0, restitution=0.5, gravity=10.0)["rests"]
+    'from 3 s on'
+    """
+    first, hit = _first_impact(height, restitution, speed, gravity)
+    end = rest_time(height=height, restitution=restitution, speed=speed, gravity=gravity)
+    top = (restitution * hit) ** 2 / (2.0 * gravity)
+    return {
+        "first impact": f"at {first:.5g} s, with {hit:.5g} m/s",
+        "highest after it": f"{top:.5g} m",
+        "rests": f"from {end:.5g} s on" if np.isfinite(end) else "never",
+    }

@@ -1,0 +1,140 @@
+"""Ball on a level floor with dry friction: it slides until it rolls."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.contacts import since_start
+from proofmass.analytic.numerics import Array, finite, not_negative, positive
+
+SPHERE = 0.4
+"""Moment of inertia of a solid sphere over m r^2 [1]; a solid disc has 0.5, a hoop 1."""
+
+
+def solve(
+    time: ArrayLike,
+    *,
+    radius: float,
+    friction: float,
+    speed: float,
+    spin: float = 0.0,
+    inertia_ratio: float = SPHERE,
+    gravity: float = 9.81,
+) -> dict[str, Array]:
+    r"""Motion of a ball or a disc that is thrown onto a level floor with any spin.
+
+    ::
+
+              spin, in the sense in which it would roll along x
+             ---->
+            /  o  \---> speed        slip u = velocity - radius spin, at the lowest point
+            \_____/                  friction mu m g against the slip
+        ------------------> x
+
+    With k = I / (m r^2) and s = sign(u) at the start::
+
+        v = speed - s mu g t             spin' = s mu g / (k r)
+        u = u0 - s mu g (1 + 1/k) t      until u = 0 at t1 = |u0| / (mu g (1 + 1/k))
+        v = r spin = (speed + k r spin0) / (1 + k)      from then on, without friction
+
+    Parameters
+    ----------
+    time : [s], (...), not negative
+    radius : [m]
+    friction : the coefficient mu [1]
+    speed : of the centre at time 0, along x [m/s], of either sign
+    spin : at time 0 [rad/s]; negative is backspin of a ball that moves along x
+    inertia_ratio : k [1], 2/5 of a solid sphere, 1/2 of a disc, 1 of a hoop
+    gravity : [m/s^2]
+
+    Returns
+    -------
+    dict of (...) arrays: position [m], velocity [m/s] and acceleration [m/s^2] of the centre along
+    x; angle [rad], spin [rad/s] and spin_rate [rad/s^2] in the sense of rolling along x; slip [m/s]
+    of the lowest point.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain, or a negative time.
+
+    Notes
+    -----
+    Rounding. Source: textbook mechanics; a sphere without spin rolls at 5/7 of its speed, at any
+    friction.
+
+    Examples
+    --------
+    >>> late = solve(9.0, radius=0.1, friction=0.3, speed=7.0)
+    >>> round(float(late["velocity"]), 12), round(float(late["spin"]), 12)
+    (5.0, 50.0)
+    """
+    t = since_start(time)
+    end, push = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
+    early, late = np.minimum(t, end), np.maximum(t - end, 0.0)
+    turn = -push / (inertia_ratio * radius)
+    rolls = (speed + inertia_ratio * radius * spin) / (1.0 + inertia_ratio)
+    slides = t < end
+    return {
+        "position": early * (speed + 0.5 * push * early) + rolls * late,
+        "velocity": np.where(slides, speed + push * early, rolls),
+        "acceleration": np.where(slides, push, 0.0),
+        "angle": early * (spin + 0.5 * turn * early) + rolls / radius * late,
+        "spin": np.where(slides, spin + turn * early, rolls / radius),
+        "spin_rate": np.where(slides, turn, 0.0),
+        "slip": np.where(slides, speed - radius * spin + (push - radius * turn) * early, 0.0),
+    }
+
+
+def _sliding(
+    radius: float, friction: float, speed: float, spin: float, ratio: float, gravity: float
+) -> tuple[float, float]:
+    """When the ball begins to roll [s], and its acceleration until then [m/s^2]."""
+    positive(radius=radius)
+    positive("1", inertia_ratio=ratio)
+    not_negative("1", friction=friction)
+    not_negative("m/s^2", gravity=gravity)
+    finite(speed=speed, spin=spin)
+    slip, most = speed - radius * spin, friction * gravity
+    if slip == 0.0:
+        return 0.0, 0.0
+    if most == 0.0:
+        return np.inf, 0.0
+    return abs(slip) / (most * (1.0 + 1.0 / ratio)), -float(np.sign(slip)) * most
+
+
+def roll_time(
+    *,
+    radius: float,
+    friction: float,
+    speed: float,
+    spin: float = 0.0,
+    inertia_ratio: float = SPHERE,
+    gravity: float = 9.81,
+) -> float:
+    """Time at which the ball begins to roll [s], infinite without friction.
+
+    >>> round(roll_time(radius=0.1, friction=0.3, speed=7.0, gravity=10.0), 12)
+    0.666666666667
+    """
+    return _sliding(radius, friction, speed, spin, inertia_ratio, gravity)[0]
+
+
+def facts(
+    *,
+    radius: float,
+    friction: float,
+    speed: float,
+    spin: float = 0.0,
+    inertia_ratio: float = SPHERE,
+    gravity: float = 9.81,
+) -> dict[str, str]:
+    """When the ball begins to roll and how fast, in words.
+
+    >>> facts(radius=0.1, friction=0.3, speed=7.0, gravity=10.0)
+    {'rolls': 'from 0.66667 s on, at 5 m/s'}
+    """
+    end, _ = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
+    if not np.isfinite(end):
+        return {"rolls": "never"}
+    rolls = (speed + inertia_ratio * radius * spin) / (1.0 + inertia_ratio)
+    return {"rolls": f"from {end:.5g} s on, at {rolls:.5g} m/s"}

@@ -1,0 +1,131 @@
+"""Block on a slope with dry friction: it slides, stops, and sticks or slides back."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.contacts import since_start
+from proofmass.analytic.numerics import Array, finite, not_negative, positive
+
+
+def solve(
+    time: ArrayLike,
+    *,
+    friction: float,
+    angle: float = 0.0,
+    speed: float = 0.0,
+    mass: float = 1.0,
+    gravity: float = 9.81,
+) -> dict[str, Array]:
+    r"""Motion of a block along a slope, from a speed up or down the slope.
+
+    ::
+
+                   / position, up the slope
+            ___  /
+           /   \/   mass
+           \   /\          friction on the block against its velocity, mu N while it slides
+            \ /   \        N = m g cos(angle)
+            /      \
+          /  angle
+        ---------------
+
+    Coulomb's law with one coefficient mu for sticking and sliding::
+
+        a = -g sin(angle) - sense mu g cos(angle)      while it slides, sense = sign(velocity)
+        t1 = speed / (-a)                              it stops, if a is against the speed
+        a = 0                     afterwards if mu >= tan(angle): it sticks
+        a = -g sin(angle) + mu g cos(angle)            else: it slides back down
+
+    On level ground it stops after a distance of speed^2 / (2 mu g).
+
+    Parameters
+    ----------
+    time : [s], (...), not negative
+    friction : the coefficient mu [1]
+    angle : of the slope [rad], 0 <= angle < pi/2
+    speed : at time 0, up the slope [m/s], of either sign
+    mass : of the block [kg]
+    gravity : [m/s^2]
+
+    Returns
+    -------
+    dict of (...) arrays: position [m] from the start, velocity [m/s] and acceleration [m/s^2], all
+    up the slope; friction_force [N] of the slope on the block, up the slope; normal_force [N].
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain, or a negative time.
+
+    Notes
+    -----
+    Rounding. The block does not tip over: its corners are far enough apart. At the instant at which
+    it stops the acceleration is that of the motion afterwards. Source: textbook mechanics.
+
+    Examples
+    --------
+    >>> motion = solve([0.0, 0.5, 1.0], friction=0.5, speed=2.0, gravity=10.0)
+    >>> motion["position"].round(9).tolist(), motion["velocity"].round(9).tolist()
+    ([0.0, 0.4, 0.4], [2.0, 0.0, 0.0])
+    """
+    t = since_start(time)
+    before, after, stop = _phases(friction=friction, angle=angle, speed=speed, gravity=gravity)
+    positive("kg", mass=mass)
+    early, late = np.minimum(t, stop), np.maximum(t - stop, 0.0)
+    slides = t < stop
+    acceleration = np.where(slides, before, after)
+    return {
+        "position": early * (speed + 0.5 * before * early) + 0.5 * after * late**2,
+        "velocity": np.where(slides, speed + before * early, after * late),
+        "acceleration": acceleration,
+        "friction_force": mass * (acceleration + gravity * np.sin(angle)),
+        "normal_force": np.full(t.shape, mass * gravity * np.cos(angle)),
+    }
+
+
+def _phases(
+    *, friction: float, angle: float, speed: float, gravity: float
+) -> tuple[float, float, float]:
+    """Accelerations [m/s^2] before and after the block stops, and when it does [s]."""
+    not_negative("1", friction=friction)
+    not_negative("m/s^2", gravity=gravity)
+    finite(speed=speed)
+    if not 0.0 <= angle < 0.5 * np.pi:
+        raise ValueError(f"angle must lie from 0 to less than pi/2 [rad], got {angle}")
+    pull, most = (gravity * float(f(angle)) for f in (np.sin, np.cos))
+    most *= friction
+    after = min(most - pull, 0.0)
+    if speed == 0.0:
+        return after, after, 0.0
+    before = -pull - np.sign(speed) * most
+    stops = speed * before < 0.0
+    return float(before), after, float(-speed / before) if stops else np.inf
+
+
+def stop_time(*, friction: float, angle: float, speed: float, gravity: float = 9.81) -> float:
+    """Time at which the block stops [s], infinite if it never does, for the inputs of `solve`.
+
+    >>> stop_time(friction=0.5, angle=0.0, speed=2.0, gravity=10.0)
+    0.4
+    """
+    return _phases(friction=friction, angle=angle, speed=speed, gravity=gravity)[2]
+
+
+def facts(
+    *, friction: float, angle: float = 0.0, speed: float = 0.0, **others: float
+) -> dict[str, str]:
+    """Where the block stops, and what it does then, in words.
+
+    >>> facts(friction=0.5, speed=2.0, gravity=10.0)
+    {'stops': 'after 0.4 s and 0.4 m', 'at rest': 'sticks: tan(angle) is 0 % of the friction'}
+    """
+    gravity = others.get("gravity", 9.81)
+    stop = stop_time(friction=friction, angle=angle, speed=speed, gravity=gravity)
+    way = abs(0.5 * speed * stop) if speed else 0.0
+    share = np.tan(angle) / friction if friction else np.inf
+    sticks = f"sticks: tan(angle) is {100 * share:.4g} % of the friction"
+    slides = "slides down: tan(angle) exceeds the friction"
+    return {
+        "stops": f"after {stop:.5g} s and {way:.5g} m" if np.isfinite(stop) else "never",
+        "at rest": sticks if share <= 1.0 else slides,
+    }

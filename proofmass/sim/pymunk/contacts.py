@@ -1,0 +1,370 @@
+"""Contacts of a planar MJCF: what touches what, the sections of geoms, their friction and impacts.
+
+A geom's section with the plane of motion is a circle, a segment with a radius or a polygon.  Which
+pairs touch is MuJoCo's choice by masks, exclusions and ``<pair>``, and so is their coefficient of
+friction.  MuJoCo's contacts are soft and Chipmunk's are rigid, so that of the softness, `solref`,
+the coefficient of restitution is left which it has in the limit of a short time constant.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+import pymunk
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.plane import PARALLEL, MotionPlane
+from proofmass.sim.protocol import Unsupported
+
+GEOM = mujoco.mjtGeom
+OFF = mujoco.mjtDisableBit
+FAR, DEEP = 1000.0, 10.0
+"""Half the length of a plane's section and how deep it is below its surface, in extents."""
+ROLLING = 6
+"""The `condim` of a contact with rolling friction."""
+
+
+@dataclass(frozen=True)
+class ContactShape:
+    """The section of a geom.
+
+    Attributes
+    ----------
+    name : str
+        Of the geom.
+    link : int
+        That it belongs to.
+    points : ndarray (k, 2)
+        Centre of a circle, ends of a segment, or corners of a polygon, seen from the link's centre
+        in the start pose [m].
+    radius : float
+        Around the points [m]; 0 of a polygon.
+    """
+
+    name: str
+    link: int
+    points: Array
+    radius: float
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """How two geoms touch.
+
+    Attributes
+    ----------
+    friction : float
+        Coulomb's coefficient [1].
+    restitution : float
+        Speed after an impact over that before it [1].
+    """
+
+    friction: float
+    restitution: float
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Sections of geoms, and which of them touch: by their places, the lower one first."""
+
+    shapes: tuple[ContactShape, ...]
+    laws: Mapping[tuple[int, int], ContactLaw]
+
+    def __bool__(self) -> bool:
+        return bool(self.laws)
+
+    def between(self, one: int, two: int) -> ContactLaw | None:
+        """The law of two shapes, None if they pass through each other."""
+        return self.laws.get((min(one, two), max(one, two)))
+
+
+def restitution(damping_ratio: float) -> float:
+    """Speed after an impact over that before it [1], of a damped spring that can only push.
+
+    With the damping ratio z, and without other forces, the spring lets go where its force has
+    fallen to zero, before it has its length again, and the body keeps the speed it has then:
+
+        e = exp(-2 z acos(z) / (1 - z^2)^(1/2))        z < 1
+        e = exp(-2)                                    z = 1, MuJoCo's default
+        e = exp(-2 z acosh(z) / (z^2 - 1)^(1/2))       z > 1
+
+    Parameters
+    ----------
+    damping_ratio : float
+        z [1], not negative.
+
+    Returns
+    -------
+    float
+        e [1].
+
+    Examples
+    --------
+    >>> [round(restitution(z), 6) for z in (0.0, 0.1, 1.0, 10.0)]
+    [1.0, 0.743967, 0.135335, 0.002437]
+    """
+    z = damping_ratio
+    if abs(z - 1.0) < 1e-6:  # the limit, to rounding of the quotient
+        return float(np.exp(-2.0))
+    angle = np.arccos(z) if z < 1.0 else np.arccosh(z)
+    return float(np.exp(-2.0 * z * angle / np.sqrt(abs(1.0 - z * z))))
+
+
+def find_pairs(model: mujoco.MjModel) -> dict[tuple[int, int], int]:
+    """Pairs of geoms that may touch, the lower id first, with the ``<pair>`` that says so or -1."""
+    if any(model.opt.disableflags & int(b) for b in (OFF.mjDSBL_CONTACT, OFF.mjDSBL_CONSTRAINT)):
+        return {}
+    found = dict.fromkeys(_colliding(model), -1)
+    for p in range(model.npair):
+        one, two = sorted((int(model.pair_geom1[p]), int(model.pair_geom2[p])))
+        if model.body_weldid[model.geom_bodyid[one]] != model.body_weldid[model.geom_bodyid[two]]:
+            found[one, two] = p
+    return found
+
+
+def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
+    weld = model.body_weldid
+    parents = not model.opt.disableflags & int(OFF.mjDSBL_FILTERPARENT)
+    for g in range(model.ngeom):
+        for h in range(g):
+            a, b = sorted((model.geom_bodyid[g], model.geom_bodyid[h]))
+            up = (weld[model.body_parentid[weld[a]]], weld[model.body_parentid[weld[b]]])
+            family = parents and ((weld[a] and up[1] == weld[a]) or (weld[b] and up[0] == weld[b]))
+            mask = (
+                model.geom_contype[g] & model.geom_conaffinity[h]
+                | model.geom_contype[h] & model.geom_conaffinity[g]
+            )
+            if (
+                mask
+                and weld[a] != weld[b]
+                and not family
+                and ((a << 16) + b not in model.exclude_signature)
+            ):
+                yield h, g
+
+
+def read_contacts(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    plane: MotionPlane,
+    of_body: Array,
+    centre: Array,
+    extent: float,
+) -> Contacts:
+    """Find the sections of all geoms that may touch, and how they do.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    data : mujoco.MjData
+        With the kinematics of the start pose.
+    plane : MotionPlane
+    of_body : ndarray (bodies,)
+        Link of each body [1].
+    centre : ndarray (links + 1, 2)
+        Centres of the links [m].
+    extent : float
+        Size of the model [m].
+
+    Raises
+    ------
+    Unsupported
+        A geom or a contact that has no counterpart in the plane; it is named.
+    """
+    pairs = find_pairs(model)
+    if pairs and model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        raise Unsupported("the flag override, which replaces the numbers of all contacts")
+    sections = dict[int, _Section]()
+    for g in sorted({g for pair in pairs for g in pair}):
+        sections[g] = _section(model, data, plane, g, extent)
+    met = {p: k for p, k in pairs.items() if _in_one_plane(sections[p[0]], sections[p[1]], extent)}
+    places = {g: k for k, g in enumerate(sorted({g for pair in met for g in pair}))}
+    shapes = []
+    for g in places:
+        link = int(of_body[model.geom_bodyid[g]])
+        own = sections[g]
+        shapes.append(ContactShape(own.name, link, own.points - centre[link], own.radius))
+    laws = {(places[g], places[h]): _law(model, g, h, k) for (g, h), k in met.items()}
+    return Contacts(tuple(shapes), laws)
+
+
+@dataclass(frozen=True)
+class _Section:
+    """A section in world coordinates, and how far the geom reaches over the plane of motion.
+
+    ``flat`` is half the height along which all sections are alike, ``whole`` half that of the geom.
+    """
+
+    name: str
+    points: Array
+    radius: float
+    height: float
+    flat: float
+    whole: float
+
+
+def _section(
+    model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, g: int, extent: float
+) -> _Section:
+    kind, size = GEOM(int(model.geom_type[g])), model.geom_size[g]
+    name = f"{kind.name[7:].lower()} '{model.geom(g).name or g}'"
+    at, axes = data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3).T
+    middle, height = plane.flat(at), float(at @ plane.normal)
+    across = np.abs(axes @ plane.normal)  # shares of the geom's axes along the normal
+    upright = across[2] > 1.0 - PARALLEL
+    lying = across[2] < PARALLEL
+    if kind == GEOM.mjGEOM_PLANE and lying:
+        up = plane.flat(axes[2])
+        along = FAR * extent * np.array([up[1], -up[0]])
+        foot = middle - DEEP * extent * up
+        ends = np.stack([foot - along, foot + along])
+        return _Section(name, ends, DEEP * extent, height, np.inf, np.inf)
+    if kind == GEOM.mjGEOM_SPHERE:
+        return _Section(name, middle[None], float(size[0]), height, 0.0, float(size[0]))
+    if kind == GEOM.mjGEOM_CAPSULE and lying:
+        half = size[1] * plane.flat(axes[2])
+        ends = np.stack([middle - half, middle + half])
+        return _Section(name, ends, float(size[0]), height, 0.0, float(size[0]))
+    if kind in (GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_CYLINDER) and upright:
+        whole = float(size[1] + (size[0] if kind == GEOM.mjGEOM_CAPSULE else 0.0))
+        return _Section(name, middle[None], float(size[0]), height, float(size[1]), whole)
+    if kind == GEOM.mjGEOM_BOX and across.max() > 1.0 - PARALLEL:
+        k = int(across.argmax())
+        one, two = (size[j] * plane.flat(axes[j]) for j in range(3) if j != k)
+        corners = np.stack([middle + a * one + b * two for a, b in CORNERS])
+        return _Section(name, corners, 0.0, height, float(size[k]), float(size[k]))
+    raise Unsupported(f"contact of {name}, which {_why_not(kind)}")
+
+
+CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+
+
+def _why_not(kind: mujoco.mjtGeom) -> str:
+    if kind == GEOM.mjGEOM_CYLINDER:
+        return "is not at right angles to the plane of motion"
+    if kind in (GEOM.mjGEOM_PLANE, GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_BOX):
+        return "is neither along the plane of motion nor at right angles to it"
+    return "is no plane, sphere, capsule, box or cylinder"
+
+
+def _in_one_plane(one: _Section, two: _Section, extent: float) -> bool:
+    """Whether two geoms touch in the plane of motion, and not above it.
+
+    Raises
+    ------
+    Unsupported
+        They do neither: round geoms of different heights, whose lowest points pass each other.
+    """
+    apart = abs(one.height - two.height) if np.isfinite(one.whole + two.whole) else 0.0
+    if apart >= one.whole + two.whole:
+        return False
+    # two alike sections overlap, or the middle of a round one lies among alike ones of the other
+    if apart <= one.flat + two.flat + PARALLEL * extent:
+        return True
+    raise Unsupported(
+        f"contact of {one.name} and {two.name}, whose middles are {apart:.3g} m apart across the "
+        f"plane of motion"
+    )
+
+
+def _law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
+    """Friction and restitution of two geoms, combined as MuJoCo does."""
+    names = " and ".join(f"'{model.geom(k).name or k}'" for k in (g, h))
+    if pair >= 0:
+        condim, solref = int(model.pair_dim[pair]), model.pair_solref[pair]
+        rub, margin = model.pair_friction[pair, :2], float(model.pair_margin[pair])
+        if rub[0] != rub[1]:
+            raise Unsupported(f"the pair of {names}, whose friction differs by direction")
+        friction = float(rub[0])
+    else:
+        margin = float(max(model.geom_margin[[g, h]]))
+        order = model.geom_priority[[g, h]]
+        own = [g, h] if order[0] == order[1] else [(g, h)[int(order.argmax())]]
+        condim = int(max(model.geom_condim[own]))
+        friction = float(max(model.geom_friction[own, 0]))
+        solref = _mixed(model.geom_solmix[own], model.geom_solref[own])
+    if margin:
+        raise Unsupported(f"the margin of {margin:g} m of the contact of {names}")
+    if condim >= ROLLING:
+        raise Unsupported(f"rolling friction (condim {condim}) of the contact of {names}")
+    return ContactLaw(friction if condim > 1 else 0.0, restitution(_damping_ratio(solref, names)))
+
+
+def _mixed(weights: Array, solref: Array) -> Array:
+    """The `solref` of two geoms by MuJoCo's rule; of one it is its own."""
+    if len(solref) == 1:
+        return np.asarray(solref[0])
+    if not (solref[:, 0] > 0).all():
+        return np.asarray(solref.min(axis=0))
+    least = float(mujoco.mjMINVAL)
+    share = 0.5 if (weights < least).all() else float(weights[0] / weights.sum())
+    return np.asarray(share * solref[0] + (1.0 - share) * solref[1])
+
+
+def _damping_ratio(solref: Array, names: str) -> float:
+    """The damping ratio of a contact: given, or of a stiffness and a damping."""
+    first, second = solref.tolist()
+    if first > 0:
+        ratio = second
+    elif first < 0:
+        ratio = -second / (2.0 * np.sqrt(-first))
+    else:
+        ratio = -1.0
+    if not ratio >= 0:
+        raise Unsupported(
+            f"solref '{first:g} {second:g}' of the contact of {names}, which has no damping ratio"
+        )
+    return float(ratio)
+
+
+def add_contacts(
+    space: pymunk.Space,
+    contacts: Contacts,
+    bodies: Sequence[pymunk.Body],
+    offsets: Array,
+    settings: Mapping[str, Any],
+) -> None:
+    """Give the bodies of a space their shapes, and each pair of shapes its law.
+
+    Parameters
+    ----------
+    space : pymunk.Space
+    contacts : Contacts
+    bodies : sequence of pymunk.Body
+        Of all links, the ground last.
+    offsets : ndarray (links + 1, 2)
+        Where the links' centres lie in their bodies [m]: 0, and of the ground its centre.
+    settings : mapping
+        ``collision_slop`` [m] and ``collision_bias``.
+    """
+    if not contacts:
+        return
+    space.collision_slop = settings["collision_slop"]
+    space.collision_bias = settings["collision_bias"]
+    places = dict[pymunk.Shape, int]()
+    for k, own in enumerate(contacts.shapes):
+        shape = make_shape(own, bodies[own.link], offsets[own.link])
+        places[shape] = k
+        space.add(shape)
+
+    def meet(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        one, two = arbiter.shapes
+        law = contacts.between(places[one], places[two])
+        if law is None:
+            arbiter.process_collision = False
+        else:
+            arbiter.friction, arbiter.restitution = law.friction, law.restitution
+
+    space.on_collision(pre_solve=meet)
+
+
+def make_shape(own: ContactShape, body: pymunk.Body, offset: Array) -> pymunk.Shape:
+    """A section as a shape of a body."""
+    points = [tuple(point) for point in (own.points + offset).tolist()]
+    if len(points) == 1:
+        return pymunk.Circle(body, own.radius, points[0])
+    if len(points) == 2:
+        return pymunk.Segment(body, points[0], points[1], own.radius)
+    return pymunk.Poly(body, points, radius=own.radius)

@@ -1,0 +1,92 @@
+"""The bouncing ball against a solver that stops at impacts, energy, and limits."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.contacts import bouncing_ball
+from tests.analytic.contacts.events import follow
+
+CASES = {
+    "dropped": {"height": 1.0, "restitution": 0.8},
+    "thrown up": {"height": 0.3, "speed": 2.0, "restitution": 0.7},
+    "thrown down": {"height": 0.5, "speed": -3.0, "restitution": 0.9},
+    "from the floor": {"height": 0.0, "speed": 3.0, "restitution": 0.75},
+    "elastic": {"height": 1.0, "restitution": 1.0},
+    "plastic": {"height": 1.0, "restitution": 0.0},
+}
+GRAVITY = 9.81
+
+
+def followed(times, *, height, restitution, speed=0.0):
+    def flying():
+        return (
+            lambda y: np.array([y[1], -GRAVITY]),
+            lambda y: y[0] if y[1] < 0 else 1.0,  # a long step may jump over a whole flight
+            lambda y: (
+                (flying(), [0.0, -restitution * y[1]]) if restitution else (resting(), [0, 0])
+            ),
+        )
+
+    def resting():
+        return lambda y: np.zeros(2), lambda y: 1.0, None
+
+    return follow(flying(), [height, speed], times)
+
+
+def apart(times, closed, **case):
+    found = np.stack([closed["height"], closed["velocity"]], axis=-1)
+    return np.abs(found - followed(times, **case)).max()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(name):
+    case, times = CASES[name], np.linspace(0.0, 1.71, 98)
+    assert apart(times, bouncing_ball.solve(times, **case), **case) < 1e-11  # of the solver
+    change = {"elastic": -1e-4, "plastic": 1e-2}.get(name, 1e-4)
+    wrong = bouncing_ball.solve(times, **{**case, "restitution": case["restitution"] + change})
+    assert apart(times, wrong, **case) > 1e-5
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_impact_leaves_the_square_of_the_restitution(name):
+    case, times = CASES[name], np.linspace(0.0, 1.7, 3401)
+    at = bouncing_ball.solve(times, **case)
+    energy = 0.5 * at["velocity"] ** 2 + GRAVITY * at["height"]
+    start = 0.5 * case.get("speed", 0.0) ** 2 + GRAVITY * case["height"]
+    left = start * case["restitution"] ** (2.0 * at["bounces"])
+    moving = at["acceleration"] < 0.0
+    np.testing.assert_allclose(energy[moving], left[moving], rtol=1e-12, atol=1e-13)
+    assert (at["height"] >= 0.0).all()
+    assert (np.diff(at["bounces"]) >= 0).all()
+
+
+def test_bounces_accumulate_and_the_ball_rests():
+    case = CASES["dropped"]
+    end = bouncing_ball.rest_time(**case)
+    first = np.sqrt(2.0 / GRAVITY)
+    flights = 2.0 * first * 0.8 ** np.arange(1, 300)
+    assert end == pytest.approx(first + flights.sum(), rel=1e-14)
+    near = bouncing_ball.solve(end - np.logspace(-12, -1, 400), **case)
+    # what is left to the end is the sum of the flights to come: the ball is no higher than they let
+    assert (near["height"] <= GRAVITY * np.logspace(-12, -1, 400) ** 2).all()
+    late = bouncing_ball.solve([end, 2 * end], **case)
+    for name in ("height", "velocity", "acceleration"):
+        assert not late[name].any()
+    still = bouncing_ball.solve([0.0, 1.0], height=0.0, restitution=1.0)
+    for name in ("height", "velocity"):
+        assert not still[name].any()
+
+
+def test_impacts_lie_where_their_series_says():
+    times = np.sqrt(2.0 / GRAVITY) * np.cumsum([1.0, *(2.0 * 0.8 ** np.arange(1, 40))])
+    for shift, count in ((-1e-13, np.arange(40)), (1e-13, np.arange(1, 41))):
+        at = bouncing_ball.solve(times + shift, **CASES["dropped"])
+        assert at["bounces"].tolist() == count.tolist()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"height": -1.0}, {"restitution": 1.1}, {"gravity": 0.0}, {"speed": np.nan}]
+)
+def test_bad_parameters(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        bouncing_ball.solve(0.0, **{**CASES["dropped"], **wrong})

@@ -1,0 +1,94 @@
+"""The sliding block against a solver that knows phases and events, work, and limits."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.contacts import sliding_block
+from tests.analytic.contacts.events import follow
+
+CASES = {
+    "level": {"friction": 0.5, "speed": 2.0},
+    "up, sticks": {"friction": 0.7, "angle": 0.5, "speed": 3.0},
+    "up, slides back": {"friction": 0.3, "angle": 0.5, "speed": 3.0},
+    "down, stops": {"friction": 0.7, "angle": 0.5, "speed": -1.0},
+    "down, goes on": {"friction": 0.3, "angle": 0.5, "speed": -1.0},
+    "let go": {"friction": 0.3, "angle": 0.5},
+    "without friction": {"friction": 0.0, "angle": 0.5, "speed": 1.0},
+}
+GRAVITY = 9.81
+
+
+def followed(times, *, friction, angle=0.0, speed=0.0):
+    """Positions and velocities by the balance of forces of each phase."""
+
+    def sliding(sense):
+        normal = np.array([-np.sin(angle), np.cos(angle)])
+        up = np.array([np.cos(angle), np.sin(angle)])
+        weight = np.array([0.0, -GRAVITY])
+        force = weight - normal * (weight @ normal)
+        force = force + sense * friction * (weight @ normal) * up
+        return (
+            lambda y: np.array([y[1], force @ up]),
+            lambda y: sense * y[1] if sense * (force @ up) < 0 else 1.0,
+            lambda y: (resting() if friction >= np.tan(angle) else sliding(-1), [y[0], 0.0]),
+        )
+
+    def resting():
+        return lambda y: np.zeros(2), lambda y: 1.0, None
+
+    sense = np.sign(speed) or -1.0
+    first = resting() if not speed and friction >= np.tan(angle) else sliding(sense)
+    return follow(first, [0.0, speed], times)
+
+
+def apart(times, closed, **case):
+    """How far a closed form is from the solver's motion [m, m/s]."""
+    found = np.stack([closed["position"], closed["velocity"]], axis=-1)
+    return np.abs(found - followed(times, **case)).max()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_solver_of_phases_agrees_and_finds_a_wrong_coefficient(name):
+    case, times = CASES[name], np.linspace(0.0, 1.3, 131)
+    assert apart(times, sliding_block.solve(times, **case), **case) < 1e-12  # of the solver
+    wrong = sliding_block.solve(times, **{**case, "friction": case["friction"] + 1e-4})
+    assert apart(times, wrong, **case) > 1e-6
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_energy_is_lost_to_friction_alone(name):
+    """Trapezoids are exact but for the interval in which the block stops, which is left out."""
+    case, times = CASES[name], np.linspace(0.0, 1.3, 1301)
+    at = sliding_block.solve(times, **case, mass=2.0)
+    height = at["position"] * np.sin(case.get("angle", 0.0))
+    energy = at["velocity"] ** 2 + 2.0 * GRAVITY * height  # of 2 kg
+    work = 0.5 * (at["friction_force"][1:] + at["friction_force"][:-1]) * np.diff(at["position"])
+    clear = np.diff(at["acceleration"]) == 0.0
+    assert np.abs(np.diff(energy) - work)[clear].max() < 1e-13
+    assert (work[clear] <= 1e-15).all()
+    assert (np.abs(at["friction_force"]) <= case["friction"] * at["normal_force"] + 1e-12).all()
+    balance = at["friction_force"] - 2.0 * GRAVITY * np.sin(case.get("angle", 0.0))
+    np.testing.assert_allclose(2.0 * at["acceleration"], balance, atol=1e-14)
+
+
+def test_textbook_distance_and_limits():
+    late = sliding_block.solve(9.0, friction=0.5, speed=2.0)
+    assert late["position"] == pytest.approx(4.0 / (2 * 0.5 * 9.81), rel=1e-15)
+    assert sliding_block.stop_time(friction=0.0, speed=1.0, angle=0.0) == np.inf
+    edge = np.tan(0.5)
+    assert sliding_block.solve(1.0, friction=edge * (1 + 1e-12), angle=0.5)["velocity"] == 0.0
+    assert sliding_block.solve(1.0, friction=edge * (1 - 1e-6), angle=0.5)["velocity"] < 0.0
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"friction": -0.1}, {"angle": 1.6}, {"mass": 0.0}, {"speed": np.nan}, {"gravity": -1.0}],
+)
+def test_bad_parameters(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        sliding_block.solve(0.0, **{"friction": 0.5, **wrong})
+
+
+def test_no_time_before_the_start():
+    with pytest.raises(ValueError, match="negative"):
+        sliding_block.solve(-1.0, friction=0.5)
