@@ -469,13 +469,15 @@ def between(drives: Array, knots: Array, ends: Array, ways: Array) -> Array:
     drives : ndarray (n, drives)
         Values of the drives [rad or m].
     knots : ndarray (knots,) of int
-        Numbers of the poses that are known, the first and the last among them.
-    ends, ways : ndarray (knots, nv), (knots, nv, drives)
-        These poses, and how they move with the drives [rad or m, or 1].
+        Numbers of the poses that are known, the first and the last among them [1].
+    ends : ndarray (knots, nv)
+        These poses [rad or m].
+    ways : ndarray (knots, nv, drives)
+        How they move with the drives, rad or m for each rad or m [1].
 
     Returns
     -------
-    ndarray (n, nv)
+    ndarray (n, nv) [rad or m]
         On the line of the drives from a knot to the next Hermite's polynomials of third degree,
         beside it the ways of both knots.
     """
