@@ -22,7 +22,6 @@ from proofmass.sim.pymunk.kinematics import (
     damping,
     gaps,
     jacobian,
-    least,
     potential,
     residual,
     sizes,
@@ -111,11 +110,9 @@ def start_motion(
     def held(p: Array) -> Array:
         return bound(links, p)
 
-    rows, rates = jacobian(held, pose), jacobian(lambda p: values(links.joints, p), pose)
+    rows = jacobian(held, pose)
     closed = np.zeros(len(rows) - len(rate))
-    tree = np.vstack([jacobian(lambda p: residual(links, p), pose), rates])
-    wanted = np.append(closed, [joint.rate for joint in links.joints])
-    velocity = least(links, tree, wanted)
+    velocity = _started(links, pose, rate)
     lacking = np.append(closed, rate) - rows @ velocity
     velocity = velocity + _held(links, rows, np.zeros(len(velocity)), lacking)
     full = _padded(velocity)
@@ -127,6 +124,21 @@ def start_motion(
     force = force - slopes.T @ (coefficients * (slopes @ velocity))
     needed = np.append(closed, acceleration) - turning @ velocity
     return full, _padded(_held(links, rows, force, needed))
+
+
+def _started(links: Links, pose: Array, rate: Array) -> Array:
+    """Velocity (3 links,) of a closed pose: the keyframe's rates of the joints, changed as little
+    as loops and drives ask."""
+    open_rows = jacobian(lambda p: residual(links, p), pose)
+    tree = 2 * (len(links.holds) - len(links.loops))
+    chain = np.vstack([open_rows[:tree], jacobian(lambda p: values(links.joints, p), pose)])
+    by_joints = np.linalg.lstsq(chain * links.sizes, np.eye(len(chain))[:, tree:], rcond=1e-14)[0]
+    by_joints *= links.sizes[:, None]
+    wanted = np.array([joint.rate for joint in links.joints])
+    fixed = np.vstack([open_rows[tree:] @ by_joints, np.eye(wanted.size)[list(links.driven)]])
+    asked = np.append(np.zeros(len(fixed) - rate.size), rate)
+    change = np.linalg.lstsq(fixed, asked - fixed @ wanted, rcond=1e-9)[0]
+    return np.asarray(by_joints @ (wanted + change))
 
 
 def _held(links: Links, rows: Array, force: Array, needed: Array) -> Array:
