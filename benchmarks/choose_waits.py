@@ -31,7 +31,7 @@ HEAD = """# How long choose takes
 stepped in time, `proofmass choose CASE --error {error}` was given twice: *first* with an empty
 store, *next* when the store had its runs. Both are wall times of the whole command, with its start;
 no other work was done meanwhile. *Settings* is how many were measured the first time, in the
-engines that the case has. *Found* is the engine of the setting, or the first words of the refusal.
+engines that the case has. *Found* is the engine of the cheapest setting.
 
 | | least | median | largest | cases within {first} s | within {next} s |
 |---|---|---|---|---|---|
@@ -85,18 +85,16 @@ def waited(case: Case, error: float, folder: Path) -> Waited:
                 [sys.executable, "-m", "proofmass", *asked], capture_output=True, text=True
             )
             took.append(time.perf_counter() - began)
-            told.append(f"exit code {ran.returncode}\n{ran.stdout}\n{ran.stderr}")
+            told += [ran.stdout, ran.stderr]
     (folder / f"{case.name}.txt").write_text("\n".join(told), encoding="utf-8")
-    measured = re.search(r"(\d+) settings\s+measured", told[0])
+    measured = re.search(r"(\d+) settings\s+measured", told[1])
     return Waited(case.name, (took[0], took[1]), measured[1] if measured else "", words(told[0]))
 
 
-def words(told: str) -> str:
-    """The engine of the setting that a call found, or why it found none."""
-    code, _, rest = told.partition("\n")
-    if code.endswith(" 0"):
-        return next(name for name in ("pymunk", "MuJoCo") if name in rest)
-    return next((line for line in reversed(rest.splitlines()) if line.strip()), code)[:80]
+def words(printed: str) -> str:
+    """The engine of the setting that a call printed, whose line is the first with one; or none."""
+    found = re.search(r"^\W*(MuJoCo|pymunk)\b", printed, re.MULTILINE)
+    return found[1] if found else "none"
 
 
 def row(each: Waited) -> str:

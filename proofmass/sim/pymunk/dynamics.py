@@ -18,6 +18,7 @@ from proofmass.sim.pymunk.kinematics import (
     alike,
     along,
     bound,
+    chain_at,
     close,
     damping,
     gaps,
@@ -236,7 +237,9 @@ def start_state(links: Links, run: Run, per: int, dt: float) -> tuple[Array, Arr
             part[:, k] = curve
     value, rate, acc = laws
     value = _one_more(value, acc, dt)
-    pose = close(links, links.pose, value[1])
+    chain = bool(links.driven) and not links.loops and not links.gears
+    begin = chain_at(links, value[1]) if chain else links.pose
+    pose = close(links, begin, value[1])
     motion = start_motion(links, pose, rate[0], acc[0])
     pose, velocity = step_back(links, pose, motion, dt, value[:2])
     return pose, velocity, value[2:]

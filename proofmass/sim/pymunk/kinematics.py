@@ -208,6 +208,28 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
     return pose
 
 
+def chain_at(links: Links, drives: Array) -> Array:
+    """The start pose (links + 1, 3) of links without loops, with the driven joints at other values.
+
+    All other joints keep theirs: what hangs on a driven joint goes with it.
+    """
+    pose, ways = links.pose.copy(), np.zeros(len(links.joints))
+    ways[list(links.driven)] = drives - values(links.drives, links.pose)
+    for joint, way in zip(links.joints, ways.tolist(), strict=True):
+        hold = joint.hold
+        if not joint.holds:
+            continue
+        place, angle = pose[hold.a, :2], pose[hold.a, 2]
+        on_a = hold.on_a
+        if hold.axis is None:
+            pose[hold.b, 2] = angle + joint.sign * way
+        else:
+            pose[hold.b, 2], on_a = angle, on_a + way * hold.axis
+        anchor = place + turned(angle, on_a)
+        pose[hold.b, :2] = anchor - turned(pose[hold.b, 2], hold.on_b)
+    return pose
+
+
 def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Array:
     best, off = pose, np.inf
     for _ in range(40):
