@@ -29,6 +29,7 @@ LONG = (
     "accuracy",
     "balancer_fronts",
     "choose",
+    "choose_waits",
     "coverage",
     "design_balancer",
     "diagnosis",
