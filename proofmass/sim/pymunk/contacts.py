@@ -103,7 +103,7 @@ def restitution(damping_ratio: float) -> float:
     Examples
     --------
     >>> [round(restitution(z), 6) for z in (0.0, 0.1, 1.0, 10.0)]
-    [1.0, 0.743967, 0.135335, 0.002437]
+    [1.0, 0.744079, 0.135335, 0.002438]
     """
     z = damping_ratio
     if abs(z - 1.0) < 1e-6:  # the limit, to rounding of the quotient
