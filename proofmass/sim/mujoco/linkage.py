@@ -14,7 +14,6 @@ from collections.abc import Iterator
 
 import mujoco
 import numpy as np
-from scipy.linalg.lapack import dgesdd
 
 from proofmass.analytic.numerics import STANDS, Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
@@ -391,7 +390,7 @@ class Linkage:
         Its last columns are the motions that the drives allow.  A planar loop in 3-D carries rows
         that are always zero, hence no plain inverse.
         """
-        left, values, right, _ = dgesdd(self.scaled(jacobian), full_matrices=0)  # without checks
+        left, values, right = np.linalg.svd(self.scaled(jacobian), full_matrices=False)
         rank = int((values > 1e-10 * values[0]).sum())
         if rank < self.model.nv:
             raise Unsupported(
