@@ -196,16 +196,11 @@ def picks(
             return Pick(case.name, engine, wanted, None, str(why))
 
     # the longest first; told in the order of the cases
-    order = sorted(asked, key=lambda each: -expected(rows[each[0].name], each[1], each[2] / MARGIN))
+    costs = [expected(rows[case.name], engine, wanted / MARGIN) for case, engine, wanted in asked]
+    order = sorted(range(len(asked)), key=lambda k: -costs[k])
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        found = dict(zip(map(named_by, order), threads.map(one, order), strict=True))
-    return [found[named_by(each)] for each in asked]
-
-
-def named_by(asked: tuple[Case, str, float]) -> tuple[str, str, float]:
-    """What tells a pick from others."""
-    case, engine, wanted = asked
-    return case.name, engine, wanted
+        found = dict(zip(order, threads.map(lambda k: one(asked[k]), order), strict=True))
+    return [found[k] for k in range(len(asked))]
 
 
 def head(study: Trade) -> str:

@@ -137,22 +137,27 @@ def creep(steps: Sequence[float]) -> Iterator[str]:
         yield f"| {words} | {speeds} |"
 
 
+SLIDES = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+
+
 def crept(
     step: float,
-    cone: str,
+    cone: str = "elliptic",
+    geom: str = "box",
+    joints: str = SLIDES,
     solref: tuple[float, float] = (0.02, 1.0),
     impedance: float = 0.9,
     impratio: float = 1.0,
 ) -> float:
-    """Speed [m/s] at which a box of 2 kg slides down a slope in bare MuJoCo, after a second."""
+    """Speed [m/s] at which a body of 2 kg slides down a slope in bare MuJoCo, after a second."""
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{step}" cone="{cone}"
       gravity="{-9.81 * np.sin(SLOPE)} 0 {-9.81 * np.cos(SLOPE)}" impratio="{impratio}"
       tolerance="1e-12"/>
       <default><geom friction="{RUB} 0 0" solref="{solref[0]} {solref[1]}"
       solimp="{impedance} {impedance}"/></default>
       <worldbody><geom type="plane" size="2 2 .1"/>
-      <body pos="0 0 0.02"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
-      <geom type="box" size="0.1 0.1 0.02" mass="2"/></body></worldbody></mujoco>""")
+      <body pos="0 0 0.02">{joints}
+      <geom type="{geom}" size="0.1 0.1 0.02" mass="2"/></body></worldbody></mujoco>""")
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, round(1.0 / step))
     return float(-data.qvel[0])

@@ -9,9 +9,10 @@ from typer.testing import CliRunner
 from proofmass import proposal
 from proofmass.check import check
 from proofmass.cli import app
+from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
-from proofmass.proposal import look_at, rounded_up, write_proposal
+from proofmass.proposal import look_at, measured_tolerance, rounded_up, write_proposal
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
@@ -131,6 +132,16 @@ def test_a_proposed_tolerance_leaves_room_for_rounding(tmp_path):
     found = check([sidecar], detectable=False, causes=False).comparisons
     swing = max(c.error_rms / c.nrmse for c in found if c.unit == "rad/s" and c.nrmse > 0)
     assert rate.abs >= 1e-12 * swing
+
+
+def test_a_tolerance_of_what_is_off_by_nothing_is_rounding_of_the_range():
+    """A kilometre of range, of which 1e-12 is 1 nm; what is off by more has its own."""
+    still = Comparison("", "", "", "x", "m", error_max=1e-15, error_rms=5e-16, nrmse=5e-19)
+    off = Comparison("", "", "", "v", "m/s", error_max=1e-3, error_rms=1e-3, nrmse=1e-6)
+    lines = list(measured_tolerance("mujoco", [still, off]))
+    assert [line for line in lines if line.startswith("abs")] == ["abs = 1e-09", "abs = 0.003"]
+    told = [line for line in lines if line.startswith("why")]
+    assert ["at least 1e-12 of the range" in line for line in told] == [True, False]
 
 
 BOX = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>

@@ -16,7 +16,7 @@ from proofmass.check import check
 from proofmass.errors import InputError
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, dismiss, isolated
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, dismiss, idle, isolated
 
 LARGE = (
     '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>'
@@ -200,6 +200,17 @@ def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(
     result = check([models / "deep.toml", pendulum], detectable=False, causes=False)
     assert [e.file.name for e in result.errors] == ["deep.toml"]
     assert "agrees" in outcomes(result, "pendulum")
+
+
+def test_the_worker_that_ran_last_is_asked_first():
+    """Two wait; the one that was called last has what the next call may ask for again."""
+    dismiss()
+    other = threading.Thread(target=isolated, args=(time.sleep, 1.0), kwargs={"timeout": 9})
+    other.start()
+    isolated(os.getpid, timeout=9)
+    other.join()
+    assert idle.qsize() == 2
+    assert len({isolated(os.getpid, timeout=9) for _ in range(4)}) == 1
 
 
 def test_a_hang_is_killed_while_others_go_on():

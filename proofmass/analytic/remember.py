@@ -88,12 +88,12 @@ def answered(function: Callable[..., Answer], *given: Any, **named: Any) -> Answ
     return found
 
 
-def rough(value: Any) -> Any:
-    """Numbers in five digits, in tuples of tuples.
+def rough(value: Any, digits: int = 5) -> Any:
+    """Numbers in so many digits, in tuples of tuples.
 
     >>> rough((0.123456, (3.0, None)))
     (0.12346, (3.0, None))
     """
     if isinstance(value, tuple):
-        return tuple(map(rough, value))
-    return float(f"{value:.5g}") if isinstance(value, float) else value
+        return tuple(rough(part, digits) for part in value)
+    return float(f"{value:.{digits}g}") if isinstance(value, float) else value

@@ -6,6 +6,17 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.numerics import Array
 
 
+def check_restitution(restitution: float) -> None:
+    """ValueError where a coefficient of restitution is none.
+
+    >>> check_restitution(1.5)
+    Traceback (most recent call last):
+    ValueError: restitution must lie from 0 to 1 [1], got 1.5
+    """
+    if not 0.0 <= restitution <= 1.0:
+        raise ValueError(f"restitution must lie from 0 to 1 [1], got {restitution}")
+
+
 def since_start(time: ArrayLike) -> Array:
     """Times [s] of a motion that is known from its start on, as an array.
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.contacts import since_start
+from proofmass.analytic.contacts import check_restitution, since_start
 from proofmass.analytic.numerics import Array, finite, not_negative, positive
 
 MOST = 10_000
@@ -93,8 +93,7 @@ def _events(
     positive("m/s", speed=speed)
     not_negative("m", gap=gap)
     finite(restitution=e)
-    if not 0.0 <= e <= 1.0:
-        raise ValueError(f"restitution must lie from 0 to 1 [1], got {e}")
+    check_restitution(e)
     if gap == 0.0 and e < 1.0:
         raise ValueError(
             f"gap must be positive [m]: what inelastic balls that touch do depends on the order of "

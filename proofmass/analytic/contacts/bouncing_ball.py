@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.contacts import since_start
+from proofmass.analytic.contacts import check_restitution, since_start
 from proofmass.analytic.numerics import Array, finite, not_negative, positive
 
 
@@ -114,8 +114,7 @@ def _first_impact(
     not_negative("m", height=height)
     finite(speed=speed)
     positive("m/s^2", gravity=gravity)
-    if not 0.0 <= restitution <= 1.0:
-        raise ValueError(f"restitution must lie from 0 to 1 [1], got {restitution}")
+    check_restitution(restitution)
     hit = float(np.sqrt(speed**2 + 2.0 * gravity * height))
     if speed < 0.0:  # without a difference of numbers that are nearly equal
         return 2.0 * height / (hit - speed), hit

@@ -69,10 +69,9 @@ def solve(
     (5.0, 50.0)
     """
     t = since_start(time)
-    end, push = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
+    end, push, rolls = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
     early, late = np.minimum(t, end), np.maximum(t - end, 0.0)
     turn = -push / (inertia_ratio * radius)
-    rolls = (speed + inertia_ratio * radius * spin) / (1.0 + inertia_ratio)
     slides = t < end
     return {
         "position": early * (speed + 0.5 * push * early) + rolls * late,
@@ -87,19 +86,20 @@ def solve(
 
 def _sliding(
     radius: float, friction: float, speed: float, spin: float, ratio: float, gravity: float
-) -> tuple[float, float]:
-    """When the ball begins to roll [s], and its acceleration until then [m/s^2]."""
+) -> tuple[float, float, float]:
+    """When the ball begins to roll [s], its acceleration before [m/s^2], its speed after [m/s]."""
     positive(radius=radius)
     positive("1", inertia_ratio=ratio)
     not_negative("1", friction=friction)
     not_negative("m/s^2", gravity=gravity)
     finite(speed=speed, spin=spin)
     slip, most = speed - radius * spin, friction * gravity
+    rolls = (speed + ratio * radius * spin) / (1.0 + ratio)
     if slip == 0.0:
-        return 0.0, 0.0
+        return 0.0, 0.0, rolls
     if most == 0.0:
-        return np.inf, 0.0
-    return abs(slip) / (most * (1.0 + 1.0 / ratio)), -float(np.sign(slip)) * most
+        return np.inf, 0.0, rolls
+    return abs(slip) / (most * (1.0 + 1.0 / ratio)), -float(np.sign(slip)) * most, rolls
 
 
 def roll_time(
@@ -133,8 +133,7 @@ def facts(
     >>> facts(radius=0.1, friction=0.3, speed=7.0, gravity=10.0)
     {'rolls': 'from 0.66667 s on, at 5 m/s'}
     """
-    end, _ = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
+    end, _, rolls = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
     if not np.isfinite(end):
         return {"rolls": "never"}
-    rolls = (speed + inertia_ratio * radius * spin) / (1.0 + inertia_ratio)
     return {"rolls": f"from {end:.5g} s on, at {rolls:.5g} m/s"}

@@ -112,14 +112,18 @@ def stop_time(*, friction: float, angle: float, speed: float, gravity: float = 9
 
 
 def facts(
-    *, friction: float, angle: float = 0.0, speed: float = 0.0, **others: float
+    *,
+    friction: float,
+    angle: float = 0.0,
+    speed: float = 0.0,
+    gravity: float = 9.81,
+    **_: float,
 ) -> dict[str, str]:
     """Where the block stops, and what it does then, in words.
 
     >>> facts(friction=0.5, speed=2.0, gravity=10.0)
     {'stops': 'after 0.4 s and 0.4 m', 'at rest': 'sticks: tan(angle) is 0 % of the friction'}
     """
-    gravity = others.get("gravity", 9.81)
     stop = stop_time(friction=friction, angle=angle, speed=speed, gravity=gravity)
     way = abs(0.5 * speed * stop) if speed else 0.0
     share = np.tan(angle) / friction if friction else np.inf

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Complex, finite, not_negative, positive
+from proofmass.analytic.remember import rough
 from proofmass.analytic.rods.rod_motion import MovingRod, Started, check_rod, resolved_motion
 
 SAME = 1e-6  # of the rate: how far a constant one may change
-SHARE = 1e-9
+DIGITS, SHARE = 10, 1e-9
 """Of the time of the motion, and of its rate: drives that differ by less have the same motion,
 which is integrated once.  A place differs by as much of the crank's way, and is known to 1e-6."""
 
@@ -97,10 +98,10 @@ def solve(
     speed = float(np.median(speeds))
     if not np.abs(speeds - speed).max() <= SAME * abs(speed) or not speed:
         raise ValueError("rate must be constant and not zero: the coupler has a motion of its own")
-    speed = float(f"{speed:.9e}")
-    t, first = (phi - phi[0]) / speed, round(float(phi[0]), 9)
-    last = float(f"{t[-1]:.9e}")
-    t = last * SHARE * np.round(t / (last * SHARE)) if last else t
+    speed, first = rough(speed, DIGITS), round(float(phi[0]), DIGITS - 1)
+    t = (phi - phi[0]) / speed
+    if unit := SHARE * rough(float(t[-1]), DIGITS):
+        t = unit * np.round(t / unit)
     links = crank, coupler, stiffness, coupler_mass, slider_mass, gravity
     found = resolved_motion(begun, (*links, first, speed), tuple(t.tolist()))
     end = crank * np.exp(1j * (first + speed * t))

@@ -256,15 +256,13 @@ class Linkage:
 
     def invert_regular(self, jacobians: Array) -> Array | None:
         """`invert` of many poses (n, nv, rows + drives); None if one of them is near a singular."""
-        held = np.broadcast_to(self.held, (len(jacobians), *self.held.shape))
-        scaled = np.concatenate([jacobians * self.shares[: jacobians.shape[1]], held], axis=1)
+        scaled = self.scaled(jacobians)
         if scaled.shape[1] < self.model.nv or not np.isfinite(scaled).all():
             return None
         left, values, right = np.linalg.svd(scaled, full_matrices=False)
         if not (values[:, -1] > values[:, 0] / REGULAR).all():
             return None
-        inverses = (right.transpose(0, 2, 1) / values[:, None]) @ left.transpose(0, 2, 1)
-        return np.asarray(inverses * self.shares.T)
+        return self.inverted(left, values, right)
 
     def loaded_tangent(self, tangent: Array) -> Array:
         """The tangent of the drives, and that of loads, which move nothing."""
@@ -374,11 +372,17 @@ class Linkage:
         return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
 
     def scaled(self, jacobian: Array) -> Array:
-        """The loops' rows and, below them, the drives', with all lengths in extents."""
-        found = np.empty(self.shares.shape)
-        np.multiply(jacobian, self.shares[: len(jacobian)], out=found[: len(jacobian)])
-        found[len(jacobian) :] = self.held
+        """The loops' rows (..., rows, nv) and, below them, the drives', with lengths in extents."""
+        rows = jacobian.shape[-2]
+        found = np.empty((*jacobian.shape[:-2], *self.shares.shape))
+        np.multiply(jacobian, self.shares[:rows], out=found[..., :rows, :])
+        found[..., rows:, :] = self.held
         return found
+
+    def inverted(self, left: Array, values: Array, right: Array) -> Array:
+        """The pseudo-inverse of what `scaled` gives, by its singular values, in SI."""
+        turned = np.swapaxes(right, -1, -2) / values[..., None, :]
+        return np.asarray(turned @ np.swapaxes(left, -1, -2) * self.shares.T)
 
     def spoken(self, values: Array) -> str:
         """The driven joints with their values."""
@@ -398,7 +402,7 @@ class Linkage:
                 f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
                 f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose"
             )
-        return np.asarray((right.T / values) @ left.T * self.shares.T)
+        return self.inverted(left, values, right)
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""

@@ -6,13 +6,11 @@ friction.  MuJoCo's contacts are soft and Chipmunk's are rigid, so that of the s
 the coefficient of restitution is left which it has in the limit of a short time constant.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
-import pymunk
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import PARALLEL, MotionPlane
@@ -317,54 +315,3 @@ def _damping_ratio(solref: Array, names: str) -> float:
             f"solref '{first:g} {second:g}' of the contact of {names}, which has no damping ratio"
         )
     return float(ratio)
-
-
-def add_contacts(
-    space: pymunk.Space,
-    contacts: Contacts,
-    bodies: Sequence[pymunk.Body],
-    offsets: Array,
-    settings: Mapping[str, Any],
-) -> None:
-    """Give the bodies of a space their shapes, and each pair of shapes its law.
-
-    Parameters
-    ----------
-    space : pymunk.Space
-    contacts : Contacts
-    bodies : sequence of pymunk.Body
-        Of all links, the ground last.
-    offsets : ndarray (links + 1, 2)
-        Where the links' centres lie in their bodies [m]: 0, and of the ground its centre.
-    settings : mapping
-        ``collision_slop`` [m] and ``collision_bias``.
-    """
-    if not contacts:
-        return
-    space.collision_slop = settings["collision_slop"]
-    space.collision_bias = settings["collision_bias"]
-    places = dict[pymunk.Shape, int]()
-    for k, own in enumerate(contacts.shapes):
-        shape = make_shape(own, bodies[own.link], offsets[own.link])
-        places[shape] = k
-        space.add(shape)
-
-    def meet(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
-        one, two = arbiter.shapes
-        law = contacts.between(places[one], places[two])
-        if law is None:
-            arbiter.process_collision = False
-        else:
-            arbiter.friction, arbiter.restitution = law.friction, law.restitution
-
-    space.on_collision(pre_solve=meet)
-
-
-def make_shape(own: ContactShape, body: pymunk.Body, offset: Array) -> pymunk.Shape:
-    """A section as a shape of a body."""
-    points = [tuple(point) for point in (own.points + offset).tolist()]
-    if len(points) == 1:
-        return pymunk.Circle(body, own.radius, points[0])
-    if len(points) == 2:
-        return pymunk.Segment(body, points[0], points[1], own.radius)
-    return pymunk.Poly(body, points, radius=own.radius)

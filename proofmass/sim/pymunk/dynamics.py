@@ -13,7 +13,6 @@ from pymunk import batch
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Curves, Diverged, Run
-from proofmass.sim.pymunk.contacts import add_contacts
 from proofmass.sim.pymunk.kinematics import (
     alike,
     along,
@@ -35,6 +34,7 @@ from proofmass.sim.pymunk.space import (
     FIELDS,
     Motor,
     Settings,
+    add_contacts,
     add_drives,
     aim,
     build,
@@ -113,7 +113,7 @@ def start_motion(
 
     rows = jacobian(held, pose)
     closed = np.zeros(len(rows) - len(rate))
-    velocity = _started(links, pose, rate)
+    velocity = _started(links, pose, rate)  # to rounding, but near a singular pose
     lacking = np.append(closed, rate) - rows @ velocity
     velocity = velocity + _held(links, rows, np.zeros(len(velocity)), lacking)
     full = _padded(velocity)
@@ -131,7 +131,7 @@ def _started(links: Links, pose: Array, rate: Array) -> Array:
     """Velocity (3 links,) of a closed pose: the keyframe's rates of the joints, changed as little
     as loops and drives ask."""
     open_rows = jacobian(lambda p: residual(links, p), pose)
-    tree = 2 * (len(links.holds) - len(links.loops))
+    tree = links.joint_rows
     chain = np.vstack([open_rows[:tree], jacobian(lambda p: values(links.joints, p), pose)])
     by_joints = np.linalg.lstsq(chain * links.sizes, np.eye(len(chain))[:, tree:], rcond=1e-14)[0]
     by_joints *= links.sizes[:, None]
@@ -219,9 +219,7 @@ def prepared(
     """The space one step before the start, its drives, their values after each step (steps,
     drives), and the velocity before the start."""
     space = build(links, settings["iterations"], settings["error_bias"])
-    offsets = np.append(np.zeros((len(links.mass), 2)), links.centre[-1:], axis=0)
-    bodies = [*space.bodies, space.static_body]
-    add_contacts(space, links.contacts, bodies, offsets, settings)
+    add_contacts(space, links, settings)
     pose, velocity, targets = start_state(links, run, per, settings["timestep"])
     put(space, pose, velocity)
     return space, add_drives(space, links), targets, velocity

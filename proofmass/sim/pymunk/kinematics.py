@@ -269,7 +269,7 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
     """The gap [m] of the loops at their closest, with joints and drives held."""
     if not np.isfinite(pose).all():
         return np.inf
-    tree = 2 * (len(links.holds) - len(links.loops))
+    tree = links.joint_rows
     weight = 1e4 / links.bounds
     weight[tree : tree + 2 * len(links.loops)] /= 1e4
     ground = pose[-1:]

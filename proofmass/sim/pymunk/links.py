@@ -218,6 +218,11 @@ class Links:
         return tuple(joint for joint in self.joints if not joint.holds)
 
     @property
+    def joint_rows(self) -> int:
+        """How many rows of the residual, its first ones, are of the holds of joints."""
+        return 2 * (len(self.holds) - len(self.loops))
+
+    @property
     def rows(self) -> int:
         """How many equations hold the links: two of each hold, one of each gear."""
         return 2 * len(self.holds) + len(self.gears)

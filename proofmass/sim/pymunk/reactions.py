@@ -144,7 +144,7 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
         add(link, at, model.body_mass[b] * (acceleration - links.gravity))
         frame = data.ximat[b].reshape(3, 3)
         moment = moment + (plane.normal @ frame) ** 2 @ model.body_inertia[b] * bend[:, 0]
-    first = 2 * (len(links.holds) - len(links.loops))
+    first = links.joint_rows
     for k, (e, loop) in enumerate(zip(connects(model), links.loops, strict=True)):
         pull = forces[:, first + 2 * k : first + 2 * k + 2]
         one, two = anchor_bodies(model, e)

@@ -14,6 +14,7 @@ import pymunk
 from pymunk import batch
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
 
 Settings = dict[str, Any]
@@ -105,6 +106,39 @@ def _pull(pull: Pull, body: pymunk.Body) -> None:
 def at(links: Links, link: int, local: Array) -> tuple[float, float]:
     """An anchor in the body's own coordinates; the static body's are the world's."""
     return tuple(local + (links.centre[link] if link == len(links.mass) else 0.0))
+
+
+def add_contacts(space: pymunk.Space, links: Links, settings: Settings) -> None:
+    """Give the bodies of a space from `build` their shapes, and each pair of shapes its law."""
+    contacts = links.contacts
+    if not contacts:
+        return
+    space.collision_slop = settings["collision_slop"]
+    space.collision_bias = settings["collision_bias"]
+    bodies, places = [*space.bodies, space.static_body], dict[pymunk.Shape, int]()
+    for k, own in enumerate(contacts.shapes):
+        shape = _shape(own, links, bodies[own.link])
+        places[shape] = k
+        space.add(shape)
+
+    def meet(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        one, two = arbiter.shapes
+        law = contacts.between(places[one], places[two])
+        if law is None:
+            arbiter.process_collision = False
+        else:
+            arbiter.friction, arbiter.restitution = law.friction, law.restitution
+
+    space.on_collision(pre_solve=meet)
+
+
+def _shape(own: ContactShape, links: Links, body: pymunk.Body) -> pymunk.Shape:
+    points = [at(links, own.link, point) for point in own.points]
+    if len(points) == 1:
+        return pymunk.Circle(body, own.radius, points[0])
+    if len(points) == 2:
+        return pymunk.Segment(body, points[0], points[1], own.radius)
+    return pymunk.Poly(body, points, radius=own.radius)
 
 
 def _hold(

@@ -188,6 +188,8 @@ def test_a_floor_is_named(fourbar: Case) -> None:
         chosen(fourbar, series_rows("quick"), 1e-9)
     with pytest.raises(Cannot, match=needs + "--longest is 30$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=30.0))
+    with pytest.raises(Cannot, match=needs + "--longest is 33$"):  # expectations are a tenth off
+        chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=33.0))
     with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
     lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
