@@ -19,11 +19,11 @@ import numpy as np
 
 from benchmarks import ROOT, command, folders
 from proofmass import load_case
+from proofmass.analytic.contacts import restitution
 from proofmass.case import Case
 from proofmass.compare import compare
 from proofmass.sim.mujoco.contacts import creep_rate
 from proofmass.sim.protocol import Diverged, Run
-from proofmass.sim.pymunk.contacts import restitution
 from proofmass.solve import plan, simulate
 from proofmass.wording import number
 

@@ -490,20 +490,21 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
     if tell is None:
         return {}
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
-    own: dict[str, Any] = {}
-    if "evidence" in inspect.signature(tell).parameters:
+    own, asked = dict[str, Any](), inspect.signature(tell).parameters
+    if "evidence" in asked:
         own = {"evidence": known_closely(case, grid(case, next(iter(case.run))))[1]}
-    if "terms" in inspect.signature(tell).parameters:  # of a motion of the model itself
+    if "motion" in asked:  # of the model itself
         model, kind = compiled(case), next(iter(case.run))
         x = grid(case, kind)
         drives = [np.broadcast_arrays(*one(x)) for one in laws(case, kind)]
         own = {
             "model": model,
             "start": case.start,
-            "terms": smooth_terms(model, case.start),
             "joints": tuple(drive.joint for drive in case.drive),
             "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
         }
+    if "terms" in asked:
+        own["terms"] = smooth_terms(own["model"], case.start)
     try:
         return tell(**own, **parameters)
     except (TypeError, ValueError):  # the parameters are at fault, which the runs have said

@@ -200,7 +200,7 @@ def test_other_parameters_run_from_coarse_to_fine() -> None:
     with rc_context(RC):
         (ax,) = other_parameters_sheet(rows, dressed(rows)).axes
     assert ax.xaxis_inverted()
-    assert ax.get_xlabel() == "time constant of loops, solref [s]"
+    assert ax.get_xlabel() == "time constant, solref [s]"
     assert list(ax.lines[0].get_xdata()) == [0.04, 0.02, 0.01]
 
 

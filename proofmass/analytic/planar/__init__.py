@@ -49,6 +49,7 @@ from proofmass.analytic.planar.mechanism import (
     refuse_contacts,
     rotation,
 )
+from proofmass.analytic.stops import Stop, StoppedMotion
 
 __all__ = [
     "Branch",
@@ -58,6 +59,7 @@ __all__ = [
     "Mirrored",
     "Overconstrained",
     "SingularHere",
+    "facts",
     "read",
     "solve",
 ]
@@ -167,7 +169,7 @@ def solve(
     [1.4375, 1.95156187, -0.5]
     """
     mechanism, reader = _read(model, start)
-    own = dict[str, Array]()
+    own, stopped = dict[str, Array](), np.zeros(1)
     free = not joints or (in_time is not None and leaves_freedoms(mechanism, joints))
     if not free:
         values = np.atleast_2d(np.asarray(value, float))
@@ -183,11 +185,10 @@ def solve(
             name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
         d = Drives.of(mechanism, joints)
-        if joints and in_time is not None:
-            q, v, a = _beside(mechanism, joints, *in_time)
-        else:
-            q, v, a = _free(mechanism, tuple(np.asarray(value, float).tolist()))
-    for k, joint in enumerate(mechanism.joints):
+        moved = _moved(reader, mechanism, joints, value, in_time)
+        q, v, a = moved.arrays()
+        stopped = np.array(moved.forces)
+    for k, joint in enumerate(mechanism.joints if not free else ()):
         out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
         if out.any():
             raise ValueError(
@@ -200,8 +201,22 @@ def solve(
     if not free and not inertia:
         v = a = np.zeros_like(q)
     more = pushes(reader, start, controls or {}, q.shape)
-    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub, more)
+    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub - stopped, more)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
+
+
+def facts(
+    *, model: Any, start: str, joints: tuple[str, ...], motion: Any, **_: float
+) -> dict[str, str]:
+    """What happened at the stops of a mechanism that moves by itself, in words for a report.
+
+    `motion` are the times of the run [s].
+    """
+    if joints:
+        return {}
+    mechanism, reader = _read(model, start)
+    events = _moved(reader, mechanism, (), motion, None).events()
+    return {"stops": events} if events else {}
 
 
 def leaves_freedoms(m: Mechanism, joints: tuple[str, ...]) -> bool:
@@ -279,30 +294,50 @@ def _knots(
     return Branch(mechanism, joints), Knots.joined([down[:0:-1], up])
 
 
+def _moved(
+    reader: Reader,
+    mechanism: Mechanism,
+    joints: tuple[str, ...],
+    value: ArrayLike,
+    in_time: tuple[Array, Sequence[Law]] | None,
+) -> StoppedMotion:
+    """A motion that is free, or free beside driven joints, between the stops of the joints."""
+    stops = tuple(reader.stops(mechanism, joints))
+    if not joints or in_time is None:
+        return _free(mechanism, tuple(np.asarray(value, float).tolist()), stops)
+    return _beside(mechanism, joints, *in_time, stops)
+
+
 @lru_cache(maxsize=32)
-def _free(mechanism: Mechanism, times: tuple[float, ...]) -> tuple[Array, Array, Array]:
+def _free(mechanism: Mechanism, times: tuple[float, ...], stops: tuple[Stop, ...]) -> StoppedMotion:
     """A free motion, which every solver of a case is held to."""
-    return free_motion(mechanism, np.array(times))
+    return free_motion(mechanism, np.array(times), stops=stops)
 
 
 def _beside(
-    mechanism: Mechanism, joints: tuple[str, ...], times: Array, laws: Sequence[Law]
-) -> tuple[Array, Array, Array]:
+    mechanism: Mechanism,
+    joints: tuple[str, ...],
+    times: Array,
+    laws: Sequence[Law],
+    stops: tuple[Stop, ...],
+) -> StoppedMotion:
     """A motion beside driven joints: the same for all solvers, whatever their drives did."""
     try:
         packed = pickle.dumps((times, laws))
     except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
-        return free_motion(mechanism, times, prescribed(Drives.of(mechanism, joints), laws))
-    return _beside_once(mechanism, joints, packed)
+        drives = prescribed(Drives.of(mechanism, joints), laws)
+        return free_motion(mechanism, times, drives, stops)
+    return _beside_once(mechanism, joints, packed, stops)
 
 
 @lru_cache(maxsize=8)
 def _beside_once(
-    mechanism: Mechanism, joints: tuple[str, ...], packed: bytes
-) -> tuple[Array, Array, Array]:
+    mechanism: Mechanism, joints: tuple[str, ...], packed: bytes, stops: tuple[Stop, ...]
+) -> StoppedMotion:
     """`_beside`, of times and laws as bytes."""
     times, laws = pickle.loads(packed)
-    return free_motion(mechanism, times, prescribed(Drives.of(mechanism, joints), laws))
+    drives = prescribed(Drives.of(mechanism, joints), laws)
+    return free_motion(mechanism, times, drives, stops)
 
 
 _read = lru_cache(maxsize=32)(read)

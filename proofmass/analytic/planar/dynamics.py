@@ -7,7 +7,8 @@ changes whenever the motion has turned away from it:
 
     (Vᵀ M V) z̈ = Vᵀ (Q - M γ - h)
 
-Joints whose motion is prescribed count as loops that change with time: q_d - law(t) = 0.
+Joints whose motion is prescribed count as loops that change with time: q_d - law(t) = 0.  Joints
+that rest on a stop count as loops as well (`proofmass.analytic.stops`).
 
 No loop drifts: every evaluation closes them.  The integrator is DOP853 at 3e-14; what remains is
 an error of about 1e-13 of the motion for each swing, measured on the pendulum's closed form and on
@@ -16,9 +17,11 @@ the energy of a four-bar.
 F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equations, 1991.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +40,14 @@ from proofmass.analytic.planar.kinematics import (
     residual,
     scaled_jacobian,
 )
-from proofmass.analytic.planar.mechanism import CannotAssemble, Mechanism, SingularHere
+from proofmass.analytic.planar.mechanism import (
+    CannotAssemble,
+    Coupling,
+    Mechanism,
+    Overconstrained,
+    SingularHere,
+)
+from proofmass.analytic.stops import State, Step, Stop, StoppedMotion, follow_stopped
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
@@ -150,9 +160,9 @@ SMOOTH = 1e-9
 
 
 def free_motion(
-    m: Mechanism, times: Array, drives: Prescribed = UNDRIVEN
-) -> tuple[Array, Array, Array]:
-    """Poses, rates and accelerations (n, joints) of the motion from the start at rising times.
+    m: Mechanism, times: Array, drives: Prescribed = UNDRIVEN, stops: tuple[Stop, ...] = ()
+) -> StoppedMotion:
+    """The motion from the start at rising times, and what happened at stops.
 
     Beside joints that are driven, the others start as near to the start pose as can be.
 
@@ -161,32 +171,116 @@ def free_motion(
     CannotAssemble, SingularHere, Overconstrained
         The start pose; or the motion meets a pose where degrees of freedom appear, and does not run
         on smoothly behind it.
+    NotCovered
+        The start is beyond a stop.
     """
     value, rate, _ = drives.law(float(times[0]))
-    q, end = nearest(m, m.start, drives.joints, value), float(times[-1])
+    q = nearest(m, m.start, drives.joints, value)
     if freedoms(m, q) <= drives.joints.size:
         raise SingularHere("the mechanism has no degree of freedom")
-    chart, v = TangentChart(m, q, drives), fitting(m, q, m.start_rate, drives.joints, rate)
-    found, longest = [chart.motion(chart.state(v), times[0])[:3]], 0.0
-    solver = begin(chart, times[0], v, end)
-    while len(found) < len(times):
-        message = solver.step()
-        if solver.status == "failed":
-            raise SingularHere(f"no further than t = {solver.t:.6g} s: {message}")
-        longest = max(longest, solver.step_size)
-        short = solver.step_size < SHORT * longest and regularity(m, chart.at) < NEAR
-        if short:
-            solver = leap(chart, solver.t, solver.y, longest, end)
-        inside = solver.dense_output()
-        while len(found) < len(times) and times[len(found)] <= solver.t:
-            found.append(chart.motion(inside(times[len(found)]), times[len(found)])[:3])
-        q, v, _, _ = chart.motion(solver.y, solver.t)
-        if (short or chart.stretch > TILT) and solver.t < end:
-            chart = TangentChart(m, q, drives)
-            step = min(solver.h_abs, longest, end - solver.t)
-            solver = begin(chart, solver.t, v, end, step)
-    q, v, a = (np.array(part) for part in zip(*found, strict=True))
-    return q, v, a
+    v = fitting(m, q, m.start_rate, drives.joints, rate)
+    return follow_stopped(FreeMechanism(m, drives, stops), times, q, v)
+
+
+class FreeMechanism:
+    """A mechanism whose joints move freely, but for those that are driven, between its stops."""
+
+    def __init__(self, m: Mechanism, drives: Prescribed, stops: tuple[Stop, ...]):
+        self.m, self.drives = m, drives
+        self.stops = tuple(s for s in stops if s.rate not in drives.joints)
+        self.resting: dict[tuple[Stop, ...], Mechanism] = {(): m}
+
+    def chart(self, held: tuple[Stop, ...], q: Array) -> TangentChart:
+        """The tangent plane at a pose, with some joints resting on their stops.
+
+        Raises
+        ------
+        Overconstrained
+            One of them is held already by the others.
+        """
+        if held not in self.resting:
+            rests = tuple(
+                Coupling(
+                    f"stop of {stop.joint}",
+                    ((stop.rate, 1.0),),
+                    (),
+                    (stop.value - self.m.joints[stop.rate].zero, 0.0, 0.0, 0.0, 0.0),
+                )
+                for stop in held
+            )
+            m = replace(self.m, couplings=(*self.m.couplings, *rests))
+            rows = scaled_jacobian(m, q[None])[0]
+            if np.linalg.matrix_rank(rows, tol=RANK) < len(rows):
+                names = ", ".join(stop.joint for stop in held)
+                raise Overconstrained(f"joints rest on stops that others hold already: {names}")
+            self.resting[held] = m
+        return TangentChart(self.resting[held], q, self.drives)
+
+    def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
+        """A pose and its rates with the accelerations there."""
+        chart = self.chart(held, q)
+        return chart.motion(chart.state(v), t)[:3]
+
+    def rows(self, q: Array) -> Array:
+        """How loops and drives change with the rates (rows, rates)."""
+        loops = loop_jacobian(self.m, move(self.m, q[None]), q[None])[0]
+        return np.vstack([loops, np.eye(q.size)[self.drives.joints]])
+
+    def mass(self, q: Array) -> Array:
+        """Mass matrix (joints, joints)."""
+        return np.asarray(mass(self.m, centres(self.m, move(self.m, q[None])))[0])
+
+    def needed(self, q: Array, v: Array, a: Array) -> Array:
+        """What a motion asks of loops, drives and stops, as forces on the joints (joints,)."""
+        motion = move(self.m, q[None], v[None], a[None])
+        centre = centres(self.m, motion)
+        force = applied(self.m, motion, centre, q[None], v[None])
+        return np.asarray((inertial(self.m, centre, motion) - force)[0] + self.m.inertia.fixed @ a)
+
+    def steps(
+        self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
+    ) -> Iterator[Step]:
+        """The motion from a state on, with some joints resting on their stops."""
+        chart, longest = self.chart(held, q), 0.0
+        if not chart.z.size:
+            yield from at_rest(chart, t, end)
+            return
+        solver = begin(chart, t, v, end) if t < end else None
+        while solver and solver.t < end:
+            start = solver.t
+            message = solver.step()
+            if solver.status == "failed":
+                raise SingularHere(f"no further than t = {solver.t:.6g} s: {message}")
+            longest = max(longest, solver.step_size)
+            short = solver.step_size < SHORT * longest and regularity(chart.m, chart.at) < NEAR
+            if short:
+                solver = leap(chart, solver.t, solver.y, longest, end)
+            yield Step(start, solver.t, inside(chart, cache(solver.dense_output)))
+            q, v, _, _ = chart.motion(solver.y, solver.t)
+            if (short or chart.stretch > TILT) and solver.t < end:
+                chart = self.chart(held, q)
+                step = min(solver.h_abs, longest, end - solver.t)
+                solver = begin(chart, solver.t, v, end, step)
+
+
+def inside(
+    chart: TangentChart, between: Callable[[], Callable[[float], Array]]
+) -> Callable[[float], State]:
+    """Poses, rates and accelerations of the states of a step."""
+    return lambda time: chart.motion(between()(time), time)[:3]
+
+
+RANK = 1e-8
+"""Singular values, in own units, below which rows of loops and stops count as dependent."""
+PARTS = 256
+"""Into how many parts a motion is divided in which stops and drives leave nothing free."""
+
+
+def at_rest(chart: TangentChart, t: float, end: float) -> Iterator[Step]:
+    """Steps of a mechanism whose drives and stops leave no degree of freedom."""
+    times = np.linspace(t, end, PARTS + 1).tolist()
+    for start, last in pairwise(times):
+        yield Step(start, last, inside(chart, lambda: lambda _: chart.z))
 
 
 def begin(

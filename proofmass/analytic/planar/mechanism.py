@@ -7,6 +7,7 @@ joint has its zero value; a pose displaces each body from there by ``z -> w z + 
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array, Complex, Index, NotCovered, normal_of_slides
+from proofmass.analytic.stops import Stop, read_stop
 
 
 class CannotMove(ValueError):
@@ -439,6 +441,19 @@ class Reader:
             if disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
             else float(model.dof_frictionloss[dof]),
         )
+
+    def stops(self, m: "Mechanism", driven: tuple[str, ...] = ()) -> Iterator[Stop]:
+        """The ends of the ranges of the joints that are not driven.
+
+        Raises
+        ------
+        NotCovered
+            A limit acts at a distance, or has no damping ratio.
+        """
+        for j, joint in enumerate(m.joints):
+            for side, end in zip((-1.0, 1.0), joint.range, strict=True):
+                if np.isfinite(end) and joint.name not in driven:
+                    yield read_stop(self.model, j, side, j, j, float(m.scale[j]))
 
     def load(self, j: int, ctrl: Array) -> float:
         """What the motors on joint number j do, as far as its range of forces lets them."""

@@ -7,7 +7,7 @@ compiled model, so it holds the *engine* to account, not the drawing: a wrong le
 wrong in both.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -31,6 +31,7 @@ from proofmass.analytic.spatial.terms import (
     stretched,
 )
 from proofmass.analytic.spatial.witness import Witnessed, bear_witness
+from proofmass.analytic.stops import Stop, read_stop
 
 __all__ = ["facts", "solve"]
 
@@ -122,8 +123,7 @@ def solve(
     tree, source = sources(model, start, terms)
     if not joints:
         times = np.atleast_1d(np.asarray(value, float))
-        followed = follow(tree, source, tuple(times.tolist()))
-        refuse_limits(tree, followed.held.q)
+        followed = follow(tree, source, tuple(times.tolist()), tuple(read_stops(model, tree)))
         return quantities(model, tree, followed)
     values = np.atleast_2d(np.asarray(value, float))
     moving = [np.broadcast_to(np.asarray(x, float), values.shape) for x in (rate, acceleration)]
@@ -146,7 +146,8 @@ def facts(
         drives = np.array([np.atleast_2d(part) for part in motion])
         followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes())
     else:
-        followed = follow(tree, source, tuple(np.asarray(motion, float).tolist()))
+        times = tuple(np.asarray(motion, float).tolist())
+        followed = follow(tree, source, times, tuple(read_stops(model, tree)))
     seen, held = followed.witnessed, followed.held
     found = {
         "equations of motion": (
@@ -161,7 +162,9 @@ def facts(
     if tree.rows:
         rows = f"all {tree.rows} rows" if joints else f"{held.rank} independent of {tree.rows} rows"
         found["equalities"] = f"held exactly, {rows}; open by {held.open_by:.1g} in the key"
-    if not joints and (energy := conserved(tree, followed)):
+    if events := held.stopped.events():
+        found["stops"] = events
+    if not joints and not held.stopped.impacts and (energy := conserved(tree, followed)):
         found["energy"] = energy
     return found
 
@@ -192,9 +195,11 @@ _own = lru_cache(maxsize=32)(OwnTerms)
 
 
 @lru_cache(maxsize=8)
-def follow(tree: Tree, source: Source, times: tuple[float, ...]) -> Followed:
+def follow(
+    tree: Tree, source: Source, times: tuple[float, ...], stops: tuple[Stop, ...] = ()
+) -> Followed:
     """A motion that every solver of a case is held to."""
-    held = held_motion(tree, source, np.array(times))
+    held = held_motion(tree, source, np.array(times), stops)
     seen = bear_witness(tree, source, np.array(times), held.q, held.v)
     return Followed(held, move_tree(tree, held.q, held.v, held.a), seen)
 
@@ -245,15 +250,24 @@ def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[s
     return found
 
 
+def read_stops(model: Any, tree: Tree) -> Iterator[Stop]:
+    """The ends of the ranges of the joints."""
+    for j, joint in enumerate(tree.joints):
+        for side, end in zip((-1.0, 1.0), joint.range, strict=True):
+            if joint.kind in ("hinge", "slide") and np.isfinite(end):
+                size = 1.0 if joint.kind == "hinge" else max(tree.extent, 1e-300)
+                yield read_stop(model, j, side, joint.pose, joint.rate, size)
+
+
 def refuse_limits(tree: Tree, q: Array) -> None:
-    """Raise ValueError if a joint leaves its range: limits are not covered."""
+    """Raise ValueError if a joint leaves its range, which drives do not."""
     for joint in tree.joints:
         if joint.kind in ("hinge", "slide"):
             out = (q[:, joint.pose] < joint.range[0]) | (q[:, joint.pose] > joint.range[1])
             if out.any():
                 raise ValueError(
                     f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                    f"{int(np.argmax(out))}; stops are not covered"
+                    f"{int(np.argmax(out))}; stops are not covered beside drives"
                 )
 
 

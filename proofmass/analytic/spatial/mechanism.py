@@ -128,7 +128,7 @@ class Tendon:
 
 @dataclass(frozen=True)
 class AffineActuator:
-    """An actuator whose force is linear in length and rate of what it acts on.
+    """An actuator whose force is linear in length and rate of what it acts on, within a range.
 
     Attributes
     ----------
@@ -143,6 +143,8 @@ class AffineActuator:
         Part of the force that does not change [N or N m].
     by_length, by_rate : float
         Force for a unit of length, and of its rate [SI].
+    range : tuple of float
+        Smallest and largest force [N or N m].
     """
 
     name: str
@@ -153,6 +155,7 @@ class AffineActuator:
     force: float
     by_length: float
     by_rate: float
+    range: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -428,6 +431,9 @@ def read_actuator(model: Any, a: int, ctrl: Array) -> AffineActuator:
         float(model.actuator_gainprm[a, 0] * control + bias[0]),
         float(bias[1]),
         float(bias[2]),
+        (float(model.actuator_forcerange[a, 0]), float(model.actuator_forcerange[a, 1]))
+        if model.actuator_forcelimited[a]
+        else (-np.inf, np.inf),
     )
 
 
@@ -563,7 +569,6 @@ def refuse_actuators(model: Any) -> None:
             "acts neither on a joint nor on a tendon": not joined(model, a)
             and model.actuator_trntype[a] != TRN.mjTRN_TENDON,
             "acts on a ball or a free joint": wide,
-            "has a range of forces": model.actuator_forcelimited[a],
             "has armature or damping": model.actuator_armature[a].any()
             or model.actuator_damping[a].any()
             or model.actuator_dampingpoly[a].any(),

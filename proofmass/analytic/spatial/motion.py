@@ -8,7 +8,9 @@ repeat what others hold. The integrator is DOP853; after every step the pose is 
 and the rates on J v = 0 by the least change in the metric of M, and quaternions get length 1.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +20,7 @@ from proofmass.analytic.planar.mechanism import CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import Source, Terms
+from proofmass.analytic.stops import State, Step, Stop, StoppedMotion, follow_stopped, unit_rows
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
@@ -48,6 +51,8 @@ class HeldMotion:
         Rows that hold.
     evaluations : int
         Of the equations of motion.
+    stopped : StoppedMotion
+        What happened at stops.
     """
 
     q: Array
@@ -56,21 +61,40 @@ class HeldMotion:
     open_by: float
     rank: int
     evaluations: int
+    stopped: StoppedMotion = field(default_factory=StoppedMotion)
 
 
 class Holder:
-    """Holds the equalities of a tree, with the terms of a source."""
+    """Holds the equalities of a tree, and joints on their stops, with the terms of a source."""
 
-    def __init__(self, tree: Tree, source: Source):
-        self.tree, self.source, self.evaluations = tree, source, 0
-        self.rank = 0
+    def __init__(self, tree: Tree, source: Source, stops: tuple[Stop, ...] = ()):
+        self.tree, self.source, self.stops = tree, source, stops
+        self.evaluations, self.rank = 0, 0
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that are held."""
+        return self.tree.rows + len(self.stops)
+
+    def terms(self, q: Array, v: Array) -> Terms:
+        """All terms at a pose with its rates, with a row for each stop."""
+        found = self.source.terms(q, v)
+        if not self.stops:
+            return found
+        gaps = [q[stop.pose] - stop.value for stop in self.stops]
+        return replace(
+            found,
+            gap=np.append(found.gap, gaps),
+            jacobian=np.vstack([found.jacobian, unit_rows(self.stops, v.size)]),
+            drift=np.append(found.drift, np.zeros(len(gaps))),
+        )
 
     def acceleration(self, q: Array, v: Array) -> Array:
         """Accelerations (rates,) at a pose with its rates [SI]."""
         self.evaluations += 1
-        if not self.tree.rows:
+        if not self.rows:
             return self.source.acceleration(q, v)
-        terms = self.source.terms(q, v)
+        terms = self.terms(q, v)
         lower, inverse = self.factors(terms)
         free = np.linalg.solve(lower.T, np.linalg.solve(lower, terms.force - terms.bias))
         return np.asarray(free + inverse @ (terms.drift - terms.jacobian @ free))
@@ -105,10 +129,10 @@ class Holder:
         CannotAssemble
             The equalities stay open.
         """
-        if not self.tree.rows:
+        if not self.rows:
             return advance(self.tree, q, np.zeros_like(v)), v
         for _ in range(ROUNDS):
-            terms = self.source.terms(q, v)
+            terms = self.terms(q, v)
             inverse = self.closing(terms, plain)
             gap = np.abs(terms.gap).max()
             if gap < CLOSED * max(1.0, self.tree.extent):
@@ -155,35 +179,85 @@ def name_of_row(tree: Tree, row: int) -> str:
     return [*names, *(tie.name for tie in tree.ties)][row]
 
 
-def held_motion(tree: Tree, source: Source, times: Array) -> HeldMotion:
+def held_motion(
+    tree: Tree, source: Source, times: Array, stops: tuple[Stop, ...] = ()
+) -> HeldMotion:
     """Poses, rates and accelerations of the motion from the start at rising times.
 
     Raises
     ------
     CannotAssemble, SingularHere
         The start pose is open; or the motion comes to a pose where the equalities lose rank.
+    NotCovered
+        The start is beyond a stop.
     """
-    holder = Holder(tree, source)
-    q, v, gap = holder.start()
-    found, solver = [(q, v)], begin(holder, float(times[0]), q, v, float(times[-1]))
-    while len(found) < len(times):
-        try:
-            message = solver.step()
-            if solver.status == "failed":
-                raise SingularHere(str(message))
-            while len(found) < len(times) and times[len(found)] <= solver.t:
-                inside = solver.dense_output() if times[len(found)] < solver.t else None
-                y = solver.y if inside is None else inside(times[len(found)])
-                found.append(holder.close(y[: q.size], y[q.size :]))
-            if solver.status == "running":
-                solver.y = np.concatenate(holder.close(solver.y[: q.size], solver.y[q.size :]))
-                solver.f = holder.slope(solver.t, solver.y)
-        except (SingularHere, CannotAssemble) as error:
-            raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
-    poses, rates = (np.array(part) for part in zip(*found, strict=True))
-    pairs = zip(poses, rates, strict=True)
-    accelerations = np.array([holder.acceleration(*pair) for pair in pairs])
-    return HeldMotion(poses, rates, accelerations, gap, holder.rank, holder.evaluations)
+    moving = FreeTree(tree, source, stops)
+    free = moving.holder(())
+    q, v, gap = free.start()
+    free.acceleration(q, v)  # which finds the rank
+    found = follow_stopped(moving, times, q, v)
+    evaluations = sum(holder.evaluations for holder in moving.holders.values())
+    return HeldMotion(*found.arrays(), gap, free.rank, evaluations, found)
+
+
+class FreeTree:
+    """A tree that moves between its stops, its equalities held."""
+
+    def __init__(self, tree: Tree, source: Source, stops: tuple[Stop, ...]):
+        self.tree, self.source, self.stops = tree, source, stops
+        self.holders: dict[tuple[Stop, ...], Holder] = {}
+
+    def holder(self, held: tuple[Stop, ...]) -> Holder:
+        """What holds the equalities and some joints on their stops."""
+        return self.holders.setdefault(held, Holder(self.tree, self.source, held))
+
+    def state(self, held: tuple[Stop, ...], _: float, q: Array, v: Array) -> State:
+        """A pose and its rates with the accelerations there."""
+        return q, v, self.holder(held).acceleration(q, v)
+
+    def rows(self, q: Array) -> Array:
+        """How the equalities change with the rates (rows, rates)."""
+        return self.source.terms(q, np.zeros(self.tree.armature.size)).jacobian
+
+    def mass(self, q: Array) -> Array:
+        """Mass matrix (rates, rates)."""
+        return self.source.terms(q, np.zeros(self.tree.armature.size)).mass
+
+    def needed(self, q: Array, v: Array, a: Array) -> Array:
+        """What a motion asks of equalities and stops, as forces on the joints (rates,)."""
+        terms = self.source.terms(q, v)
+        return np.asarray(terms.mass @ a + terms.bias - terms.force)
+
+    def steps(
+        self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
+    ) -> Iterator[Step]:
+        """The motion from a state on, with some joints resting on their stops."""
+        holder, size = self.holder(held), q.size
+        solver = begin(holder, t, q, v, end) if t < end else None
+        while solver and solver.status == "running":
+            start = solver.t
+            try:
+                message = solver.step()
+                if solver.status == "failed":
+                    raise SingularHere(str(message))
+                yield Step(start, solver.t, inside(holder, solver, size))
+                if solver.status == "running":
+                    solver.y = np.concatenate(holder.close(solver.y[:size], solver.y[size:]))
+                    solver.f = holder.slope(solver.t, solver.y)
+            except (SingularHere, CannotAssemble) as error:
+                raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
+
+
+def inside(holder: Holder, solver: "DOP853", size: int) -> Callable[[float], State]:
+    """Poses, rates and accelerations within the last step of an integrator."""
+    between, last = cache(solver.dense_output), (solver.t, solver.y)  # it costs evaluations
+
+    def at(time: float) -> State:
+        y = last[1] if time == last[0] else between()(time)
+        q, v = holder.close(y[:size], y[size:])
+        return q, v, holder.acceleration(q, v)
+
+    return at
 
 
 STRIDE = 0.05

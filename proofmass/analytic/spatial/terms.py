@@ -242,7 +242,8 @@ def acting(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
             length = lengths[one.tendon]
             rows = one.gear * length.rows
             value, rate = one.gear * length.value, one.gear * length.rate
-        force = force + (one.force + one.by_length * value + one.by_rate * rate)[:, None] * rows
+        own = np.clip(one.force + one.by_length * value + one.by_rate * rate, *one.range)
+        force = force + own[:, None] * rows
     return np.asarray(force)
 
 

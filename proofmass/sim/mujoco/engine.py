@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
-from proofmass.sim.mjcf import read_tree, refusal
+from proofmass.sim.mjcf import compile_model, read_tree, refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
 from proofmass.sim.mujoco import scans, stability
 from proofmass.sim.mujoco.default_tolerances import ACCURACY
@@ -23,6 +23,8 @@ from proofmass.sim.mujoco.settings import (
     PLACES,
     SOFTNESS,
     MujocoSettings,
+    configure,
+    limited,
     spelled,
     write_options,
 )
@@ -122,7 +124,7 @@ def snippet(parameters: ParameterValues, model: Path | None = None) -> str:
     """What to paste so that MuJoCo runs with settings.
 
     Equalities of the model whose own attributes, or whose class, would win are named, with what to
-    write into them.
+    write into them, and so are joints with a range.
 
     Examples
     --------
@@ -151,11 +153,14 @@ def mjcf(parameters: ParameterValues, model: Path | None) -> Iterator[str]:
         yield ElementTree.tostring(option, encoding="unicode").replace(" />", "/>")
     loops = equalities(model) if model else [ElementTree.Element("connect")]
     softness = {key: spelled(every[key]) for key in SOFTNESS if key in every}
-    if loops and softness:
+    stops = limits(model, softness) if model else {}
+    if (loops or stops) and softness:
         yield from ("<default>", f"  <equality {attributes(softness)}/>", "</default>")
         for loop in loops:
             if own := in_itself(loop, softness):
                 yield f"<!-- {loop.tag} {loop.get('name')}: with {attributes(own)} in itself -->"
+    for name, own in stops.items():
+        yield f"<!-- joint {name}: with {attributes(own)} in itself -->"
 
 
 def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[str, str]:
@@ -168,6 +173,22 @@ def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[st
         if {"class", key} & loop.attrib.keys():
             given = value.split()
             found[key] = " ".join([*given, *loop.get(key, "").split()[len(given) :]])
+    return found
+
+
+def limits(model: Path, softness: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """What joints with a range must say for their limits to be as soft as loops.
+
+    They keep their damping ratios; numbers of their own after those that are given remain.
+    """
+    if not softness or not any(joint.get("range") for joint in read_tree(model).iter("joint")):
+        return {}
+    full, found = compile_model(model), dict[str, dict[str, str]]()
+    configure(full, softness)
+    for j in limited(full).tolist():
+        found[full.joint(j).name] = {
+            f"{key}limit": spelled(getattr(full, f"jnt_{key}")[j].tolist()) for key in softness
+        }
     return found
 
 
@@ -187,6 +208,10 @@ def pasted(model: Path, lines: str) -> str:
     for softness in added.iterfind("./default/equality"):
         for loop in root.iterfind("./equality/*"):
             loop.attrib.update(in_itself(loop, softness.attrib))
+    said = next(added.iterfind("./default/equality"), None)
+    own = limits(model, said.attrib if said is not None else {})
+    for joint in root.iterfind(".//worldbody//joint"):
+        joint.attrib.update(own.get(joint.get("name", ""), {}))
     root.extend(added)
     return ElementTree.tostring(root, encoding="unicode")
 

@@ -22,7 +22,14 @@ from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
 from proofmass.sim.mujoco.program_rods import write_rods
 from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
-from proofmass.sim.mujoco.settings import SOFTNESS, options_of, section, spelled, write_options
+from proofmass.sim.mujoco.settings import (
+    SOFTNESS,
+    limited,
+    options_of,
+    section,
+    spelled,
+    write_options,
+)
 from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadModel, Imposed, Run, Unsupported, drive_columns
 
@@ -256,7 +263,7 @@ def broken_line(line: str) -> list[str]:
 
 
 def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
-    """Write the options and the softness of equalities of a compiled model into its elements."""
+    """Write the options and the softness of a compiled model into its elements."""
     written = {
         key
         for path in ("option", "option/flag")
@@ -273,6 +280,11 @@ def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
     for i, loop in enumerate(loops):
         for key in SOFTNESS:
             loop.set(key, spelled(getattr(model, f"eq_{key}")[i].tolist()))
+    ranged = {model.joint(int(j)).name: int(j) for j in limited(model)}
+    for joint in root.iterfind(".//worldbody//joint"):
+        if (j := ranged.get(joint.get("name", ""))) is not None:
+            for key in SOFTNESS:
+                joint.set(f"{key}limit", spelled(getattr(model, f"jnt_{key}")[j].tolist()))
 
 
 def impose(

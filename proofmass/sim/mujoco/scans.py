@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from proofmass.sim.contents import may_touch, rubs
-from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS
+from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, limited
 from proofmass.sim.protocol import (
     STEP,
     ParameterValue,
@@ -50,7 +50,7 @@ SIZES: dict[str, Callable[[ParameterValue], float]] = {
     "solref": leading,
     "solimp": lambda d: 1.0 - leading(d),
 }
-LABELS = {"solref": "time constant of loops, solref [s]", "solimp": "1 − solimp"}
+LABELS = {"solref": "time constant, solref [s]", "solimp": "1 − solimp"}
 
 
 def hard(solref: float) -> dict[str, ParameterValue]:
@@ -73,7 +73,7 @@ def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValu
 def scans(title: str, about: Studied) -> Iterator[Scan]:
     """Over the step, one an integrator and a softness; and over what holds loops."""
     model, own = about.model, about.own_step
-    loops = model.neq > 0
+    loops = is_soft(about)
 
     def over(integrator: str, soft: int | None) -> Scan:
         parameters = tuple(
@@ -154,7 +154,7 @@ def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     fourth = scan.settings[0]["integrator"] == "RK4"
     own = (4.0,) if fourth else (1.0, 2.0) if j == 1 and not about.held_to_drive else (1.0,)
     scaled = len({each.get("solref") for each in scan.settings}) > 1
-    if not (about.model.neq and scaled):
+    if not (is_soft(about) and scaled):
         return own
     if fourth:
         return tuple(dict.fromkeys((2.0 - j, 2.0)))
@@ -162,8 +162,15 @@ def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     return held if about.held_to_drive else (*own, *softness(about, j))
 
 
+def is_soft(about: Studied) -> bool:
+    """Whether loops or, of a motion that is let go, the limits of joints are soft."""
+    return bool(about.model.neq) or (not about.driven and limited(about.model).size > 0)
+
+
 def softness(about: Studied, j: int) -> tuple[float, ...]:
-    """Of the time constant of loops."""
+    """Of the time constant of loops, and of limits: an impact takes a time in proportion to it."""
+    if not about.driven and limited(about.model).size:
+        return (1.0, 2.0)
     return tuple(dict.fromkeys((2.0 - j, 2.0))) if about.jolted() else (2.0,)
 
 
@@ -186,21 +193,24 @@ def perturbations(
         "halving the step" + ", solref as it is" * scaled,
         but(timestep=step / 2),
     )
-    if not model.neq:
+    if not is_soft(about):
         return
-    tau, ratio = known.get("solref", model.eq_solref[0])[:2]
+    what, soft = "loops", (model.eq_solref, model.eq_solimp)
+    if not model.neq:
+        what, soft = "limits", (model.jnt_solref[limited(model)], model.jnt_solimp[limited(model)])
+    tau, ratio = known.get("solref", soft[0][0])[:2]
     safe = tau / 2 >= 2 * step  # MuJoCo itself takes no less
     yield Perturbation(
-        "softness of the loops",
+        f"softness of the {what}",
         "halving solref" if safe else "doubling solref",
         but(solref=(tau / 2 if safe else 2 * tau, ratio)),
         safe,
     )
-    low, high, *rest = known.get("solimp", model.eq_solimp[0])
+    low, high, *rest = known.get("solimp", soft[1][0])
     room = 1 - (1 - high) / 2 <= CAP
     factor = 0.5 if room else 2.0
     yield Perturbation(
-        "softness of the loops, solimp",
+        f"softness of the {what}, solimp",
         f"{'halving' if room else 'doubling'} 1 - solimp",
         but(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
         room,
@@ -216,7 +226,7 @@ def perturbations(
 
 def recipes(title: str, about: Studied) -> Iterator[Recipe]:
     """Integrators, and time constants of loops in steps."""
-    loops = about.model.neq > 0
+    loops = is_soft(about)
 
     def held(integrator: str, soft: int) -> Callable[[float], dict[str, ParameterValue]]:
         return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0), "solimp": HARD}

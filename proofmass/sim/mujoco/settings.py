@@ -8,8 +8,10 @@ from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Count, EngineSettings, Number, Numbers, Switch
 
 OFF = mujoco.mjtDisableBit
@@ -23,7 +25,7 @@ class SettingPlace:
     ----------
     tag : str
         The element of MJCF of which it is an attribute: ``option``, ``flag`` in an ``option``, or
-        each element of ``equality``.
+        each element of ``equality``, and then of each joint with a range as well.
     kinds : enumeration of MuJoCo, optional
         What there is, of an option that has words for its values.
     bit : int
@@ -63,8 +65,9 @@ class MujocoSettings(EngineSettings):
 
     `timestep` [s], `integrator`, `solver`, `iterations`, `tolerance` replace the option of that
     name; `solref` and `solimp` replace the first numbers of those of every equality, and may be
-    spelled as in MJCF; ``defaults = True`` first puts back the values that MuJoCo has when the
-    model says nothing; `settled` chooses the kind of a sweep, `flex` that of an equilibrium run.
+    spelled as in MJCF; they go for the limits of joints as well, which keep their damping ratios;
+    ``defaults = True`` first puts back the values that MuJoCo has when the model says nothing;
+    `settled` chooses the kind of a sweep, `flex` that of an equilibrium run.
 
     `cone`, `impratio` and `noslip_iterations` are the options of that name and act on contacts and
     dry friction.  ``refsafe = False`` lets a `solref` be shorter than two time steps, and
@@ -144,11 +147,30 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
         if place.tag == "equality":
             row = np.asarray(value, dtype=float)
             getattr(model, f"eq_{key}")[:, : row.size] = row
+            soften_limits(model, key, row)
         elif place.tag == "flag":
             flags = int(model.opt.disableflags)
             model.opt.disableflags = flags & ~place.bit if value else flags | place.bit
         else:
             setattr(model.opt, key, named_values(key)[value.lower()] if place.kinds else value)
+
+
+def limited(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Joints with a range whose limits have a time constant."""
+    return np.flatnonzero(model.jnt_limited.astype(bool) & (model.jnt_solref[:, 0] > 0))
+
+
+def soften_limits(model: mujoco.MjModel, key: str, row: Array) -> None:
+    """Write `solref` or `solimp` of a setting into the limits of joints, in place.
+
+    What an impact leaves depends on the damping ratio, which stays; a setting with a stiffness in
+    place of a time constant changes no limit.
+    """
+    joints = limited(model)
+    if key == "solimp":
+        model.jnt_solimp[joints, : row.size] = row
+    elif row[0] > 0:
+        model.jnt_solref[joints, 0] = row[0]
 
 
 def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, object]:

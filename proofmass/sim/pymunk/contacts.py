@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from proofmass.analytic.contacts import damping_ratio, restitution
 from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import PARALLEL, MotionPlane
 from proofmass.sim.protocol import Unsupported
@@ -76,38 +77,6 @@ class Contacts:
     def between(self, one: int, two: int) -> ContactLaw | None:
         """The law of two shapes, None if they pass through each other."""
         return self.laws.get((min(one, two), max(one, two)))
-
-
-def restitution(damping_ratio: float) -> float:
-    """Speed after an impact over that before it [1], of a damped spring that can only push.
-
-    With the damping ratio z, and without other forces, the spring lets go where its force has
-    fallen to zero, before it has its length again, and the body keeps the speed it has then:
-
-        e = exp(-2 z acos(z) / (1 - z^2)^(1/2))        z < 1
-        e = exp(-2)                                    z = 1, MuJoCo's default
-        e = exp(-2 z acosh(z) / (z^2 - 1)^(1/2))       z > 1
-
-    Parameters
-    ----------
-    damping_ratio : float
-        z [1], not negative.
-
-    Returns
-    -------
-    float
-        e [1].
-
-    Examples
-    --------
-    >>> [round(restitution(z), 6) for z in (0.0, 0.1, 1.0, 10.0)]
-    [1.0, 0.744079, 0.135335, 0.002438]
-    """
-    z = damping_ratio
-    if abs(z - 1.0) < 1e-6:  # the limit, to rounding of the quotient
-        return float(np.exp(-2.0))
-    angle = np.arccos(z) if z < 1.0 else np.arccosh(z)
-    return float(np.exp(-2.0 * z * angle / np.sqrt(abs(1.0 - z * z))))
 
 
 def find_pairs(model: mujoco.MjModel) -> dict[tuple[int, int], int]:
@@ -287,7 +256,12 @@ def _law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
         raise Unsupported(f"the margin of {margin:g} m of the contact of {names}")
     if condim >= ROLLING:
         raise Unsupported(f"rolling friction (condim {condim}) of the contact of {names}")
-    return ContactLaw(friction if condim > 1 else 0.0, restitution(_damping_ratio(solref, names)))
+    if not (ratio := damping_ratio(solref)) >= 0:
+        first, second = solref.tolist()
+        raise Unsupported(
+            f"solref '{first:g} {second:g}' of the contact of {names}, which has no damping ratio"
+        )
+    return ContactLaw(friction if condim > 1 else 0.0, restitution(ratio))
 
 
 def _mixed(weights: Array, solref: Array) -> Array:
@@ -299,19 +273,3 @@ def _mixed(weights: Array, solref: Array) -> Array:
     least = float(mujoco.mjMINVAL)
     share = 0.5 if (weights < least).all() else float(weights[0] / weights.sum())
     return np.asarray(share * solref[0] + (1.0 - share) * solref[1])
-
-
-def _damping_ratio(solref: Array, names: str) -> float:
-    """The damping ratio of a contact: given, or of a stiffness and a damping."""
-    first, second = solref.tolist()
-    if first > 0:
-        ratio = second
-    elif first < 0:
-        ratio = -second / (2.0 * np.sqrt(-first))
-    else:
-        ratio = -1.0
-    if not ratio >= 0:
-        raise Unsupported(
-            f"solref '{first:g} {second:g}' of the contact of {names}, which has no damping ratio"
-        )
-    return float(ratio)

@@ -35,7 +35,8 @@ from proofmass.wording import number
 
 NUDGE = 1e-9
 """Of all joints at the start, and of arcs of rods with a free end: rad, or times the mechanism's
-size."""
+size.  Of the rates of the joints, per s, where one stands at the end of its range: a nudge of its
+value would decide whether it touches its stop in the first step."""
 SHARE = 1e-4
 """Share of the range that a nudge may move a trajectory by, the coarsest error that studies ask."""
 LINEAR = 1e-2
@@ -164,7 +165,7 @@ def rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
 
 
 def moved(case: Case, folder: Path) -> Case | None:
-    """The case with all joints of its start nudged, and the arcs of rods whose ends are free.
+    """The case with a start that is nudged: joints or their rates, and arcs of rods with free ends.
 
     None where the file has no such key, or nothing that can be nudged: no rod closes a straight
     line between pins that are nudged.
@@ -180,7 +181,8 @@ def moved(case: Case, folder: Path) -> Case | None:
     }
     if not (own.any() or bent):
         return None
-    if not (found := with_start(case, folder, lambda q: q + NUDGE * signs * units)):
+    what = "qvel" if at_stop(case) else "qpos"
+    if not (found := with_start(case, folder, lambda x: x + NUDGE * signs * units, what=what)):
         return None
     found = found.model_copy(update={"rod": {**case.rod, **bent}})
     try:
@@ -208,6 +210,16 @@ def rounded(case: Case, folder: Path) -> Case | None:
     return found.model_copy(update={"rod": rods}) if found else None
 
 
+def at_stop(case: Case) -> bool:
+    """Whether a joint stands at an end of its range at the start."""
+    model = compiled(case)
+    key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
+    values = (model.key_qpos[key] if key >= 0 else model.qpos0)[model.jnt_qposadr]
+    ends = model.jnt_range[model.jnt_limited.astype(bool)]
+    apart = np.abs(ends - values[model.jnt_limited.astype(bool), None])
+    return bool((apart <= NUDGE * np.maximum(np.abs(ends), 1.0)).any())
+
+
 def own_joints(case: Case) -> NDArray[np.bool_]:
     """Which joints (njnt,) of a case's compiled model are of its file, and not of its rods."""
     model = compiled(case)
@@ -220,8 +232,12 @@ def with_start(
     folder: Path,
     move: Callable[[Array], Array],
     change: Callable[[Element], None] = lambda _: None,
+    what: str = "qpos",
 ) -> Case | None:
-    """The case with other positions of its own joints at its start, if its file states that key."""
+    """The case with other positions, or rates, of its own joints at its start.
+
+    None where its file does not state that key.
+    """
     model, own = compiled(case), own_joints(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
     if key < 0 or model.nq != model.njnt:
@@ -234,8 +250,8 @@ def with_start(
             if element.get("name") == case.start:
                 there = True
                 if own.any():
-                    start = move(model.key_qpos[key][own])
-                    element.set("qpos", " ".join(map(repr, start.tolist())))
+                    start = move(getattr(model, f"key_{what}")[key][own])
+                    element.set(what, " ".join(map(repr, start.tolist())))
         change(root)
 
     found = with_model(case, folder, both)

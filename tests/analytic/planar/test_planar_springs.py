@@ -106,7 +106,7 @@ def test_energy_is_kept_and_a_damper_takes_its_share():
         mechanism, _ = read(arm_with_offset("0.3", damping), "start")
         nodes, shares = np.polynomial.legendre.leggauss(60)
         t = np.concatenate([[0.0], 0.5 * (nodes + 1), [1.0]])
-        q, v, _ = free_motion(mechanism, t)
+        q, v, _ = free_motion(mechanism, t).arrays()
         motion = move(mechanism, q, v)
         total = kinetic(mechanism, motion, v) + potential(mechanism, motion, q)
         spring = mechanism.point_springs[0]

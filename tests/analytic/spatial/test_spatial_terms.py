@@ -63,7 +63,7 @@ EVERYTHING = """
 </tendon>
 <actuator>
   <motor name="motor" joint="hinge" gear="2"/>
-  <position name="servo" joint="slide" kp="3" kv="1"/>
+  <position name="servo" joint="slide" kp="3" kv="1" forcerange="-1 2"/>
   <position name="winch" tendon="spring" kp="4" gear="2"/>
 </actuator>
 <equality>

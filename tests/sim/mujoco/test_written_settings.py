@@ -12,7 +12,7 @@ from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.engine import pasted
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.program import write_program
-from proofmass.sim.mujoco.settings import PLACES, MujocoSettings, configure, named_values
+from proofmass.sim.mujoco.settings import PLACES, SOFTNESS, MujocoSettings, configure, named_values
 from proofmass.sim.protocol import Run
 from proofmass.solve import simulate
 from proofmass.studies.record import ParameterValue, Setting
@@ -25,7 +25,8 @@ SAID = sorted(MujocoSettings.model_fields.keys() - OURS)
 SCENE = """<mujoco>
 <option><flag contact="disable" warmstart="enable"/></option><option gravity="0 0 -9"/>
 <default><equality solref="0.03 1.5"/></default>
-<worldbody><body name="a"><joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>
+<worldbody><body name="a"><joint type="slide" axis="1 0 0"/>
+<joint name="ranged" axis="0 1 0" limited="true" range="-90 90" solreflimit="0.04 0.7"/>
 <geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody>
 <equality><connect name="pin" body1="a" anchor="0 0 0"/></equality></mujoco>"""
 
@@ -52,11 +53,14 @@ EACH = [(key, value) for key in SAID for value in others(key)]
 
 
 def read(model: mujoco.MjModel) -> dict[str, object]:
-    """All options of a compiled model, and the softness of its equalities."""
+    """All options of a compiled model, and the softness of its equalities and limits."""
     fields = [name for name in dir(model.opt) if not name.startswith("_")]
     found = {name: np.asarray(getattr(model.opt, name)).tolist() for name in fields}
     assert {"timestep", "cone", "disableflags", "noslip_iterations"} <= found.keys()
-    return {**found, "solref": model.eq_solref.tolist(), "solimp": model.eq_solimp.tolist()}
+    soft = {
+        f"{of}_{key}": getattr(model, f"{of}_{key}") for of in ("eq", "jnt") for key in SOFTNESS
+    }
+    return {**found, **{name: rows.tolist() for name, rows in soft.items()}}
 
 
 def asked(settings: dict) -> Run:
@@ -199,3 +203,15 @@ def test_a_program_closes_its_loop_as_the_product_s_own_run(
     for name, curve in wanted.items():
         assert found[name].tolist() == curve.tolist()
     assert max(np.abs(curve - without[name]).max() for name, curve in wanted.items()) > 1e-7
+
+
+def test_limits_take_the_time_constant_of_loops_and_keep_their_damping_ratio(scene: Path) -> None:
+    """What an impact on a limit leaves depends on that ratio; a stiffness says none of the two."""
+    told = in_run(scene, {"solref": (0.002, 1.0), "solimp": (0.99, 0.999)})
+    assert told.jnt_solref[1].tolist() == [0.002, 0.7]
+    assert told.jnt_solimp[1].tolist() == [0.99, 0.999, 0.001, 0.5, 2.0]
+    assert told.jnt_solref[0].tolist() == [0.02, 1.0]  # it has no range
+    assert in_run(scene, {"solref": (-100.0, -10.0)}).jnt_solref[1].tolist() == [0.04, 0.7]
+    scene.write_text(SCENE.replace("0.04 0.7", "-500 -20"))
+    stiff = in_run(scene, {"solref": (0.002, 1.0)})
+    assert stiff.jnt_solref[1].tolist() == [-500.0, -20.0]

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.analytic.contacts import bouncing_ball, rolling_ball, sliding_block
+from proofmass.analytic.contacts import bouncing_ball, restitution, rolling_ball, sliding_block
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import Drive, Run, Unsupported
-from proofmass.sim.pymunk.contacts import find_pairs, restitution
+from proofmass.sim.pymunk.contacts import find_pairs
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.program import write_program

@@ -273,3 +273,16 @@ def test_roundings_reach_the_masses_of_rods(tmp_path: Path) -> None:
     case = load_case(shipped("rod_released.toml"))
     other = rounded(case, tmp_path)
     assert 0 < other.rods[0].mass / case.rods[0].mass - 1 < 1e-14
+
+
+def test_rates_are_nudged_where_a_joint_starts_on_its_stop(tmp_path: Path) -> None:
+    """Nudged off its stop, the first step of MuJoCo would pass it by: a jump that is no chaos."""
+    case = load_case(ROOT / "models" / "spatial" / "robotiq_2f85.toml")
+    other = moved(case, tmp_path)
+    assert other is not None
+    one, two = compiled(case), compiled(other)
+    assert np.array_equal(one.key_qpos, two.key_qpos)
+    assert np.abs(two.key_qvel - one.key_qvel).max() == NUDGE
+    motion = motion_of(case, "dynamics", Store(tmp_path / "store"), 60.0)
+    assert motion is not None
+    assert motion.words == ""

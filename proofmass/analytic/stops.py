@@ -1,0 +1,383 @@
+r"""Rigid stops in a motion that is integrated: the ends of the ranges of joints.
+
+A joint that comes to the end of its range with a rate is thrown back, the equalities held:
+
+    M (v' - v) = Rᵀ p,    R v' = (0, -e w)        R: equalities, stops that are rested on, stops hit
+                                                  w: rates into the stops, e: restitutions
+
+A joint whose bounces have died out rests on its stop, an equality, as long as the stop pushes, and
+leaves it when its force has fallen to zero.  Which stops are rested on at first is found by leaving
+out the one that pulls most until none does.  Between the events the motion is smooth; the times of
+events are roots of the gaps, or of the forces of the stops, along it.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from proofmass.analytic.contacts import damping_ratio, restitution
+from proofmass.analytic.numerics import Array, NotCovered
+
+ON = 1e-10
+"""A joint is at a stop from this distance on [rad, or sizes]."""
+BEYOND = 1e-12
+"""Distance beyond a stop [rad, or sizes] that is not rounding."""
+FLAT = 1e-13
+"""Height of a rebound [rad, or sizes] below which it is left out: the joint rests."""
+STILL = 1e-12
+"""Share of the fastest impact on a stop, or of 1 rad/s or size/s, that counts as no rate."""
+PROBES = (0.25, 0.5, 0.75, 1.0)
+"""Shares of a step at which gaps are looked at."""
+SOON = np.geomspace(1e-9, 0.5, 30)
+"""Shares of a step at which a joint that starts at a stop is looked for off it."""
+MOST = 2000
+"""Events of a motion at most."""
+SHOWN = 4
+"""Times of impacts on a stop that are told."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """An end of the range of a joint.
+
+    Attributes
+    ----------
+    joint : str
+    pose, rate : int
+        Where the joint stands in a pose and in the rates.
+    value : float
+        The end [rad or m].
+    side : float
+        1 of the upper end, -1 of the lower one [1].
+    restitution : float
+        Rate after an impact over that before it [1].
+    size : float
+        What distances are measured in: 1 rad, or the size of the model [m].
+    """
+
+    joint: str
+    pose: int
+    rate: int
+    value: float
+    side: float
+    restitution: float
+    size: float = 1.0
+
+    def gap(self, q: Array) -> float:
+        """Distance of a pose from the stop, in sizes; negative beyond it."""
+        return float(self.side * (self.value - q[self.pose]) / self.size)
+
+    def opening(self, v: Array) -> float:
+        """Rate of the gap [sizes/s]."""
+        return float(-self.side * v[self.rate] / self.size)
+
+
+State = tuple[Array, Array, Array]
+"""Pose, rates and accelerations."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A smooth part of a motion, from one time to another [s], and the state inside it."""
+
+    start: float
+    end: float
+    at: Callable[[float], State]
+
+
+@dataclass(frozen=True)
+class Event:
+    """A time [s] at which stops are hit, or at which one is left."""
+
+    time: float
+    left: Stop | None = None
+
+
+class Stopped(Protocol):
+    """A mechanism that moves, with the stops that it has."""
+
+    @property
+    def stops(self) -> Sequence[Stop]:
+        """All stops."""
+
+    def steps(
+        self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
+    ) -> Iterator[Step]:
+        """The motion from a state on, with some joints resting on their stops."""
+
+    def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
+        """A pose and its rates with the accelerations there."""
+
+    def rows(self, q: Array) -> Array:
+        """How all that is held but stops changes with the rates (rows, rates)."""
+
+    def mass(self, q: Array) -> Array:
+        """Mass matrix (rates, rates)."""
+
+    def needed(self, q: Array, v: Array, a: Array) -> Array:
+        """What a motion asks of all that is held, as forces on the joints (rates,)."""
+
+
+@dataclass
+class StoppedMotion:
+    """States at samples, and what happened at stops.
+
+    Attributes
+    ----------
+    states : list of (pose, rates, accelerations)
+    forces : list of ndarray (rates,)
+        Of the stops on the joints, at the samples [N m or N].
+    impacts, releases : list of (float, str)
+        Times [s] and joints.
+    rested : set of str
+        Joints that rested on a stop for a while.
+    """
+
+    states: list[State] = field(default_factory=list)
+    forces: list[Array] = field(default_factory=list)
+    impacts: list[tuple[float, str]] = field(default_factory=list)
+    releases: list[tuple[float, str]] = field(default_factory=list)
+    rested: set[str] = field(default_factory=set)
+
+    def arrays(self) -> State:
+        """Poses, rates and accelerations of all samples (n, poses), (n, rates), (n, rates)."""
+        q, v, a = (np.array(part) for part in zip(*self.states, strict=True))
+        return q, v, a
+
+    def events(self) -> str:
+        """What happened at stops, in words; nothing where nothing did."""
+        struck = dict.fromkeys(joint for _, joint in self.impacts)
+        told = [
+            f"{joint} hits a stop at t = {', '.join(f'{t:.6g}' for t in times[:SHOWN])}"
+            f"{', ..' if len(times) > SHOWN else ''} s ({len(times)} in all)"
+            for joint in struck
+            for times in ([t for t, one in self.impacts if one == joint],)
+        ]
+        told += [f"{joint} rests on a stop" for joint in sorted(self.rested)]
+        told += [f"{joint} leaves its stop at t = {t:.6g} s" for t, joint in self.releases]
+        return "; ".join(told)
+
+
+def read_stop(model: Any, j: int, side: float, pose: int, rate: int, size: float) -> Stop:
+    """The upper (1) or lower (-1) stop of joint number j of a compiled MJCF.
+
+    The restitution is that of MuJoCo's soft limit as it becomes stiffer.
+
+    Raises
+    ------
+    NotCovered
+        The limit acts at a distance, or has no damping ratio.
+    """
+    name, solref = model.joint(j).name, model.jnt_solref[j]
+    if model.jnt_margin[j]:
+        raise NotCovered(f"joint {name!r} has a margin of its range")
+    if not (ratio := damping_ratio(solref)) >= 0.0:
+        raise NotCovered(f"solreflimit of joint {name!r} has no damping ratio: {solref.tolist()}")
+    value = float(model.jnt_range[j, int(side > 0)])
+    return Stop(name, pose, rate, value, side, restitution(ratio), size)
+
+
+def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> StoppedMotion:
+    """The motion from a closed pose with its rates at rising times.
+
+    Parameters
+    ----------
+    system : Stopped
+    times : ndarray (n,)
+        [s].
+    q, v : ndarray (poses,), (rates,)
+        At the first time [SI].
+
+    Raises
+    ------
+    NotCovered
+        The start is beyond a stop, or stops are hit too often.
+    """
+    found, end = StoppedMotion(), float(times[-1])
+    fastest: dict[Stop, float] = {}
+    t, held, event = float(times[0]), tuple[Stop, ...](), None
+    for stop in system.stops:
+        if stop.gap(q) < -ON:
+            raise NotCovered(
+                f"joint {stop.joint!r} starts at {q[stop.pose]:.6g}, beyond the end of its range, "
+                f"{stop.value:.6g}"
+            )
+    for _ in range(MOST):
+        held, v = meet(system, found, fastest, held, event, t, q, v)
+        if not found.states:
+            keep(system, found, held, [system.state(held, t, q, v)])
+        for step in system.steps(held, t, q, v, end):
+            event = first_event(system, held, step)
+            left = times[len(found.states) :]
+            inside = left[left <= step.end] if event is None else left[left < event.time]
+            keep(system, found, held, [step.at(time) for time in inside.tolist()])
+            if event is not None:
+                break
+        if event is None:
+            return found
+        q, v, _ = step.at(step.start)
+        for part in system.steps(held, step.start, q, v, event.time):  # as closely as elsewhere
+            q, v, _ = part.at(part.end)
+        t = event.time
+    raise NotCovered(f"stops are hit or left {MOST} times until t = {t:.6g} s")
+
+
+def keep(
+    system: Stopped, found: StoppedMotion, held: tuple[Stop, ...], states: Sequence[State]
+) -> None:
+    """Record states, and what stops do in them."""
+    found.states += states
+    for q, v, a in states:
+        own = np.zeros_like(v)
+        if held:
+            forces = pushes(system, held, (q, v, a))
+            for stop, force in zip(held, forces, strict=True):
+                own[stop.rate] -= stop.side * force
+        found.forces.append(own)
+
+
+def pushes(system: Stopped, held: tuple[Stop, ...], state: State) -> Array:
+    """Forces of stops into the ranges [N m or N]; negative where one would pull."""
+    q, v, a = state
+    rows = np.vstack([system.rows(q), unit_rows(held, v.size)])
+    solved = np.linalg.lstsq(rows.T, system.needed(q, v, a), rcond=1e-12)[0]
+    sides = np.array([stop.side for stop in held])
+    return np.asarray(-sides * solved[len(rows) - len(held) :])
+
+
+def unit_rows(stops: Sequence[Stop], rates: int) -> Array:
+    """How joints at stops change with the rates (stops, rates)."""
+    return np.eye(rates)[[stop.rate for stop in stops]].reshape(-1, rates)
+
+
+def meet(
+    system: Stopped,
+    found: StoppedMotion,
+    fastest: dict[Stop, float],
+    held: tuple[Stop, ...],
+    event: Event | None,
+    t: float,
+    q: Array,
+    v: Array,
+) -> tuple[tuple[Stop, ...], Array]:
+    """Which joints rest on their stops from a state on, and the rates after impacts there."""
+    left = event.left if event else None
+    near = [stop for stop in system.stops if stop.gap(q) <= ON and stop is not left]
+    if left:
+        found.releases.append((t, left.joint))
+    held = tuple(stop for stop in held if stop is not left)
+    hit = [s for s in near if s not in held and s.opening(v) < -STILL * fastest.get(s, 1.0)]
+    if hit:
+        back = [-stop.restitution * v[stop.rate] for stop in hit]
+        for stop in hit:
+            fastest[stop] = max(fastest.get(stop, 0.0), -stop.opening(v))
+            found.impacts.append((t, stop.joint))
+        while True:
+            after, still = struck(system, q, v, held, hit, back)
+            flat = too_flat(hit, system.state(still, t, q, after), back)
+            if not flat:
+                break
+            back = [0.0 if k in flat else rate for k, rate in enumerate(back)]
+        v, held = after, still
+    resting = [s for s in near if abs(s.opening(v)) <= STILL * fastest.get(s, 1.0)]
+    while resting:
+        force = pushes(system, tuple(resting), system.state(tuple(resting), t, q, v))
+        if (worst := int(np.argmin(force))) >= 0 and force[worst] >= 0.0:
+            break
+        resting.pop(worst)
+    found.rested |= {stop.joint for stop in resting}
+    return tuple(resting), v
+
+
+def too_flat(hit: Sequence[Stop], state: State, back: Sequence[float]) -> list[int]:
+    """Which rebounds are lower than `FLAT`, with the accelerations of a state."""
+    return [
+        k
+        for k, (stop, rate) in enumerate(zip(hit, back, strict=True))
+        if rate and (rate / stop.size) ** 2 < -2.0 * FLAT * stop.opening(state[2])
+    ]
+
+
+def struck(
+    system: Stopped,
+    q: Array,
+    v: Array,
+    held: tuple[Stop, ...],
+    hit: Sequence[Stop],
+    back: Sequence[float],
+) -> tuple[Array, tuple[Stop, ...]]:
+    """Rates after impacts on stops, thrown back by given ones, and what still rests on stops."""
+    others, mass = system.rows(q), system.mass(q)
+    most = np.abs(mass).max()
+    while True:
+        rows = np.vstack([others, unit_rows([*held, *hit], v.size)])
+        none = np.zeros((len(rows), len(rows)))
+        matrix = np.block([[mass / most, -rows.T], [rows, none]])
+        wanted = np.concatenate([mass @ v / most, others @ v, np.zeros(len(held)), back])
+        solved = np.linalg.lstsq(matrix, wanted, rcond=1e-13)[0]
+        impulse = solved[v.size + len(others) :]
+        own = [-s.side * p for s, p in zip(held, impulse, strict=False)]
+        if not own or min(own) >= 0.0:
+            return np.asarray(solved[: v.size]), held
+        held = tuple(s for k, s in enumerate(held) if k != int(np.argmin(own)))
+
+
+def first_event(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | None:
+    """The first time in a step at which a stop is hit, or one does not push any more."""
+    if not system.stops:
+        return None
+    free = [stop for stop in system.stops if stop not in held]
+    found = [Event(time) for time in hits(free, step)]
+    if held and (release := released(system, held, step)):
+        found.append(release)
+    return min(found, key=lambda one: one.time, default=None)
+
+
+def hits(stops: Sequence[Stop], step: Step) -> Iterator[float]:
+    """When a step comes to the stops that it goes beyond."""
+    long = step.end - step.start
+    states = {time: step.at(time) for time in (step.start, step.end)}
+    (begin, *speeds), last = states[step.start], states[step.end]
+    for stop in stops:
+        gap = stop.gap(begin)
+        pace = max(abs(stop.opening(speeds[0])), abs(stop.opening(last[1])))
+        if gap > ON + 4.0 * long * pace:  # it cannot come near in so short a time
+            continue
+        for share in PROBES:
+            time = step.end if share == 1.0 else step.start + share * long
+            if time not in states:
+                states[time] = step.at(time)
+            if stop.gap(states[time][0]) < -BEYOND:
+                yield come_to(stop, step, gap, time)
+                break
+
+
+def come_to(stop: Stop, step: Step, gap: float, beyond: float) -> float:
+    """When a joint comes to a stop that it is beyond later; `gap` is that at the step's start."""
+    from scipy.optimize import brentq  # slow to load
+
+    if gap > ON:
+        return float(brentq(lambda s: stop.gap(step.at(s)[0]), step.start, beyond, xtol=1e-15))
+
+    ahead = step.start + SOON * (beyond - step.start)  # it starts at the stop: the root behind that
+    off = (time for time in ahead.tolist() if stop.gap(step.at(time)[0]) > 0.1 * FLAT)
+    if (clear := next(off, None)) is None:
+        return step.start
+    return float(brentq(lambda s: stop.gap(step.at(s)[0]), clear, beyond, xtol=1e-15))
+
+
+def released(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | None:
+    """When the first of the stops that are rested on does not push any more."""
+    from scipy.optimize import brentq  # slow to load
+
+    def push(k: int) -> Callable[[float], float]:
+        return lambda time: float(pushes(system, held, step.at(time))[k])
+
+    found = []
+    begin, end = (pushes(system, held, step.at(time)) for time in (step.start, step.end))
+    for k in np.flatnonzero(end < 0.0).tolist():
+        root = brentq(push(k), step.start, step.end, xtol=1e-15) if begin[k] > 0 else step.start
+        found.append(Event(float(root), held[k]))
+    return min(found, key=lambda one: one.time, default=None)

@@ -1,0 +1,178 @@
+"""Joints that meet the ends of their ranges: closed forms, and MuJoCo's soft limits."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import planar, spatial
+from proofmass.analytic.contacts import bouncing_ball, restitution
+from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.planar import Overconstrained
+from proofmass.sim.smooth import SmoothTerms
+
+HEAD = '<mujoco><compiler autolimits="true" angle="radian"/><option><flag contact="disable"/>'
+BOTH = pytest.mark.parametrize("solve", [planar.solve, spatial.solve], ids=["planar", "spatial"])
+
+
+def falling(ratio: float, more: str = "") -> mujoco.MjModel:
+    """A mass on an upright slide, with a stop 1 m below its start."""
+    return mujoco.MjModel.from_xml_string(f"""{HEAD}</option><worldbody><body>
+      <joint name="z" type="slide" axis="0 0 1" range="-1 9" solreflimit="0.01 {ratio}" {more}/>
+      <geom size="0.1" mass="2"/></body></worldbody>
+      <sensor><jointpos name="z" joint="z"/><jointvel name="rate" joint="z"/></sensor></mujoco>""")
+
+
+@BOTH
+@pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0])
+def test_a_mass_bounces_on_a_stop_as_a_ball_on_the_ground(solve, ratio):
+    """The closed form sums the bounces up; the last of them are lower than 1e-13 m."""
+    t = np.linspace(0.0, 1.5, 151)
+    found = solve(t, model=falling(ratio))
+    known = bouncing_ball.solve(t, height=1.0, restitution=restitution(ratio), gravity=9.81)
+    assert np.ptp(known["height"]) > 0.99
+    assert np.abs(found["z"] + 1.0 - known["height"]).max() < 1e-12
+    assert np.abs(found["rate"] - known["velocity"]).max() < 1e-11
+
+
+def two_masses(start: str, more: str = "") -> mujoco.MjModel:
+    """Masses of 1 and 3 kg in line, a spring of 200 N/m between, and a stop of the first at 0."""
+    return mujoco.MjModel.from_xml_string(f"""{HEAD}</option><option gravity="0 0 0"/><worldbody>
+      <body><joint name="a" type="slide" axis="1 0 0" range="0 9"/><geom size="0.1" mass="1"/>
+        <body pos="1 0 0"><joint name="b" type="slide" axis="1 0 0" stiffness="200"/>
+          <geom size="0.1" mass="3"/></body></body></worldbody>{more}
+      <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/></sensor>
+      <keyframe><key name="start" {start}/></keyframe></mujoco>""")
+
+
+@BOTH
+def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve):
+    """Pressed on the stop until the spring is slack; then both move on as if there were none."""
+    pressed, wide = np.sqrt(200.0 / 3.0), np.sqrt(200.0 / 0.75)
+    off = np.pi / 2.0 / pressed
+    t = np.linspace(0.0, off + np.pi / wide, 91)
+    found = solve(t, model=two_masses('qpos="0 -0.3"'))
+    before, after = t < off, np.maximum(t - off, 0.0)
+    speed = 0.3 * pressed
+    apart = np.where(before, -0.3 * np.cos(pressed * t), speed / wide * np.sin(wide * after))
+    first = np.where(before, 0.0, 0.75 * speed * after - 0.75 * apart)
+    assert first.max() > 0.05
+    assert np.abs(found["b"] - apart).max() < 1e-12
+    assert np.abs(found["a"] - first).max() < 1e-12
+
+
+def test_what_happened_is_told():
+    model = two_masses('qpos="0 -0.3"')
+    told = planar.facts(model=model, start="start", joints=(), motion=np.linspace(0, 0.25, 6))
+    assert told["stops"] == "a rests on a stop; a leaves its stop at t = 0.192382 s"
+    told = planar.facts(
+        model=falling(1.0), start="start", joints=(), motion=np.linspace(0.0, 1.0, 6)
+    )
+    assert told["stops"].startswith(
+        "z hits a stop at t = 0.451524, 0.573738, 0.590278, 0.592516, .."
+    )
+    free = two_masses('qpos="0.5 -0.1"')
+    assert planar.facts(model=free, start="start", joints=(), motion=np.linspace(0, 0.1, 6)) == {}
+
+
+ARM = f"""{HEAD}</option><option integrator="RK4"/><default><geom type="capsule" size="0.02"/>
+  <joint axis="0 -1 0" solreflimit="TAU 1" solimplimit="0.9999 0.9999 0.001"/></default>
+  <worldbody><body><joint name="shoulder"/><geom fromto="0 0 0 0.5 0 0" mass="2"/>
+    <body pos="0.5 0 0"><joint name="elbow" range="-0.2 0.6"/>
+      <geom fromto="0 0 0 0.4 0 0" mass="1"/>
+      <body pos="0.4 0 0"><joint name="wrist"/><geom fromto="0 0 0 0.2 0 0" mass="0.5"/></body>
+    </body></body></worldbody>
+  <sensor><jointpos name="shoulder" joint="shoulder"/><jointpos name="elbow" joint="elbow"/>
+    <jointpos name="wrist" joint="wrist"/></sensor>
+  <keyframe><key name="start" qpos="0 0.2 1" qvel="-3 2 0"/></keyframe></mujoco>"""
+NAMES = "shoulder", "elbow", "wrist"
+
+
+def stepped(model: mujoco.MjModel, samples: int, count: int) -> np.ndarray:
+    """Poses of a model let go, `count` steps of it from one to the next."""
+    data, found = mujoco.MjData(model), []
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(samples):
+        found.append(data.qpos.copy())
+        mujoco.mj_step(model, data, count)
+    return np.array(found)
+
+
+def test_mujoco_comes_to_the_motion_between_rigid_stops_as_its_limits_get_stiff():
+    """An elbow that hits both its stops: how far MuJoCo is off falls with the time constant."""
+    t, off = np.linspace(0.0, 0.5, 26), []
+    rigid = mujoco.MjModel.from_xml_string(ARM.replace("TAU", "0.01"))
+    known = planar.solve(t, model=rigid)
+    told = planar.facts(model=rigid, start="start", joints=(), motion=t)
+    assert told["stops"] == "elbow hits a stop at t = 0.125401, 0.325648 s (2 in all)"
+    for tau in (1e-3, 3e-4):
+        model = mujoco.MjModel.from_xml_string(ARM.replace("TAU", str(tau)))
+        count = round(0.02 * 40 / tau)  # a restitution needs some 40 steps in the time constant
+        model.opt.timestep = 0.02 / count
+        q = stepped(model, t.size, count)
+        off.append(max(np.abs(q[:, k] - known[name]).max() for k, name in enumerate(NAMES)))
+    assert off[0] < 0.03
+    assert off[1] < 0.4 * off[0]  # 0.3 in first order of the duration of an impact
+
+
+def test_both_general_solvers_have_the_same_motion_between_stops():
+    model = mujoco.MjModel.from_xml_string(ARM.replace("TAU", "0.01"))
+    t = np.linspace(0.0, 0.5, 26)
+    one, two = planar.solve(t, model=model), spatial.solve(t, model=model, terms=SmoothTerms(model))
+    assert max(np.abs(one[name] - two[name]).max() for name in NAMES) < 1e-10
+
+
+def test_a_wrong_restitution_is_seen():
+    """The damping ratio of the limit is what throws the joint back: half of it, another motion."""
+    t = np.linspace(0.0, 0.5, 26)
+    soft = ARM.replace('solreflimit="TAU 1"', 'solreflimit="TAU 0.5"').replace("TAU", "0.01")
+    hard = ARM.replace("TAU", "0.01")
+    one, two = (planar.solve(t, model=mujoco.MjModel.from_xml_string(x)) for x in (soft, hard))
+    assert max(np.abs(one[name] - two[name]).max() for name in NAMES) > 1e-2
+
+
+def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics():
+    """An arm of 2 kg and 0.8 m that lies level on its stop: weight, and moment about the hinge."""
+    model = mujoco.MjModel.from_xml_string(f"""{HEAD}</option><worldbody><body>
+      <joint name="hinge" axis="0 -1 0" range="0 1"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0.8 0 0" mass="2"/><site name="pin"/>
+      </body></worldbody><sensor><jointpos name="hinge" joint="hinge"/>
+      <force name="force" site="pin"/><torque name="torque" site="pin"/></sensor></mujoco>""")
+    found = planar.solve(np.linspace(0.0, 1.0, 11), model=model)
+    assert np.abs(found["hinge"]).max() < 1e-15
+    assert found["force.z"] == pytest.approx(2 * 9.81, rel=1e-12)
+    assert np.abs(found["torque.y"]) == pytest.approx(2 * 9.81 * 0.4, rel=1e-12)
+
+
+@BOTH
+def test_a_start_beyond_a_stop_is_refused(solve):
+    with pytest.raises(NotCovered, match=r"joint 'a' starts at -0.1, beyond the end of its range"):
+        solve([0.0, 1.0], model=two_masses('qpos="-0.1 0"'))
+
+
+@BOTH
+def test_limits_that_are_no_stops_are_refused(solve):
+    with pytest.raises(NotCovered, match="joint 'z' has a margin of its range"):
+        solve([0.0, 1.0], model=falling(1.0, 'margin="0.1"'))
+    with pytest.raises(NotCovered, match="solreflimit of joint 'z' has no damping ratio"):
+        solve([0.0, 1.0], model=falling(-1.0))
+
+
+def test_stops_that_hold_the_same_are_refused():
+    """Two slides in line whose sum is held: one stop holds both."""
+    tie = '<equality><joint joint1="a" joint2="b" polycoef="0 -1 0 0 0"/></equality>'
+    text = two_masses('qpos="0 0" qvel="0 0"', tie)
+    text.jnt_limited[1], text.jnt_range[1] = 1, (-9.0, 0.0)
+    text.opt.gravity[:] = (-1.0, 0.0, 0.0)
+    with pytest.raises(Overconstrained, match="rest on stops that others hold already: a, b"):
+        planar.solve([0.0, 1.0], model=text)
+
+
+def test_a_drive_leads_no_other_joint_beyond_its_range():
+    """A sweep has no motion behind a stop."""
+    model = mujoco.MjModel.from_xml_path("models/linkages/fourbar.xml")
+    model.jnt_limited[:], model.jnt_range[:] = 1, (-10.0, 10.0)
+    rocker = model.joint("rocker").id
+    model.jnt_range[rocker] = (0.0, 1.9)
+    for solve in (planar.solve, spatial.solve):
+        with pytest.raises(ValueError, match="joint 'rocker' leaves its range"):
+            solve(np.linspace(0.0, 6.0, 61), model=model, joints=("crank",))
