@@ -244,6 +244,12 @@ def joint_of(model: mujoco.MjModel, actuator: int) -> int:
     return int(model.actuator_trnid[actuator, 0]) if found else -1
 
 
+def follows_joint(model: mujoco.MjModel, a: int) -> bool:
+    """Whether the force of an actuator is linear in value and rate of its joint."""
+    affine = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
+    return joint_of(model, a) >= 0 and bool(affine)
+
+
 def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
     """Why the force of an actuator is not its control times a number; empty if it is.
 

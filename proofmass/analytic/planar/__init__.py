@@ -22,6 +22,7 @@ from proofmass.analytic.planar.dynamics import Prescribed, free_motion
 from proofmass.analytic.planar.forces import (
     Forces,
     kinetic,
+    motors,
     potential,
     solve_forces,
     spring_length,
@@ -461,20 +462,20 @@ def forces(
     for s, kind in sensors.items():
         name = reader.model.sensor(s).name
         if kind in MOTORS:
-            found[name] = of_motor(reader, m, s, solved.drives, d, more)
+            found[name] = of_motor(reader, s, solved.drives, d, motors(m, *joint[:2]) + more)
         else:
             parts = interaction(reader, m, motion, s, solved)
             found |= {f"{name}.{part}": curve for part, curve in parts.items()}
     return found
 
 
-def of_motor(reader: Reader, m: Mechanism, s: int, drives: Array, d: Drives, more: Array) -> Array:
-    """The moment of a driven joint (n,), the load of another."""
+def of_motor(reader: Reader, s: int, drives: Array, d: Drives, own: Array) -> Array:
+    """The moment of a driven joint (n,), what the motors `own` of another do to it."""
     model, i = reader.model, reader.model.sensor_objid[s]
     actuator = S(model.sensor_type[s]) == S.mjSENS_ACTUATORFRC
     joint = int(model.actuator_trnid[i, 0] if actuator else i)
     place = np.flatnonzero(d.driven == joint)
-    moment = drives[:, place[0]] if place.size else m.joints[joint].load + more[:, joint]
+    moment = drives[:, place[0]] if place.size else own[:, joint]
     return np.asarray(moment / model.actuator_gear[i, 0] if actuator else moment)
 
 

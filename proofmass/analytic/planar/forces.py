@@ -33,6 +33,13 @@ def applied(
     return np.asarray(found)
 
 
+def motors(m: Mechanism, q: Array, v: Array) -> Array:
+    """What motors and servos do to the joints (n, joints) [N m or N]."""
+    rest, _, _, _, load = m.springs
+    stiffness, damping = np.array([joint.servo for joint in m.joints], float).reshape(-1, 2).T
+    return np.asarray(load - stiffness * (q - rest) - damping * v)
+
+
 @dataclass(frozen=True)
 class SpringLength:
     """Lengths of a spring between points in n poses.
@@ -135,7 +142,7 @@ def solve_forces(
     centre = centres(m, motion)
     needed = inertial(m, centre, motion) + a @ m.inertia.fixed + rub
     needed -= applied(m, motion, centre, q, v)
-    needed[:, d.driven] += [m.joints[j].load for j in d.driven]  # its own motor is the drive
+    needed[:, d.driven] += motors(m, q, v)[:, d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
     across = matrix[..., d.following].swapaxes(1, 2)
     right = needed[:, d.following, None]

@@ -45,7 +45,8 @@ class PlanarJoint:
     """A hinge about `place`, or a slide along the unit vector `place`, in the reference pose.
 
     `sign` is +1 when the hinge's axis is the plane's normal, -1 when it is against it.  `load` is a
-    constant moment or force that acts on it, `friction` what dry friction takes of its motion.
+    constant moment or force that acts on it, `friction` what dry friction takes of its motion, and
+    `servo` stiffness and damping of actuators that follow it, which store no energy.
     """
 
     name: str
@@ -60,6 +61,7 @@ class PlanarJoint:
     load: float = 0.0
     range: tuple[float, float] = (-math.inf, math.inf)
     friction: float = 0.0
+    servo: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -199,12 +201,16 @@ class Mechanism:
 
     @cached_property
     def springs(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Of the joints (joints,): rest, stiffness, damping, armature, constant load."""
+        """Of the joints (joints,): rest, stiffness, damping, armature, constant load.
+
+        Stiffness and damping with those of actuators that follow the joints.
+        """
         rest, stiffness, damping, armature, load = (
             np.array([getattr(j, key) for j in self.joints], float)
             for key in ("rest", "stiffness", "damping", "armature", "load")
         )
-        return rest, stiffness, damping, armature, load
+        servo = np.array([j.servo for j in self.joints], float).reshape(-1, 2)
+        return rest, stiffness + servo[:, 0], damping + servo[:, 1], armature, load
 
     @cached_property
     def frictions(self) -> Array:
@@ -440,6 +446,7 @@ class Reader:
             0.0
             if disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
             else float(model.dof_frictionloss[dof]),
+            self.servo(j),
         )
 
     def stops(self, m: "Mechanism", driven: tuple[str, ...] = ()) -> Iterator[Stop]:
@@ -455,26 +462,46 @@ class Reader:
                 if np.isfinite(end) and joint.name not in driven:
                     yield read_stop(self.model, j, side, j, j, float(m.scale[j]))
 
+    def acting(self, j: int) -> list[int]:
+        """The actuators that act on joint number j."""
+        model = self.model
+        if disabled(model, OFF.mjDSBL_ACTUATION):
+            return []
+        return [
+            a
+            for a in range(model.nactuator)
+            if model.actuator_trnid[a, 0] == j
+            and joined(model, a)
+            and not model.opt.disableactuator & 1 << int(model.actuator_group[a])
+        ]
+
+    def servo(self, j: int) -> tuple[float, float]:
+        """Stiffness and damping that actuators give joint number j."""
+        model, found = self.model, np.zeros(2)
+        for a in self.acting(j):
+            if is_affine(model, a):
+                gear = model.actuator_gear[model.actuator_outadr[a], 0]
+                found -= gear**2 * model.actuator_biasprm[a, 1:3]
+        return float(found[0]), float(found[1])
+
     def load(self, j: int, ctrl: Array) -> float:
-        """What the motors on joint number j do, as far as its range of forces lets them."""
-        model, load = self.model, 0.0
-        if not disabled(model, OFF.mjDSBL_ACTUATION):
-            load = sum(
-                self.motor(a, ctrl)
-                for a in range(model.nactuator)
-                if model.actuator_trnid[a, 0] == j and joined(model, a)
-            )
+        """What the motors on joint number j do, as far as its range of forces lets them.
+
+        Of servos what they do where the spring of the joint is slack, and without a rate.
+        """
+        model = self.model
+        load = sum(self.motor(a, ctrl) for a in self.acting(j))
+        load -= self.servo(j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
         limited = model.jnt_actfrclimited[j]
         return float(np.clip(load, *model.jnt_actfrcrange[j]) if limited else load)
 
     def motor(self, a: int, ctrl: Array) -> float:
         """Moment or force of motor number a, with its control and its force in their ranges."""
         model, control = self.model, ctrl[self.model.actuator_ctrladr[a]]
-        if model.opt.disableactuator & 1 << int(model.actuator_group[a]):
-            return 0.0
         if model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL):
             control = np.clip(control, *model.actuator_ctrlrange[a])
         force = model.actuator_gainprm[a, 0] * control
+        force += model.actuator_biasprm[a, 0] * is_affine(model, a)
         if model.actuator_forcelimited[a]:
             force = np.clip(force, *model.actuator_forcerange[a])
         return float(model.actuator_gear[model.actuator_outadr[a], 0] * force)
@@ -650,11 +677,14 @@ def refuse(model: Any) -> None:
     for a in range(model.nactuator):
         motor = (
             model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-            and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+            and (is_affine(model, a) or model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE)
             and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
         )
+        name = model.actuator(a).name
         if not (motor and joined(model, a)):
-            raise NotCovered(f"actuator {model.actuator(a).name!r} is no motor on a joint")
+            raise NotCovered(f"actuator {name!r} is no motor or servo on a joint")
+        if is_affine(model, a):
+            refuse_servo(model, a)
     refuse_tendons(model)
     for what, there in {
         "a flex": model.nflex,
@@ -663,6 +693,26 @@ def refuse(model: Any) -> None:
     }.items():
         if there:
             raise NotCovered(f"it has {what}")
+
+
+def refuse_servo(model: Any, a: int) -> None:
+    """Raise NotCovered, by name, for what an actuator that follows its joint may not have."""
+    for what, there in {
+        "has a range of forces": model.actuator_forcelimited[a],
+        "acts on a joint with a range of actuator forces": model.jnt_actfrclimited[
+            int(model.actuator_trnid[a, 0])
+        ],
+        "has armature or damping": model.actuator_armature[a].any()
+        or model.actuator_damping[a].any()
+        or model.actuator_dampingpoly[a].any(),
+    }.items():
+        if there:
+            raise NotCovered(f"servo {model.actuator(a).name!r} {what}")
+
+
+def is_affine(model: Any, a: int) -> bool:
+    """Whether the force of actuator number a is linear in length and rate of what it acts on."""
+    return bool(model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE)
 
 
 def is_fixed(model: Any, t: int) -> bool:

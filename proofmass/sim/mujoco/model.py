@@ -57,6 +57,7 @@ def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjDat
         if joint_of(model, actuator) in driven:
             first = model.actuator_ctrladr[actuator]
             data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
+            model.actuator_biasprm[actuator] = 0.0  # of a servo
     for body, force in dead_loads(model, run.rods):
         data.xfrc_applied[body, :3] += force
     configure(model, run.settings)

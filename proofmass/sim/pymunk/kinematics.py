@@ -144,7 +144,7 @@ def alike(links: Links, rows: Array, wanted: Array) -> tuple[Array, Array]:
 
 
 def potential(links: Links, pose: Array) -> Array:
-    """Energy [J] (...) of gravity, springs and loads, as the engine's links carry it.
+    """Energy [J] (...) of gravity, springs, servos and loads, as the engine's links carry it.
 
     Loads that follow their links have no potential.  Here they keep the direction that they have in
     the real part of the pose, so that derivatives by complex steps are those of their work.
@@ -152,8 +152,7 @@ def potential(links: Links, pose: Array) -> Array:
     weight = links.mass[:, None] * links.gravity
     energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
     for joint in links.joints:
-        value = joint_value(joint, pose)
-        energy = energy + joint.spring_energy(value) - joint.load * value
+        energy = energy + joint.potential(joint_value(joint, pose))
     for spring in links.springs:
         energy = energy + spring.energy(spring_length(spring, pose))
     for pull in links.pulls:

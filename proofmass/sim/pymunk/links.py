@@ -55,8 +55,9 @@ class LinkJoint:
 
     ``stiffness`` holds the spring's coefficients (k, a, b) of k x + a x^2 + b x^3, x the value less
     that at ``rest``; ``load`` is a constant moment [N m] or force [N] on the second link against
-    the first; ``friction`` is what dry friction may hold [N m or N].  A joint that holds nothing
-    is a coordinate of a body that is free in the plane.
+    the first; ``friction`` is what dry friction may hold [N m or N].  ``servo`` is the stiffness of
+    actuators that follow the joint: it acts as that of the spring, and stores no energy.  A joint
+    that holds nothing is a coordinate of a body that is free in the plane.
     """
 
     name: str
@@ -71,11 +72,26 @@ class LinkJoint:
     limits: tuple[float, float] | None
     friction: float = 0.0
     holds: bool = True
+    servo: float = 0.0
+
+    @property
+    def acting(self) -> tuple[float, float, float]:
+        """Coefficients of the spring and of actuators that follow the joint."""
+        k, a, b = self.stiffness
+        return k + self.servo, a, b
 
     def spring_force(self, value: Array | float) -> Any:
-        """Moment [N m] or force [N] of the spring on the second link against the first."""
-        x, (k, a, b) = value - self.rest, self.stiffness
+        """Moment [N m] or force [N] of spring and servos on the second link against the first."""
+        x, (k, a, b) = value - self.rest, self.acting
         return -x * (k + x * (a + x * b))
+
+    def potential(self, value: Array) -> Array:
+        """Energy [J] whose derivative is what spring, servos and load ask for."""
+        return (
+            self.spring_energy(value)
+            + self.servo * (value - self.rest) ** 2 / 2
+            - (self.load * value)
+        )
 
     def spring_energy(self, value: Array) -> Array:
         """Energy [J] of the spring."""

@@ -10,7 +10,13 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import connects, gear_of, joint_of, straight_tendon
+from proofmass.sim.contents import (
+    connects,
+    follows_joint,
+    gear_of,
+    joint_of,
+    straight_tendon,
+)
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
@@ -273,18 +279,33 @@ def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
         joint = joint_of(model, a)
         if joint in driven:
             continue
+        follows = follows_joint(model, a)
         plain = (
             model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-            and model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+            and (follows or model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE)
             and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
             and not model.actuator_damping[a].any()
             and not model.actuator_armature[a]
         )
+        name = f"actuator '{model.actuator(a).name}'"
         if not plain or (joint < 0 and not load_on_site(model, a)):
             yield (
-                f"actuator '{model.actuator(a).name}', which is no motor on a joint, nor on a "
-                f"site whose refsite, if any, is of the ground"
+                f"{name}, which is no motor on a joint, nor on a site whose refsite, if any, is of "
+                f"the ground, and no servo on a joint"
             )
+        elif follows and (model.actuator_forcelimited[a] or model.jnt_actfrclimited[joint]):
+            yield f"the range of forces of {name}, which follows its joint"
+
+
+def servo(model: mujoco.MjModel, j: int) -> tuple[float, float]:
+    """Stiffness and damping that actuators give a joint which they follow."""
+    gains = [
+        -(gear_of(model, a)[0] ** 2) * model.actuator_biasprm[a, 1:3]
+        for a in range(model.nactuator)
+        if joint_of(model, a) == j and follows_joint(model, a)
+    ]
+    stiffness, damping = np.sum(gains, axis=0) if gains else (0.0, 0.0)
+    return float(stiffness), float(damping)
 
 
 def load_on_site(model: mujoco.MjModel, actuator: int) -> bool:
@@ -436,6 +457,7 @@ def _joint(
         sign = float(np.sign(data.xaxis[j] @ plane.normal))
         hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
     limited = model.jnt_limited[j] and not driven
+    stiffness, damping = (0.0, 0.0) if driven else servo(model, j)
     return LinkJoint(
         hold.name,
         hold,
@@ -444,21 +466,29 @@ def _joint(
         float(data.qvel[dof]),
         _stiffness(model, j),
         float(model.qpos_spring[at]),
-        float(model.dof_damping[dof]),
+        float(model.dof_damping[dof]) + damping,
         0.0 if driven else _load(model, data, j),
         tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None,
         float(model.dof_frictionloss[dof]),
         not free,
+        stiffness,
     )
 
 
 def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
-    """What the motors on a joint do, as far as its range of forces lets them."""
-    own = sum(
-        float(data.actuator_force[model.actuator_outadr[a]] * gear_of(model, a)[0])
-        for a in range(model.nactuator)
-        if joint_of(model, a) == j
-    )
+    """What the motors on a joint do, as far as its range of forces lets them.
+
+    Of servos what they do where the spring of the joint is slack, and without a rate.
+    """
+    own = -servo(model, j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
+    for a in range(model.nactuator):
+        if joint_of(model, a) == j:
+            out = model.actuator_outadr[a]
+            force = data.actuator_force[out]
+            if follows_joint(model, a):
+                state = data.actuator_length[out], data.actuator_velocity[out]
+                force = force - model.actuator_biasprm[a, 1:3] @ state
+            own += float(force * gear_of(model, a)[0])
     return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
 
 

@@ -406,9 +406,9 @@ class Writer:
     def _spring(
         self, joint: LinkJoint, constraint: pymunk.Constraint, a: str, b: str, first: bool
     ) -> dict[str, Any]:
-        k, square, cube = joint.stiffness
+        k, square, cube = joint.acting
         unit, effort = UNIT[joint.hold.axis is None]
-        own = first and bool(any(joint.stiffness) or joint.damping)
+        own = first and bool(any(joint.acting) or joint.damping)
         linear = own and not (square or cube)
         damping = digits(constraint.damping)  # type: ignore[attr-defined]
         if isinstance(constraint, pymunk.DampedRotarySpring):
@@ -447,7 +447,7 @@ class Writer:
             return {"words": f"{called(joint)}: a load of {joint.load:g} {effort}", "lines": lines}
         poly = "".join(f" + {c:g} x^{n}" for n, c in ((2, square), (3, cube)) if c)
         told = [f"a spring, {k:g} x{poly} [{effort}], x = 0 at {joint.rest:g} {unit}"] * any(
-            joint.stiffness
+            joint.acting
         ) + [f"a damper, {joint.damping:g} {effort} s/{unit}"] * bool(joint.damping)
         return {"words": f"{called(joint)}: {' and '.join(told)}", "lines": lines}
 
@@ -624,7 +624,7 @@ class Writer:
     def _springs(self) -> Iterator[tuple[str, float, tuple[float, ...], float, float]]:
         """Value, rest, stiffness, damping and load of each joint, and each spring of points."""
         for joint in self.links.joints:
-            yield self._value(joint), joint.rest, joint.stiffness, joint.damping, joint.load
+            yield self._value(joint), joint.rest, joint.acting, joint.damping, joint.load
         for spring in self.links.springs:
             beyond = self._beyond(self._length(spring), spring)
             yield beyond, 0.0, (spring.stiffness, 0.0, 0.0), spring.damping, 0.0

@@ -674,7 +674,7 @@ def _step(links: Links, pose: Array) -> float:
     Springs count as if wound by a radian or an extent: they may be slack where the sweep begins.
     """
     wound = [
-        abs(joint.stiffness[0]) * (links.extent if joint.hold.axis is not None else 1.0)
+        abs(joint.acting[0]) * (links.extent if joint.hold.axis is not None else 1.0)
         for joint in links.joints
     ]
     wound += [links.extent * spring.stiffness for spring in links.springs]

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import gear_of_force, joint_of, parts_of, spoken_parts
+from proofmass.sim.contents import follows_joint, gear_of_force, joint_of, parts_of, spoken_parts
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.kinematics import along, joint_value, spring_length, turned
@@ -223,13 +223,16 @@ def _scalar(links: Links, s: int) -> Sensor | str:
     return f"sensor type {kind.name[7:].lower()} is not rebuilt for pymunk"
 
 
-def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor:
+def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
     """What a joint's drive must do, or the constant force of the motors on a joint without one."""
     model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
     joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
         gear = 1.0 if of_joint else gear_of_force(model, obj)
         return Sensor(-2, Level(), links.driven.index(joint), 1.0 / gear)
+    servos = (a for a in range(model.nactuator) if joint_of(model, a) == joint)
+    if joint >= 0 and any(follows_joint(model, a) for a in servos):
+        return "the force of a servo is not rebuilt for pymunk"
     force = (
         links.joints[joint].load
         if of_joint

@@ -180,7 +180,7 @@ def _hold(
 def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
     """The spring of a joint, and its load as a spring with a force that does not change."""
     springs: list[pymunk.Constraint] = []
-    if any(joint.stiffness) or joint.damping:
+    if any(joint.acting) or joint.damping:
         springs.append(_spring(joint, links, bodies, joint.spring_force, joint.damping))
     if joint.load:
         springs.append(_spring(joint, links, bodies, lambda value: joint.load, 0.0))

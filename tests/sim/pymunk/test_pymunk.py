@@ -106,7 +106,12 @@ HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></bod
             {},
             "joint equality 'lock'",
         ),
-        (ARM, '<actuator><position name="servo" joint="arm"/></actuator>', {}, "actuator 'servo'"),
+        (
+            ARM,
+            '<actuator><position name="servo" joint="arm" forcerange="0 1"/></actuator>',
+            {},
+            "actuator 'servo'",
+        ),
         (
             ARM,
             '<actuator><general name="lag" joint="arm" dyntype="filter" dynprm="1"/></actuator>',

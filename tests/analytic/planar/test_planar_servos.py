@@ -1,0 +1,146 @@
+"""Actuators that follow their joints: the planar solver, MuJoCo and pymunk, in time and at rest."""
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import planar, spatial
+from proofmass.analytic.numerics import NotCovered
+from proofmass.sim.mujoco.engine import simulate as in_mujoco
+from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.pymunk.engine import simulate as in_pymunk
+from proofmass.sim.pymunk.program import write_program
+from proofmass.sim.smooth import SmoothTerms
+from tests.shipped import shipped
+
+ARM = shipped("arm_servos.xml")
+T = np.linspace(0.0, 0.5, 51)
+
+
+def test_the_spatial_solver_has_the_same_motion():
+    """Its own forces of actuators are held to those of MuJoCo at random states."""
+    model = mujoco.MjModel.from_xml_path(str(ARM))
+    one, two = planar.solve(T, model=model), spatial.solve(T, model=model, terms=SmoothTerms(model))
+    shared = one.keys() & two.keys()
+    assert {"shoulder", "elbow", "reach", "tip.x", "tip.z", "kinetic", "potential"} <= shared
+    assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
+
+
+def test_forces_of_servos_are_those_of_their_laws():
+    """The rates are differences of values, and sums of them: 1e-3 N m and 1e-4 m of 5e-4 s."""
+    model, t = mujoco.MjModel.from_xml_path(str(ARM)), np.linspace(0.0, 0.5, 1001)
+    found = planar.solve(t, model=model)
+    rate = np.gradient(found["elbow"], t, edge_order=2)
+    assert np.abs(found["turning"] - 0.8 * (1.5 - rate))[100:].max() < 1e-3
+    push = 200 * 0.05 + 1 - 300 * found["reach"]  # and -9 times the rate
+    speed = (push - found["pushing"]) / 9.0
+    assert speed[0] == pytest.approx(0.1, rel=1e-12)  # of the key
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+    assert np.abs(way - (found["reach"] - found["reach"][0])).max() < 1e-4
+
+
+def test_pymunk_comes_to_the_motion_with_first_order():
+    model, off = mujoco.MjModel.from_xml_path(str(ARM)), []
+    known = planar.solve(T, model=model)
+    for step in (2e-4, 1e-4):
+        run = Run("dynamics", T, ("shoulder", "elbow", "reach"), settings={"timestep": step})
+        found = in_pymunk(ARM, run).channels
+        off.append(max(np.abs(found[name] - known[name]).max() for name in found))
+    assert off[1] < 5e-3
+    assert off[0] / off[1] == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_program_of_pymunk_has_the_servos(tmp_path: Path):
+    run = Run("dynamics", T[:21], ("shoulder", "elbow", "reach"), settings={"timestep": 1e-3})
+    wanted = in_pymunk(ARM, run)
+    text = write_program(ARM, Run(**{**vars(run), "settings": wanted.settings}), "", "")
+    (tmp_path / "run.py").write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-I", "run.py"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    with (tmp_path / "curves.csv").open(newline="", encoding="utf-8") as stream:
+        head, *rows = csv.reader(stream)
+    for name, column in zip(head[1:], np.array(rows, float).T[1:], strict=True):
+        assert np.abs(column - wanted.channels[name]).max() < 1e-9
+
+
+def four_bar(folder: Path, actuators: str, ctrl: str) -> Path:
+    """The four-bar with other actuators."""
+    text = shipped("fourbar.xml").read_text(encoding="utf-8")
+    text = text.replace('<motor name="motor" joint="crank"/>', actuators)
+    text = text.replace("2.2459278597319283", f'2.2459278597319283" ctrl="{ctrl}')
+    text = text.replace("-2.2459278", f'-2.2459278" ctrl="{ctrl}')
+    file = folder / "fourbar.xml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def swept(file: Path, angle: np.ndarray) -> Run:
+    """A sweep of the crank."""
+    drive = Drive("crank", lambda x: (np.asarray(x), np.ones_like(x), np.zeros_like(x)))
+    return Run("sweep", angle, ("rocker", "rocker_rate", "holding_moment"), (drive,))
+
+
+MOTOR = '<motor name="motor" joint="crank"/>'
+SERVO = '<position name="hold" joint="rocker" kp="30" kv="5" gear="2"/>'
+ANGLE = np.linspace(0.0, 6.0, 61)
+
+
+def test_a_servo_of_the_rocker_asks_of_the_crank_what_virtual_work_has(tmp_path: Path):
+    """At rest its force, gear kp (2 - gear rocker), times the rate of the rocker by the crank."""
+    plain = four_bar(tmp_path, MOTOR, "0")
+    free = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(plain)), joints=("crank",))
+    file = four_bar(tmp_path, MOTOR + SERVO, "0 2")
+    known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
+    more = -2.0 * 30.0 * (2.0 - 2.0 * known["rocker"]) * known["rocker_rate"]
+    assert np.ptp(more) > 50.0
+    assert np.abs(known["holding_moment"] - free["holding_moment"] - more).max() < 1e-11
+    for simulate in (in_mujoco, in_pymunk):
+        found = simulate(file, swept(file, ANGLE)).channels
+        assert np.abs(found["holding_moment"] - known["holding_moment"]).max() < 1e-9
+
+
+def test_a_servo_of_the_driven_joint_is_the_drive(tmp_path: Path):
+    """Its law does not act: the drive holds the joint, and its moment is what that takes."""
+    servo = '<position name="motor" joint="crank" kp="50" kv="3"/>'
+    file = four_bar(tmp_path, servo, "0")
+    known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
+    plain = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
+    motor = planar.solve(ANGLE, model=plain, joints=("crank",))["holding_moment"]
+    assert np.abs(known["holding_moment"] - motor).max() < 1e-12
+    for simulate in (in_mujoco, in_pymunk):
+        found = simulate(file, swept(file, ANGLE)).channels
+        assert np.abs(found["holding_moment"] - motor).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ('forcerange="-1 1"', "servo 'hold' has a range of forces"),
+        ('forcelimited="true" forcerange="0 1"', "servo 'hold' has a range of forces"),
+        ('damping="1"', "servo 'hold' has armature or damping"),
+    ],
+)
+def test_what_a_servo_may_not_have_is_named(more: str, why: str, tmp_path: Path):
+    file = four_bar(tmp_path, MOTOR + SERVO.replace("/>", f" {more}/>"), "0 2")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    with pytest.raises(NotCovered, match=why):
+        planar.solve(ANGLE, model=model, joints=("crank",))
+    if "range" in more:
+        with pytest.raises(Unsupported, match="range of forces of actuator 'hold'"):
+            in_pymunk(file, swept(file, ANGLE))
+
+
+def test_a_wrong_gain_in_the_engine_turns_the_verdict(tmp_path: Path):
+    """A thousandth of the gain: more than the case allows."""
+    known = planar.solve(T, model=mujoco.MjModel.from_xml_path(str(ARM)))
+    file = tmp_path / "arm.xml"
+    file.write_text(ARM.read_text(encoding="utf-8").replace('kp="120"', 'kp="120.12"'))
+    found = in_mujoco(file, Run("dynamics", T, ("shoulder",))).channels
+    assert np.abs(found["shoulder"] - known["shoulder"]).max() > 1e-4 * np.ptp(known["shoulder"])
