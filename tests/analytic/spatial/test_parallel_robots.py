@@ -175,7 +175,7 @@ def test_velocities_and_accelerations_of_the_delta_robot_are_those_of_difference
     velocity = np.einsum("nid,nd->ni", found["moves"], rate)
     np.testing.assert_allclose(velocity, spectral(circle(TURN)), rtol=0, atol=1e-12)
     np.testing.assert_allclose(
-        found["acceleration"], -(circle(TURN) - circle(TURN).mean(0)), atol=1e-11
+        found["acceleration"], circle(TURN).mean(0) - circle(TURN), rtol=0, atol=1e-11
     )
 
 
