@@ -3,7 +3,8 @@
     python -m benchmarks.contacts [--quick]
 
 Runs the cases of models/contacts that have a closed form at the step of their models and at 1/2,
-1/4, ... of it, and five touching balls in bare MuJoCo with finer steps and stiffer contacts.
+1/4, ... of it, and five touching balls in bare MuJoCo with finer steps and stiffer contacts, and
+looks for contacts of a flat cylinder that hangs above a floor.
 Writes docs/contacts.md.
 """
 
@@ -68,6 +69,7 @@ def main() -> None:
             "series": [HEAD, *(line for name in names for line in rows(name, halvings))],
             "creep": creep((2e-3,) if quick else (2e-3, 5e-4)),
             "impacts": impacts(100 if quick else 10000),
+            "phantom": phantom(200 if quick else 2000),
             "touching": touching(steps, (0.95,) if quick else (0.95, 0.9999)),
         }
         page = PAGE.format(**{name: "\n".join(lines) for name, lines in tables.items()})
@@ -185,6 +187,68 @@ def bounced(ratio: float, stiffness: float, steps: int) -> float:
     data.qvel[0] = -1.0
     mujoco.mj_step(model, data, 4 * steps)
     return float(data.qvel[0])
+
+
+COIN = {"radius": 0.041, "half": 0.002, "gap": 2.1e-5}
+"""Radius and half the height of a flat cylinder, and its height above the floor [m]."""
+TWO_ULPS = 2 * float(np.finfo(float).eps)
+"""How far the square of a unit vector that is turned is off 1 [1]: the most that was seen."""
+
+
+def phantom(poses: int) -> Iterator[str]:
+    """Contacts of a cylinder that hangs above a floor without weight, by its tilt."""
+    yield "| floor | tilt [rad] | contacts | deepest [mm] | closed form [mm] | energy [J] |"
+    yield "|---|---|---|---|---|---|"
+    for words, floor in {"level": "0 0 0", "tilted": "10 20 0"}.items():
+        for tilt in (1e-16, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11):
+            hits, deepest, energy = hanging(tilt, floor, poses)
+            told = number(1e3 * deepest, 4), number(energy, 2)
+            known = number(1e3 * phantom_depth(tilt), 4) if floor == "0 0 0" else ""
+            yield (
+                f"| {words} | {tilt:.0e} | {hits} of {poses} | {told[0]} | {known} | {told[1]} |"
+            )
+
+
+def phantom_depth(tilt: float) -> float:
+    """The depth [m] that MuJoCo finds for `COIN` on a level floor, where it rounds by `TWO_ULPS`.
+
+    With its axis a and the floor's normal n it goes from the centre of a face by the radius along
+    (n . a) a - n, which is as long as the tilt and lies in the face, but for rounding of n's part;
+    below 1e-15, `mjMINVAL`, along another direction of the face.
+
+    >>> f"{phantom_depth(1e-14):.4g}", phantom_depth(1e-12)
+    ('0.001798', 0.0)
+    """
+    length = np.hypot(tilt, TWO_ULPS)
+    deep = COIN["radius"] * TWO_ULPS / length - COIN["gap"]
+    return float(deep) if tilt >= 1e-15 and deep > 0 else 0.0
+
+
+def hanging(tilt: float, floor: str, poses: int) -> tuple[int, float, float]:
+    """Contacts of `COIN` above a floor, the deepest [m], and the most energy after a step [J]."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option timestep="1e-3" gravity="0 0 0"/><worldbody>
+      <geom type="plane" size="1 1 1" euler="{floor}" priority="1" solref="-1e6 -200"/>
+      <body><freejoint/>
+      <geom type="cylinder" size="{COIN["radius"]} {COIN["half"]}" mass="0.01"/></body>
+      </worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    up, found, leaning = data.geom_xmat[0].reshape(3, 3)[:, 2].copy(), [], np.zeros(4)
+    for way, turn in np.random.default_rng(0).uniform(0.0, 2 * np.pi, (poses, 2)):
+        mujoco.mj_resetData(model, data)
+        lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
+        about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
+        mujoco.mju_mulQuat(leaning, lean, about)
+        mujoco.mju_mulQuat(data.qpos[3:], model.geom_quat[0], leaning)
+        data.qpos[:3] = (COIN["half"] + COIN["gap"]) * up
+        mujoco.mj_forward(model, data)
+        deepest = max((-float(c.dist) for c in data.contact[: data.ncon]), default=0.0)
+        mujoco.mj_step(model, data)
+        mujoco.mj_energyVel(model, data)
+        found.append((deepest, float(data.energy[1])))
+    depths, energies = zip(*found, strict=True)
+    return sum(depth > 1e-9 for depth in depths), max(depths), max(energies)
 
 
 def touching(steps: Sequence[float], impedances: Sequence[float]) -> Iterator[str]:
@@ -317,6 +381,25 @@ different motions, and places that touch to the last digit to a third. Linear sp
 balls are a limit of their own.
 
 {touching}
+
+## A flat cylinder that hangs above a floor
+
+MuJoCo finds contacts up to a radius deep between a plane and a cylinder above it whose axis is off
+the plane's normal by 1e-15 to 1e-12 rad, as an axis is that was turned there. From the centre of a
+face it goes by the radius along (n · a) a - n to the lowest point of the edge, with the axis a and
+the normal n. That vector is as long as the tilt. Rounding leaves a part d of it across the face,
+so that the point lies r d / (tilt² + d²)^(1/2) too deep. Below 1e-15 MuJoCo takes another vector.
+
+A cylinder of 10 g, 41 mm in radius, at rest and without weight, hangs 0.021 mm above a floor, in
+poses that are turned by chance. It should have no contact and no energy. The closed form has
+d = 4.4e-16, the most on a level floor; the energy is that after a step of 1 ms with contacts of
+1e6/s². MuJoCo 3.3.7 and 3.6.0 have the same contacts on the level floor.
+
+{phantom}
+
+`hanging` in `benchmarks/contacts.py` needs MuJoCo and NumPy alone. `proofmass stress` does not try
+this: it looks for the value of a parameter where runs begin to fail, and here rounding decides,
+from pose to pose.
 """
 
 if __name__ == "__main__":

@@ -205,6 +205,10 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
     return next((each for each in names if each in known), None)
 
 
+PLACES = (*KINDS["position"], "1")
+"""SI units of places and angles, and of what tells a turn: quaternions, directions of axes."""
+
+
 def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Tolerance]:
     """The engines' own tolerances in each run for which a driven linkage states none itself.
 
@@ -268,7 +272,7 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
             for unit in dict.fromkeys([*si, *there])
             if unit in there and si_unit(unit)[0] in si
         )
-        for part, si in {**KINDS, "force": FORCES}.items()
+        for part, si in {**KINDS, "position": PLACES, "force": FORCES}.items()
     }
     return {part: of_part for part, of_part in units.items() if of_part}
 

@@ -274,3 +274,9 @@ def test_a_motion_in_space_has_the_engines_that_can_run_it():
     assert in_space == ["mujoco", "mujoco:default"]
     planar = fill_runs({**asked, "reference": "planar"})["run"]["dynamics"]["solvers"]
     assert planar == ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]
+
+
+def test_a_driven_mechanism_in_space_has_a_tolerance_for_its_turn():
+    case = load_case(shipped("spherical_fourbar.toml"))
+    turn = case.tolerance_for("dynamics", "mujoco", "coupler_turn.w")
+    assert turn.relative_to_range == MUJOCO["position"].relative_to_range

@@ -381,6 +381,14 @@ def test_a_rod_at_rest_is_its_curves(folder: Path, browser: Any) -> None:
         assert "rods of the reference" in visit.page.inner_text("#ghost")
 
 
+def test_a_mechanism_in_space_is_drawn_without_differences(browser: Any, tmp_path: Path) -> None:
+    with without_figures():
+        write_report(whole_result(load_case(shipped("spherical_fourbar.toml"))), tmp_path)
+    with CaseVisit(browser, tmp_path / "spherical_fourbar.html") as visit:
+        assert visit.page.inner_text("#mechanism-scale") == "to scale, without differences"
+        assert "seen along x" in visit.page.inner_text("#ghost")
+
+
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw_recorded", "pendulum"])
 def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / f"{name}.html", viewport=PHONE) as visit:

@@ -149,7 +149,7 @@ function drawMechanism() {
   if (!own.reaches(x)) {
     words.push(`drawn up to ${worded(own.x[own.x.length - 1] * run.scale, 3)} ${run.unit} only`);
   } else if (!compared) {
-    words.push("no positions to compare");
+    words.push(own.motion.along ? "to scale, without differences" : "no positions to compare");
   } else if (!there) {
     words.push(`${label} has no pose here`);
   } else {

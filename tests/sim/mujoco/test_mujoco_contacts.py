@@ -1,9 +1,9 @@
-"""The creep of MuJoCo's contacts has the closed form that is told, in bare MuJoCo."""
+"""Creep of MuJoCo's contacts, and contacts that are none: closed forms, in bare MuJoCo."""
 
 import numpy as np
 import pytest
 
-from benchmarks.contacts import CREEPS, SLIDES, SLOPE, crept
+from benchmarks.contacts import CREEPS, SLIDES, SLOPE, crept, hanging, phantom_depth
 from proofmass.sim.mujoco.contacts import creep_rate
 
 SETTINGS = {
@@ -48,3 +48,13 @@ def test_other_settings_creep_otherwise(other):
 def test_bad_parameters(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         creep_rate(**{"pull": 1.0, "contacts": 4, **wrong})
+
+
+@pytest.mark.parametrize("tilt", [1e-16, 1e-15, 1e-14, 1e-13, 1e-12])
+def test_a_flat_cylinder_above_a_floor_has_a_contact_of_rounding(tilt):
+    """MuJoCo 4.0.0 touches it from the closed form's tilt on; it hangs, and should not."""
+    hits, deepest, energy = hanging(tilt, "0 0 0", 1000)
+    known = phantom_depth(tilt)
+    assert (hits > 0, energy > 0) == (known > 0, known > 0)
+    assert deepest == pytest.approx(known, rel=1e-3)
+    assert (known > 0) == (tilt in (1e-15, 1e-14, 1e-13))

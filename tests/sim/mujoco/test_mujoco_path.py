@@ -20,6 +20,8 @@ CASES = {  # whether all poses are closed together
     "hacksaw": True,
     "peaucellier": True,
     "universal_joint": True,
+    "spherical_fourbar": True,
+    "delta": False,  # its platform turns, by a quaternion
     "gear_pair": False,  # its samples are as far from each other as strides
     "change_point": False,  # it is singular half way
 }

@@ -30,6 +30,7 @@ CASES = {
     case.name: case
     for case in map(loaded, models_like())
     if "dynamics" in case.run
+    and "pymunk" in case.run["dynamics"].solvers
     and not case.reference.endswith(".csv")
     and not any(str(c.equals).startswith("drive.") for c in case.channels.values())
 }  # these have an error; the acceleration of a drive itself is of first order where it bends

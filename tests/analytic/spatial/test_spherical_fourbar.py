@@ -1,0 +1,237 @@
+"""The spherical four-bar: its closed form, and the spatial reference and verdicts beside it."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass import load_case
+from proofmass.analytic import spatial
+from proofmass.analytic.linkages import fourbar
+from proofmass.compare import compare
+from proofmass.sim.smooth import SmoothTerms
+from proofmass.solve import solve
+from tests.shipped import shipped
+
+ARCS = np.radians([30.0, 60.0, 75.0, 70.0])
+"""Of crank, coupler, rocker and ground [rad], as drawn."""
+RADIUS, RATE, GRAVITY = 0.2, 10.0, 9.81
+COUPLER_END = 'site name="coupler_end" pos="0.17320508075688773 0 0.1"'
+ROCKER_END = 'site name="rocker_end" pos="0.19318516525781368 0 0.051763809020504148"'
+TURN = 2 * np.pi * np.arange(256) / 256
+DOWN = np.array([0.0, -1.0, 0.0])
+
+
+def about_y(angle: float) -> np.ndarray:
+    """A turn about y (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def about_z(angle: np.ndarray) -> np.ndarray:
+    """Turns about z (n, 3, 3)."""
+    c, s, zero = np.cos(angle), np.sin(angle), 0 * angle
+    rows = (c, -s, zero), (s, c, zero), (zero, zero, zero + 1)
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def on_cone(angle: np.ndarray, arc: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A direction (n, 3) at an arc from z, turned about z, and its two derivatives by the angle."""
+    c, s, zero = np.sin(arc) * np.cos(angle), np.sin(arc) * np.sin(angle), 0 * angle
+    return (
+        np.stack([c, s, zero + np.cos(arc)], axis=-1),
+        np.stack([-s, c, zero], axis=-1),
+        np.stack([-c, -s, zero], axis=-1),
+    )
+
+
+def spherical(theta: np.ndarray, arcs: np.ndarray, mode: int = -1) -> dict[str, np.ndarray]:
+    """Angles by the crank's angle, each with its two derivatives (3, n) by it, and directions.
+
+    A cos(psi) + B sin(psi) = C says that coupler's and rocker's ends are at the coupler's arc from
+    each other; the derivatives are those of this equation, u(theta) . w(psi) = cos(coupler).
+    """
+    crank, coupler, rocker, ground = arcs
+    a = np.sin(rocker) * (
+        np.sin(crank) * np.cos(ground) * np.cos(theta) - np.cos(crank) * np.sin(ground)
+    )
+    b = np.sin(crank) * np.sin(rocker) * np.sin(theta)
+    c = np.cos(coupler) - np.cos(rocker) * (
+        np.sin(crank) * np.sin(ground) * np.cos(theta) + np.cos(crank) * np.cos(ground)
+    )
+    psi = np.unwrap(np.arctan2(b, a) + mode * np.arccos(c / np.hypot(a, b)))
+    u = on_cone(theta, crank)
+    w = [one @ about_y(ground).T for one in on_cone(psi, rocker)]
+
+    def dot(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        return (one * two).sum(axis=-1)
+
+    first = -dot(u[1], w[0]) / dot(u[0], w[1])
+    second = -(dot(u[2], w[0]) + 2 * dot(u[1], w[1]) * first + dot(u[0], w[2]) * first**2) / dot(
+        u[0], w[1]
+    )
+    seen = np.einsum("ji,njk,nk->ni", about_y(crank), about_z(theta).transpose(0, 2, 1), w[0])
+    diagonal = dot(u[0], np.array([np.sin(ground), 0.0, np.cos(ground)]))
+    inside = (diagonal - np.cos(coupler) * np.cos(rocker)) / (np.sin(coupler) * np.sin(rocker))
+    return {
+        "rocker": np.array([psi, first, second]),
+        "coupler": np.unwrap(np.arctan2(seen[:, 1], seen[:, 0])),
+        "transmission": np.arccos(inside),
+        "crank_end": u[0],
+        "rocker_end": w[0],
+    }
+
+
+def spectral(curve: np.ndarray) -> np.ndarray:
+    """The derivative of a periodic curve over `TURN`."""
+    waves = np.fft.rfft(curve, axis=0)
+    return np.fft.irfft((1j * np.arange(len(waves)) * waves.T).T, n=len(curve), axis=0)
+
+
+def coupler_pace(form: dict[str, np.ndarray]) -> np.ndarray:
+    """The rate of the coupler's hinge for a unit rate of the crank: once round against it."""
+    return spectral(form["coupler"] + TURN) - 1.0
+
+
+@pytest.fixture(scope="module")
+def model() -> mujoco.MjModel:
+    """The shipped model."""
+    return mujoco.MjModel.from_xml_path(str(shipped("spherical_fourbar.xml")))
+
+
+def found(model: mujoco.MjModel, inertia: bool) -> dict[str, np.ndarray]:
+    """What the reference has over a turn."""
+    terms = SmoothTerms(model)
+    return spatial.solve(TURN, RATE, model=model, joints=("crank",), inertia=inertia, terms=terms)
+
+
+def vector(curves: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """Its three parts (n, 3)."""
+    return np.column_stack([curves[f"{name}.{part}"] for part in "xyz"])
+
+
+def test_the_closed_form_closes_and_its_derivatives_are_those_of_differences():
+    form = spherical(TURN, ARCS)
+    apart = (form["crank_end"] * form["rocker_end"]).sum(axis=1)
+    np.testing.assert_allclose(apart, np.cos(ARCS[1]), rtol=0, atol=1e-15)
+    assert np.ptp(form["rocker"][0]) > 0.8  # a rocker that swings
+    for k in (1, 2):
+        slope = spectral(form["rocker"][k - 1])
+        np.testing.assert_allclose(form["rocker"][k], slope, rtol=0, atol=1e-11)
+
+
+def test_the_transmission_angle_is_that_between_the_planes_of_coupler_and_rocker():
+    form = spherical(TURN, ARCS)
+    axis = np.array([np.sin(ARCS[3]), 0.0, np.cos(ARCS[3])])
+    planes = [np.cross(form["rocker_end"], other) for other in (form["crank_end"], axis)]
+    one, two = (plane / np.linalg.norm(plane, axis=1, keepdims=True) for plane in planes)
+    angle = np.arccos((one * two).sum(axis=1))
+    np.testing.assert_allclose(form["transmission"], angle, rtol=0, atol=1e-13)
+
+
+def test_small_arcs_make_the_planar_four_bar_to_second_order():
+    """The sine of an arc e is e (1 - e^2 / 6 ..): half the arcs leave a quarter of the error."""
+    lengths = np.array([1.0, 2.0, 2.5, 3.0])
+    named = dict(zip(("crank", "coupler", "rocker", "ground"), lengths, strict=True))
+    plane = fourbar.solve(TURN, **named)
+    names = ("rocker_angle", "rocker_rate", "rocker_acceleration")
+    differences = []
+    for size in (2e-3, 1e-3):
+        form = spherical(TURN, size * lengths)
+        apart = form["rocker"] - np.array([plane[name] for name in names])
+        apart[0] -= 2 * np.pi * np.round(apart[0] / (2 * np.pi))
+        differences.append(np.abs(apart).max(axis=1))
+        coupler = form["coupler"] + TURN - plane["coupler_angle"]
+        assert np.abs(coupler - 2 * np.pi * np.round(coupler / (2 * np.pi))).max() < 10 * size**2
+        turned = form["transmission"] - plane["transmission_angle"]
+        assert np.abs(turned).max() < 10 * size**2
+    assert (differences[1] < 2e-5).all()
+    np.testing.assert_allclose(differences[0] / differences[1], 4.0, rtol=1e-2)
+
+
+def test_the_reference_is_the_closed_form(model):
+    form, curves = spherical(TURN, ARCS), found(model, True)
+    rocker = form["rocker"]
+    np.testing.assert_allclose(curves["rocker"], rocker[0], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(curves["rocker_rate"], RATE * rocker[1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        curves["rocker_acceleration"], RATE**2 * rocker[2], rtol=0, atol=1e-10
+    )
+    np.testing.assert_allclose(curves["coupler"], form["coupler"], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        curves["coupler_rate"], RATE * coupler_pace(form), rtol=0, atol=1e-10
+    )
+    np.testing.assert_allclose(
+        vector(curves, "pin"), RADIUS * form["rocker_end"], rtol=0, atol=1e-14
+    )
+    turn = about_z(TURN) @ about_y(ARCS[0]) @ about_z(form["coupler"])
+    tip = turn @ np.array([0.12, 0.06, 0.15])
+    np.testing.assert_allclose(vector(curves, "tip"), tip, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        vector(curves, "tip_acceleration"), RATE**2 * spectral(spectral(tip)), rtol=0, atol=1e-9
+    )
+
+
+def energies(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
+    """Twice the kinetic energy at a unit rate of the crank, and the potential energy, over a turn.
+
+    All bodies turn about the origin: T = w . I w / 2 with the angular velocities of their hinges.
+    """
+    form, ground = spherical(TURN, ARCS), about_y(ARCS[3])
+    z, one = np.array([0.0, 0.0, 1.0]), np.ones_like(TURN)
+    pace = coupler_pace(form)
+    turns = {
+        "crank": about_z(TURN),
+        "coupler": about_z(TURN) @ about_y(ARCS[0]) @ about_z(form["coupler"]),
+        "rocker": ground @ about_z(form["rocker"][0]),
+    }
+    spins = {
+        "crank": one[:, None] * z,
+        "coupler": one[:, None] * z + pace[:, None] * form["crank_end"],
+        "rocker": form["rocker"][1][:, None] * (ground @ z),
+    }
+    twice, height = 0 * TURN, 0 * TURN
+    for name, turn in turns.items():
+        body = model.body(name)
+        mass, centre = float(body.mass[0]), turn @ body.ipos
+        spin = np.einsum("nji,nj->ni", turn, spins[name])
+        twice += (spin**2 * body.inertia).sum(axis=1)
+        twice += mass * (np.cross(spins[name], centre) ** 2).sum(axis=1)
+        height -= mass * GRAVITY * centre @ DOWN
+    return twice, height
+
+
+@pytest.mark.parametrize("inertia", [False, True])
+def test_the_moment_is_that_of_the_energies(model, inertia):
+    """Of a constant rate s': I' s'^2 / 2 + V', by the spectral derivatives of I and V."""
+    twice, height = energies(model)
+    moment = spectral(height) + (0.5 * RATE**2 * spectral(twice) if inertia else 0.0)
+    curve = found(model, inertia)["moment"]
+    assert np.ptp(curve) > 1.0
+    np.testing.assert_allclose(curve, moment, rtol=0, atol=1e-11)
+
+
+LONGER = 1e-9
+"""How far an arc is off in a wrong model [rad]: 1000 times what a chord shows of a sweep."""
+
+
+def on_arc(angle: float) -> str:
+    """The place of a site at the end of an arc, as the model writes it."""
+    return f'pos="{RADIUS * float(np.sin(angle))!r} 0 {RADIUS * float(np.cos(angle))!r}"'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "channel"),
+    [
+        (f"0 {ARCS[0]!s} 0", f"0 {ARCS[0] + LONGER!s} 0", "coupler_chord"),
+        (COUPLER_END, f'site name="coupler_end" {on_arc(ARCS[1] + LONGER)}', "coupler_chord"),
+        (ROCKER_END, f'site name="rocker_end" {on_arc(ARCS[2] + LONGER)}', "rocker_chord"),
+        (f"0 {ARCS[3]!s} 0", f"0 {ARCS[3] + LONGER!s} 0", "rocker_chord"),
+    ],
+    ids=["crank", "coupler", "rocker", "ground"],
+)
+def test_a_wrong_arc_is_shown_by_a_chord(old, new, channel, edit, models):
+    """The reference reads the model, so that a wrong arc is wrong in both but for the chords."""
+    edit("spherical_fourbar.xml", old, new, 1)
+    case = load_case(models / "spherical_fourbar.toml")
+    outcomes = compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"), detectable=False)
+    assert {c.channel for c in outcomes if c.outcome == "differs"} == {channel}
