@@ -164,12 +164,17 @@ def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
 
 def is_soft(about: Studied) -> bool:
     """Whether loops or, of a motion that is let go, the limits of joints are soft."""
-    return bool(about.model.neq) or (not about.driven and limited(about.model).size > 0)
+    return bool(about.model.neq) or rebounds(about)
+
+
+def rebounds(about: Studied) -> bool:
+    """Whether joints may be thrown back by limits, as exactly as steps resolve an impact."""
+    return not about.driven and limited(about.model).size > 0
 
 
 def softness(about: Studied, j: int) -> tuple[float, ...]:
     """Of the time constant of loops, and of limits: an impact takes a time in proportion to it."""
-    if not about.driven and limited(about.model).size:
+    if rebounds(about):
         return (1.0, 2.0)
     return tuple(dict.fromkeys((2.0 - j, 2.0))) if about.jolted() else (2.0,)
 
@@ -241,5 +246,5 @@ def recipes(title: str, about: Studied) -> Iterator[Recipe]:
             integrator == ENGINE_DEFAULTS["integrator"],
         )
         if loops:
-            for soft in (2, 4, 8):
+            for soft in (2, 4, 8, *((32, 128) if rebounds(about) else ())):
                 yield Recipe(f"{title} {integrator}, solref {soft} steps", held(integrator, soft))

@@ -1,5 +1,6 @@
 """Every setting of MuJoCo is in a program and in a snippet as it is in the product's own run."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,8 +13,9 @@ from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.engine import pasted
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.program import write_program
+from proofmass.sim.mujoco.scans import recipes
 from proofmass.sim.mujoco.settings import PLACES, SOFTNESS, MujocoSettings, configure, named_values
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol import Run, Studied, leading
 from proofmass.solve import simulate
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import snippet
@@ -215,3 +217,15 @@ def test_limits_take_the_time_constant_of_loops_and_keep_their_damping_ratio(sce
     scene.write_text(SCENE.replace("0.04 0.7", "-500 -20"))
     stiff = in_run(scene, {"solref": (0.002, 1.0)})
     assert stiff.jnt_solref[1].tolist() == [-500.0, -20.0]
+
+
+@pytest.mark.parametrize(("limited", "softest"), [("true", 128), ("false", 8)])
+def test_impacts_on_limits_are_tried_with_more_steps(limited: str, softest: int) -> None:
+    """An impact lasts as long as the time constant, and is as exact as the steps in it."""
+    model = mujoco.MjModel.from_xml_string(SCENE.replace('limited="true"', f'limited="{limited}"'))
+    about = Studied(model, np.linspace(0.0, 1.0, 11), 1e4, False, False, lambda: False)
+    tried = [leading(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", about)]
+    assert max(tried) == softest
+    driven = replace(about, driven=True)
+    tried = [leading(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", driven)]
+    assert max(tried) == 8
