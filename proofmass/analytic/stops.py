@@ -197,7 +197,8 @@ def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> Stopped
     """
     found, end = StoppedMotion(), float(times[-1])
     fastest: dict[Stop, float] = {}
-    t, held, event = float(times[0]), tuple[Stop, ...](), None
+    t, held = float(times[0]), tuple[Stop, ...]()
+    event: Event | None = None
     for stop in system.stops:
         if stop.gap(q) < -ON:
             raise NotCovered(
@@ -206,8 +207,9 @@ def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> Stopped
             )
     for _ in range(MOST):
         held, v = meet(system, found, fastest, held, event, t, q, v)
-        if not found.states:
+        if len(found.states) < times.size and times[len(found.states)] <= t:
             keep(system, found, held, [system.state(held, t, q, v)])
+        event = None
         for step in system.steps(held, t, q, v, end):
             event = first_event(system, held, step)
             left = times[len(found.states) :]
@@ -284,9 +286,9 @@ def meet(
     resting = [s for s in near if abs(s.opening(v)) <= STILL * fastest.get(s, 1.0)]
     while resting:
         force = pushes(system, tuple(resting), system.state(tuple(resting), t, q, v))
-        if (worst := int(np.argmin(force))) >= 0 and force[worst] >= 0.0:
+        if force.min() >= 0.0:
             break
-        resting.pop(worst)
+        resting.pop(int(np.argmin(force)))
     found.rested |= {stop.joint for stop in resting}
     return tuple(resting), v
 

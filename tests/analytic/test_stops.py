@@ -60,6 +60,23 @@ def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve):
     assert np.abs(found["a"] - first).max() < 1e-12
 
 
+@BOTH
+def test_samples_at_events_are_those_behind_them(solve):
+    """A rate is the one after the impact, and a motion may end with a release."""
+    fall = np.sqrt(2.0 / 9.81)
+    for times in ([0.0, fall], [0.0, fall, 0.5]):
+        found = solve(times, model=falling(1.0))
+        assert len(found["rate"]) == len(times)
+        assert abs(found["z"][1] + 1.0) < 1e-14
+        assert np.abs(found["rate"][1]) == pytest.approx(fall * 9.81 * np.exp(-2), rel=1e-6) or (
+            found["rate"][1] == pytest.approx(-fall * 9.81, rel=1e-12)  # rounding: just before it
+        )
+    off = np.pi / 2.0 / np.sqrt(200.0 / 3.0)
+    found = solve([0.0, 0.5 * off, off], model=two_masses('qpos="0 -0.3"'))
+    assert found["b"].shape == (3,)
+    assert abs(found["b"][2]) < 1e-12
+
+
 def test_what_happened_is_told():
     model = two_masses('qpos="0 -0.3"')
     told = planar.facts(model=model, start="start", joints=(), motion=np.linspace(0, 0.25, 6))
