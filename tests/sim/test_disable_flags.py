@@ -118,8 +118,9 @@ def test_the_planar_reference_keeps_a_motor_in_its_ranges(limits, tmp_path):
 
 def test_the_planar_reference_names_an_actuator_that_is_no_motor_on_a_joint(tmp_path):
     file = written(tmp_path, "servo", {})
-    file.write_text(file.read_text().replace('<motor name="load"', '<position name="servo"'))
-    with pytest.raises(ValueError, match="actuator 'servo' is no motor on a joint"):
+    lagging = '<general name="servo" dyntype="filter" dynprm="1"'
+    file.write_text(file.read_text().replace('<motor name="load"', lagging))
+    with pytest.raises(ValueError, match="actuator 'servo' is no motor or servo on a joint"):
         planar.solve(RUNS["dynamics"].x, model=mujoco.MjModel.from_xml_path(str(file)))
 
 
