@@ -44,6 +44,8 @@ class SmoothTerms:
         if self.model.nkey:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key(start).id)
         self.order, self.ties = self.rows()
+        self.bent = [tie for tie in self.ties if self.bends(tie[0])]
+        self.straight = [row for e, row in self.ties if not self.bends(e)]
 
     def rows(self) -> tuple[Index, list[tuple[int, int]]]:
         """MuJoCo's rows, those of loops first; number and row of joint and tendon equalities."""
@@ -80,7 +82,8 @@ class SmoothTerms:
         # MuJoCo adds -J-dot-v to the reference acceleration, beside damping and stiffness
         damping, gain = data.efc_KBIP[:, 1], data.efc_KBIP[:, 0] * data.efc_KBIP[:, 2]
         drift = data.efc_aref + damping * data.efc_vel + gain * data.efc_pos
-        for e, row in self.ties:
+        drift[self.straight] = 0.0
+        for e, row in self.bent:
             drift[row] = self.tie_drift(e, v)
         return Terms(
             mass,
@@ -90,6 +93,11 @@ class SmoothTerms:
             data.efc_J.reshape(data.nefc, model.nv)[self.order],
             drift[self.order],
         )
+
+    def bends(self, e: int) -> bool:
+        """Whether joint or tendon equality number e has a drift: it is of tendons, or not linear."""
+        model = self.model
+        return bool(model.eq_type[e] == EQ.mjEQ_TENDON or model.eq_data[e, 2:5].any())
 
     def tie_drift(self, e: int, v: Array) -> float:
         """The drift of joint or tendon equality number e, whose J-dot-v MuJoCo 4.0.0 leaves out."""

@@ -70,6 +70,7 @@ class Holder:
     def __init__(self, tree: Tree, source: Source, stops: tuple[Stop, ...] = ()):
         self.tree, self.source, self.stops = tree, source, stops
         self.evaluations, self.rank = 0, 0
+        self.on_stops = unit_rows(stops, tree.armature.size)
 
     @property
     def rows(self) -> int:
@@ -84,9 +85,9 @@ class Holder:
         gaps = [q[stop.pose] - stop.value for stop in self.stops]
         return replace(
             found,
-            gap=np.append(found.gap, gaps),
-            jacobian=np.vstack([found.jacobian, unit_rows(self.stops, v.size)]),
-            drift=np.append(found.drift, np.zeros(len(gaps))),
+            gap=np.concatenate([found.gap, gaps]),
+            jacobian=np.concatenate([found.jacobian, self.on_stops]),
+            drift=np.concatenate([found.drift, np.zeros(len(gaps))]),
         )
 
     def acceleration(self, q: Array, v: Array) -> Array:
@@ -95,21 +96,20 @@ class Holder:
         if not self.rows:
             return self.source.acceleration(q, v)
         terms = self.terms(q, v)
-        lower, inverse = self.factors(terms)
-        free = np.linalg.solve(lower.T, np.linalg.solve(lower, terms.force - terms.bias))
-        return np.asarray(free + inverse @ (terms.drift - terms.jacobian @ free))
+        root, closing = self.factors(terms)
+        free = root.T @ (root @ (terms.force - terms.bias))
+        return np.asarray(free + closing @ (terms.drift - terms.jacobian @ free))
 
     def factors(self, terms: Terms) -> tuple[Array, Array]:
-        """The Cholesky factor of the mass matrix, and what closes the rows with the least change.
+        """L⁻¹ of the mass matrix L Lᵀ, and what closes the rows with the least change.
 
         Raises
         ------
         SingularHere
             Other rows hold than at the start.
         """
-        lower = np.linalg.cholesky(terms.mass)
-        scaled = np.linalg.solve(lower, terms.jacobian.T)
-        left, values, right = np.linalg.svd(scaled, full_matrices=False)
+        root = np.linalg.inv(np.linalg.cholesky(terms.mass))
+        left, values, right = np.linalg.svd(root @ terms.jacobian.T, full_matrices=False)
         rank = int((values > RANK * values[0]).sum())
         self.rank = self.rank or rank
         if rank != self.rank:
@@ -117,7 +117,7 @@ class Holder:
                 f"the equalities lose rank: {rank} rows hold, {self.rank} at the start"
             )
         closing = (left[:, :rank] / values[:rank]) @ right[:rank]
-        return np.asarray(lower), np.asarray(np.linalg.solve(lower.T, closing))
+        return np.asarray(root), np.asarray(root.T @ closing)
 
     def close(self, q: Array, v: Array, plain: bool = False) -> tuple[Array, Array]:
         """The nearest closed pose, and the nearest rates that keep it so.
