@@ -95,7 +95,7 @@ class SmoothTerms:
         )
 
     def bends(self, e: int) -> bool:
-        """Whether joint or tendon equality number e has a drift: it is of tendons, or not linear."""
+        """Whether joint or tendon equality number e has a drift: of tendons, or not linear."""
         model = self.model
         return bool(model.eq_type[e] == EQ.mjEQ_TENDON or model.eq_data[e, 2:5].any())
 
