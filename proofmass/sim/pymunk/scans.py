@@ -7,6 +7,7 @@ With the step h and the derivative j of the place:
                                     leave an error of h, may keep an error of h^0.  The gap is late
                                     by T, which brakes what is let go: energy falls by h T^2 t
     contacts                        h at an impact, which is a step late; h^2 while one lasts
+    dampers, servos with a rate     h: they take the rate from before the step
 """
 
 from collections.abc import Callable, Iterator
@@ -14,8 +15,9 @@ from math import log
 from typing import Any
 
 import numpy as np
+from mujoco import MjModel
 
-from proofmass.sim.contents import may_touch
+from proofmass.sim.contents import follows_joint, may_touch
 from proofmass.sim.protocol import (
     STEP,
     ParameterValue,
@@ -65,11 +67,21 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
         return (1.0, *braked) if j < 2 else (1.0, *braked, 0.0)
     if scan.varied != "timestep":
         return ()
-    if may_touch(about.model):
+    if may_touch(about.model) or is_damped(about.model):
         return (1.0, 2.0)
     if not scan.settings[0].get("defaults"):
         return (2.0,)
     return (1.0,) if j < 2 else (1.0, 0.0)
+
+
+def is_damped(model: MjModel) -> bool:
+    """Whether forces of dampers or servos go with rates, which Chipmunk takes at first order."""
+    servos = (a for a in range(model.nactuator) if follows_joint(model, a))
+    return bool(
+        model.dof_damping.any()
+        or model.tendon_damping.any()
+        or any(model.actuator_biasprm[a, 2] for a in servos)
+    )
 
 
 def perturbations(parameters: ParameterValues, about: Studied) -> Iterator[Perturbation]:

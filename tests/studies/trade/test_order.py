@@ -7,6 +7,8 @@ import pytest
 
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
+from proofmass.sim.contents import may_touch
+from proofmass.sim.pymunk.scans import is_damped
 from proofmass.studies.measure import StudyRun, simulate
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run
@@ -33,6 +35,9 @@ CASES = {
     and "pymunk" in case.run["dynamics"].solvers
     and not case.reference.endswith(".csv")
     and not any(str(c.equals).startswith("drive.") for c in case.channels.values())
+    and not may_touch(compiled(case))
+    and not is_damped(compiled(case))
+    and not compiled(case).jnt_limited.any()  # Chipmunk's stops throw nothing back
 }  # these have an error; the acceleration of a drive itself is of first order where it bends
 
 
@@ -105,3 +110,11 @@ def test_that_order_is_expected_of_what_is_let_go_alone():
         series = next(one for one in list_series(case, "dynamics") if one.varied == "error_bias")
         assert expected(case, "dynamics", series, "position") == orders
         assert expected(case, "dynamics", series, "acceleration") == (*orders, 0.0)
+
+
+@pytest.mark.parametrize(("name", "orders"), [("arm_servos", (1.0, 2.0)), ("pendulum", (2.0,))])
+def test_what_goes_with_rates_is_of_first_order_in_pymunk(name, orders):
+    """Chipmunk damps with the rate from before its step: dampers, and servos with a gain of it."""
+    case = load_case(shipped(f"{name}.toml"))
+    series = next(one for one in list_series(case, "dynamics") if one.name == "pymunk, no bias")
+    assert expected(case, "dynamics", series, "position") == orders
