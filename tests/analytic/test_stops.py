@@ -9,6 +9,7 @@ from proofmass.analytic.contacts import bouncing_ball, restitution
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import Overconstrained
 from proofmass.sim.smooth import SmoothTerms
+from tests.shipped import shipped
 
 HEAD = '<mujoco><compiler autolimits="true" angle="radian"/><option><flag contact="disable"/>'
 BOTH = pytest.mark.parametrize("solve", [planar.solve, spatial.solve], ids=["planar", "spatial"])
@@ -58,6 +59,17 @@ def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve):
     assert first.max() > 0.05
     assert np.abs(found["b"] - apart).max() < 1e-12
     assert np.abs(found["a"] - first).max() < 1e-12
+
+
+@BOTH
+def test_a_mass_that_is_pulled_off_its_stop_leaves_it_at_once(solve):
+    """The spring is stretched at the start: the centre of mass stays, and both swing about it."""
+    wide = np.sqrt(200.0 / 0.75)
+    t = np.linspace(0.0, np.pi / wide, 41)
+    found = solve(t, model=two_masses('qpos="0 0.3"'))
+    apart = 0.3 * np.cos(wide * t)
+    assert np.abs(found["b"] - apart).max() < 1e-12
+    assert np.abs(found["a"] - 0.75 * (0.3 - apart)).max() < 1e-12
 
 
 @BOTH
@@ -158,6 +170,28 @@ def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics():
     assert np.abs(found["hinge"]).max() < 1e-15
     assert found["force.z"] == pytest.approx(2 * 9.81, rel=1e-12)
     assert np.abs(found["torque.y"]) == pytest.approx(2 * 9.81 * 0.4, rel=1e-12)
+
+
+def test_a_stop_asks_of_the_pins_what_a_drive_does():
+    """A four-bar whose crank lies on its stop, and one whose crank is held there."""
+    file = str(shipped("fourbar_forces.xml"))
+    held = planar.solve([0.0], model=mujoco.MjModel.from_xml_path(file), joints=("crank",))
+    model = mujoco.MjModel.from_xml_path(file)
+    model.jnt_limited[model.joint("crank").id] = 1
+    model.jnt_range[model.joint("crank").id] = 0.0, 3.0
+    lying = planar.solve([0.0, 0.5], model=model)
+    forces = [name for s in range(model.nsensor) for name in parts(model, s)]
+    assert len(forces) >= 8
+    assert max(np.ptp(lying[name]) for name in forces) < 1e-9
+    assert max(np.abs(held[name]).max() for name in forces) > 10.0
+    for name in forces:
+        assert lying[name] == pytest.approx(held[name][0], abs=1e-9), name
+
+
+def parts(model: mujoco.MjModel, s: int) -> list[str]:
+    """The channels in the plane of sensor number s, if it shows forces between bodies."""
+    of_force = model.sensor_type[s] == mujoco.mjtSensor.mjSENS_FORCE
+    return [f"{model.sensor(s).name}.{part}" for part in "xy"] if of_force else []
 
 
 @BOTH
