@@ -48,6 +48,7 @@ from proofmass.analytic.planar.mechanism import (
     is_fixed,
     read,
     refuse_contacts,
+    refuse_servos,
     rotation,
 )
 from proofmass.analytic.stops import Stop, StoppedMotion
@@ -170,6 +171,7 @@ def solve(
     [1.4375, 1.95156187, -0.5]
     """
     mechanism, reader = _read(model, start)
+    refuse_servos(model, joints)
     own, stopped = dict[str, Array](), np.zeros(1)
     free = not joints or (in_time is not None and leaves_freedoms(mechanism, joints))
     if not free:

@@ -683,8 +683,6 @@ def refuse(model: Any) -> None:
         name = model.actuator(a).name
         if not (motor and joined(model, a)):
             raise NotCovered(f"actuator {name!r} is no motor or servo on a joint")
-        if is_affine(model, a):
-            refuse_servo(model, a)
     refuse_tendons(model)
     for what, there in {
         "a flex": model.nflex,
@@ -695,19 +693,24 @@ def refuse(model: Any) -> None:
             raise NotCovered(f"it has {what}")
 
 
-def refuse_servo(model: Any, a: int) -> None:
-    """Raise NotCovered, by name, for what an actuator that follows its joint may not have."""
-    for what, there in {
-        "has a range of forces": model.actuator_forcelimited[a],
-        "acts on a joint with a range of actuator forces": model.jnt_actfrclimited[
-            int(model.actuator_trnid[a, 0])
-        ],
-        "has armature or damping": model.actuator_armature[a].any()
-        or model.actuator_damping[a].any()
-        or model.actuator_dampingpoly[a].any(),
-    }.items():
-        if there:
-            raise NotCovered(f"servo {model.actuator(a).name!r} {what}")
+def refuse_servos(model: Any, driven: tuple[str, ...]) -> None:
+    """Raise NotCovered, by name, for what actuators that follow their joints may not have.
+
+    Those of driven joints do not act, whatever they have.
+    """
+    for a in range(model.nactuator):
+        joint = int(model.actuator_trnid[a, 0])
+        if not is_affine(model, a) or model.joint(joint).name in driven:
+            continue
+        for what, there in {
+            "has a range of forces": model.actuator_forcelimited[a],
+            "acts on a joint with a range of actuator forces": model.jnt_actfrclimited[joint],
+            "has armature or damping": model.actuator_armature[a].any()
+            or model.actuator_damping[a].any()
+            or model.actuator_dampingpoly[a].any(),
+        }.items():
+            if there:
+                raise NotCovered(f"servo {model.actuator(a).name!r} {what}")
 
 
 def is_affine(model: Any, a: int) -> bool:

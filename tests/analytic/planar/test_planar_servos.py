@@ -108,7 +108,7 @@ def test_a_servo_of_the_rocker_asks_of_the_crank_what_virtual_work_has(tmp_path:
 
 def test_a_servo_of_the_driven_joint_is_the_drive(tmp_path: Path):
     """Its law does not act: the drive holds the joint, and its moment is what that takes."""
-    servo = '<position name="motor" joint="crank" kp="50" kv="3"/>'
+    servo = '<position name="motor" joint="crank" kp="50" kv="3" forcerange="-1 1"/>'
     file = four_bar(tmp_path, servo, "0")
     known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
     plain = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
