@@ -95,6 +95,25 @@ class Event:
     left: Stop | None = None
 
 
+@dataclass(frozen=True)
+class Balance:
+    """What holds a mechanism in a state, stops left out.
+
+    Attributes
+    ----------
+    rows : ndarray (rows, rates)
+        How what is held changes with the rates [SI].
+    mass : ndarray (rates, rates)
+        Mass matrix [SI].
+    needed : ndarray (rates,)
+        What the motion asks of all that is held, as forces on the joints [N m or N].
+    """
+
+    rows: Array
+    mass: Array
+    needed: Array
+
+
 class Stopped(Protocol):
     """A mechanism that moves, with the stops that it has."""
 
@@ -110,14 +129,8 @@ class Stopped(Protocol):
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
         """A pose and its rates with the accelerations there."""
 
-    def rows(self, q: Array) -> Array:
-        """How all that is held but stops changes with the rates (rows, rates)."""
-
-    def mass(self, q: Array) -> Array:
-        """Mass matrix (rates, rates)."""
-
-    def needed(self, q: Array, v: Array, a: Array) -> Array:
-        """What a motion asks of all that is held, as forces on the joints (rates,)."""
+    def balance(self, q: Array, v: Array, a: Array) -> Balance:
+        """What holds the mechanism in a state, and what that must do."""
 
 
 @dataclass
@@ -160,8 +173,10 @@ class StoppedMotion:
         return "; ".join(told)
 
 
-def read_stop(model: Any, j: int, side: float, pose: int, rate: int, size: float) -> Stop:
-    """The upper (1) or lower (-1) stop of joint number j of a compiled MJCF.
+def read_stops(
+    model: Any, j: int, ends: tuple[float, float], pose: int, rate: int, size: float
+) -> Iterator[Stop]:
+    """The stops of joint number j of a compiled MJCF, at those ends of its range that are finite.
 
     The restitution is that of MuJoCo's soft limit as it becomes stiffer.
 
@@ -170,13 +185,16 @@ def read_stop(model: Any, j: int, side: float, pose: int, rate: int, size: float
     NotCovered
         The limit acts at a distance, or has no damping ratio.
     """
+    if not np.isfinite(ends).any():
+        return
     name, solref = model.joint(j).name, model.jnt_solref[j]
     if model.jnt_margin[j]:
         raise NotCovered(f"joint {name!r} has a margin of its range")
     if not (ratio := damping_ratio(solref)) >= 0.0:
         raise NotCovered(f"solreflimit of joint {name!r} has no damping ratio: {solref.tolist()}")
-    value = float(model.jnt_range[j, int(side > 0)])
-    return Stop(name, pose, rate, value, side, restitution(ratio), size)
+    for side, end in zip((-1.0, 1.0), ends, strict=True):
+        if np.isfinite(end):
+            yield Stop(name, pose, rate, end, side, restitution(ratio), size)
 
 
 def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> StoppedMotion:
@@ -242,9 +260,9 @@ def keep(
 
 def pushes(system: Stopped, held: tuple[Stop, ...], state: State) -> Array:
     """Forces of stops into the ranges [N m or N]; negative where one would pull."""
-    q, v, a = state
-    rows = np.vstack([system.rows(q), unit_rows(held, v.size)])
-    solved = np.linalg.lstsq(rows.T, system.needed(q, v, a), rcond=1e-12)[0]
+    balance = system.balance(*state)
+    rows = np.vstack([balance.rows, unit_rows(held, balance.needed.size)])
+    solved = np.linalg.lstsq(rows.T, balance.needed, rcond=1e-12)[0]
     sides = np.array([stop.side for stop in held])
     return np.asarray(-sides * solved[len(rows) - len(held) :])
 
@@ -311,7 +329,8 @@ def struck(
     back: Sequence[float],
 ) -> tuple[Array, tuple[Stop, ...]]:
     """Rates after impacts on stops, thrown back by given ones, and what still rests on stops."""
-    others, mass = system.rows(q), system.mass(q)
+    balance = system.balance(q, v, np.zeros_like(v))
+    others, mass = balance.rows, balance.mass
     most = np.abs(mass).max()
     while True:
         rows = np.vstack([others, unit_rows([*held, *hit], v.size)])

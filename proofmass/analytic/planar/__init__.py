@@ -182,6 +182,7 @@ def solve(
         )
         v, a = rates(mechanism, q, d, *moving)
         own["condition"] = condition(mechanism, q, d)
+        refuse_limits(mechanism, q)
     else:
         refuse_contacts(model)
         if mechanism.frictions.any():
@@ -191,13 +192,6 @@ def solve(
         moved = _moved(reader, mechanism, joints, value, in_time)
         q, v, a = moved.arrays()
         stopped = np.array(moved.forces)
-    for k, joint in enumerate(mechanism.joints if not free else ()):
-        out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
-        if out.any():
-            raise ValueError(
-                f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                f"{int(np.argmax(out))}; stops are not covered"
-            )
     found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a))
     fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
     rub = mechanism.frictions * senses(v.T, fastest).T
@@ -206,6 +200,17 @@ def solve(
     more = pushes(reader, start, controls or {}, q.shape)
     found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub - stopped, more)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
+
+
+def refuse_limits(m: Mechanism, q: Array) -> None:
+    """Raise ValueError if a joint leaves its range beside drives that determine it."""
+    for k, joint in enumerate(m.joints):
+        out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
+        if out.any():
+            raise ValueError(
+                f"joint {joint.name!r} leaves its range {joint.range} at sample "
+                f"{int(np.argmax(out))}; stops are not covered beside drives"
+            )
 
 
 def facts(
@@ -328,8 +333,7 @@ def _beside(
     try:
         packed = pickle.dumps((times, laws))
     except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
-        drives = prescribed(Drives.of(mechanism, joints), laws)
-        return free_motion(mechanism, times, drives, stops)
+        return _integrated(mechanism, joints, times, laws, stops)
     return _beside_once(mechanism, joints, packed, stops)
 
 
@@ -339,8 +343,17 @@ def _beside_once(
 ) -> StoppedMotion:
     """`_beside`, of times and laws as bytes."""
     times, laws = pickle.loads(packed)
-    drives = prescribed(Drives.of(mechanism, joints), laws)
-    return free_motion(mechanism, times, drives, stops)
+    return _integrated(mechanism, joints, times, laws, stops)
+
+
+def _integrated(
+    mechanism: Mechanism,
+    joints: tuple[str, ...],
+    times: Array,
+    laws: Sequence[Law],
+    stops: tuple[Stop, ...],
+) -> StoppedMotion:
+    return free_motion(mechanism, times, prescribed(Drives.of(mechanism, joints), laws), stops)
 
 
 _read = lru_cache(maxsize=32)(read)

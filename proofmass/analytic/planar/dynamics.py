@@ -47,7 +47,7 @@ from proofmass.analytic.planar.mechanism import (
     Overconstrained,
     SingularHere,
 )
-from proofmass.analytic.stops import State, Step, Stop, StoppedMotion, follow_stopped
+from proofmass.analytic.stops import Balance, State, Step, Stop, StoppedMotion, follow_stopped
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
@@ -221,21 +221,16 @@ class FreeMechanism:
         chart = self.chart(held, q)
         return chart.motion(chart.state(v), t)[:3]
 
-    def rows(self, q: Array) -> Array:
-        """How loops and drives change with the rates (rows, rates)."""
-        loops = loop_jacobian(self.m, move(self.m, q[None]), q[None])[0]
-        return np.vstack([loops, np.eye(q.size)[self.drives.joints]])
-
-    def mass(self, q: Array) -> Array:
-        """Mass matrix (joints, joints)."""
-        return np.asarray(mass(self.m, centres(self.m, move(self.m, q[None])))[0])
-
-    def needed(self, q: Array, v: Array, a: Array) -> Array:
-        """What a motion asks of loops, drives and stops, as forces on the joints (joints,)."""
-        motion = move(self.m, q[None], v[None], a[None])
-        centre = centres(self.m, motion)
-        force = applied(self.m, motion, centre, q[None], v[None])
-        return np.asarray((inertial(self.m, centre, motion) - force)[0] + self.m.inertia.fixed @ a)
+    def balance(self, q: Array, v: Array, a: Array) -> Balance:
+        """What loops and drives hold in a state, and what they and stops must do."""
+        m, motion = self.m, move(self.m, q[None], v[None], a[None])
+        centre, loops = centres(m, motion), loop_jacobian(m, motion, q[None])[0]
+        force = inertial(m, centre, motion) - applied(m, motion, centre, q[None], v[None])
+        return Balance(
+            np.vstack([loops, np.eye(q.size)[self.drives.joints]]),
+            mass(m, centre)[0],
+            force[0] + m.inertia.fixed @ a,
+        )
 
     def steps(
         self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array, Complex, Index, NotCovered, normal_of_slides
-from proofmass.analytic.stops import Stop, read_stop
+from proofmass.analytic.stops import Stop, read_stops
 
 
 class CannotMove(ValueError):
@@ -458,9 +458,8 @@ class Reader:
             A limit acts at a distance, or has no damping ratio.
         """
         for j, joint in enumerate(m.joints):
-            for side, end in zip((-1.0, 1.0), joint.range, strict=True):
-                if np.isfinite(end) and joint.name not in driven:
-                    yield read_stop(self.model, j, side, j, j, float(m.scale[j]))
+            if joint.name not in driven:
+                yield from read_stops(self.model, j, joint.range, j, j, float(m.scale[j]))
 
     def acting(self, j: int) -> list[int]:
         """The actuators that act on joint number j."""
@@ -705,12 +704,18 @@ def refuse_servos(model: Any, driven: tuple[str, ...]) -> None:
         for what, there in {
             "has a range of forces": model.actuator_forcelimited[a],
             "acts on a joint with a range of actuator forces": model.jnt_actfrclimited[joint],
-            "has armature or damping": model.actuator_armature[a].any()
-            or model.actuator_damping[a].any()
-            or model.actuator_dampingpoly[a].any(),
+            "has armature or damping": resists(model, a),
         }.items():
             if there:
                 raise NotCovered(f"servo {model.actuator(a).name!r} {what}")
+
+
+def resists(model: Any, a: int) -> bool:
+    """Whether actuator number a has armature or damping of its own."""
+    return any(
+        part[a].any()
+        for part in (model.actuator_armature, model.actuator_damping, model.actuator_dampingpoly)
+    )
 
 
 def is_affine(model: Any, a: int) -> bool:

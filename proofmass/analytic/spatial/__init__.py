@@ -31,7 +31,7 @@ from proofmass.analytic.spatial.terms import (
     stretched,
 )
 from proofmass.analytic.spatial.witness import Witnessed, bear_witness
-from proofmass.analytic.stops import Stop, read_stop
+from proofmass.analytic.stops import Stop, read_stops
 
 __all__ = ["facts", "solve"]
 
@@ -123,7 +123,7 @@ def solve(
     tree, source = sources(model, start, terms)
     if not joints:
         times = np.atleast_1d(np.asarray(value, float))
-        followed = follow(tree, source, tuple(times.tolist()), tuple(read_stops(model, tree)))
+        followed = follow(tree, source, tuple(times.tolist()), tuple(stops_of(model, tree)))
         return quantities(model, tree, followed)
     values = np.atleast_2d(np.asarray(value, float))
     moving = [np.broadcast_to(np.asarray(x, float), values.shape) for x in (rate, acceleration)]
@@ -147,7 +147,7 @@ def facts(
         followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes())
     else:
         times = tuple(np.asarray(motion, float).tolist())
-        followed = follow(tree, source, times, tuple(read_stops(model, tree)))
+        followed = follow(tree, source, times, tuple(stops_of(model, tree)))
     seen, held = followed.witnessed, followed.held
     found = {
         "equations of motion": (
@@ -250,13 +250,12 @@ def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[s
     return found
 
 
-def read_stops(model: Any, tree: Tree) -> Iterator[Stop]:
+def stops_of(model: Any, tree: Tree) -> Iterator[Stop]:
     """The ends of the ranges of the joints."""
     for j, joint in enumerate(tree.joints):
-        for side, end in zip((-1.0, 1.0), joint.range, strict=True):
-            if joint.kind in ("hinge", "slide") and np.isfinite(end):
-                size = 1.0 if joint.kind == "hinge" else max(tree.extent, 1e-300)
-                yield read_stop(model, j, side, joint.pose, joint.rate, size)
+        if joint.kind in ("hinge", "slide"):
+            size = 1.0 if joint.kind == "hinge" else max(tree.extent, 1e-300)
+            yield from read_stops(model, j, joint.range, joint.pose, joint.rate, size)
 
 
 def refuse_limits(tree: Tree, q: Array) -> None:

@@ -17,8 +17,10 @@ from proofmass.analytic.numerics import Array, Index, NotCovered
 from proofmass.analytic.planar.mechanism import (
     beside_springs,
     disabled,
+    is_affine,
     joined,
     refuse_contacts,
+    resists,
     rotation,
 )
 
@@ -420,8 +422,7 @@ def read_actuator(model: Any, a: int, ctrl: Array) -> AffineActuator:
     if model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL):
         control = np.clip(control, *model.actuator_ctrlrange[a])
     on_joint = joined(model, a)
-    affine = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
-    bias = model.actuator_biasprm[a, :3] * affine
+    bias = model.actuator_biasprm[a, :3] * is_affine(model, a)
     return AffineActuator(
         model.actuator(a).name,
         -1 if on_joint else target,
@@ -564,14 +565,13 @@ def refuse_actuators(model: Any) -> None:
             "has a gain that is not fixed": (
                 model.actuator_gaintype[a] != mujoco.mjtGain.mjGAIN_FIXED
             ),
-            "has a bias that is not affine": mujoco.mjtBias(int(model.actuator_biastype[a]))
-            not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE),
+            "has a bias that is not affine": (
+                model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE and not is_affine(model, a)
+            ),
             "acts neither on a joint nor on a tendon": not joined(model, a)
             and model.actuator_trntype[a] != TRN.mjTRN_TENDON,
             "acts on a ball or a free joint": wide,
-            "has armature or damping": model.actuator_armature[a].any()
-            or model.actuator_damping[a].any()
-            or model.actuator_dampingpoly[a].any(),
+            "has armature or damping": resists(model, a),
             "has a delay": model.actuator_delay[a] or model.actuator_history[a].any(),
         }.items():
             if there:

@@ -20,7 +20,15 @@ from proofmass.analytic.planar.mechanism import CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import Source, Terms
-from proofmass.analytic.stops import State, Step, Stop, StoppedMotion, follow_stopped, unit_rows
+from proofmass.analytic.stops import (
+    Balance,
+    State,
+    Step,
+    Stop,
+    StoppedMotion,
+    follow_stopped,
+    unit_rows,
+)
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
@@ -215,18 +223,10 @@ class FreeTree:
         """A pose and its rates with the accelerations there."""
         return q, v, self.holder(held).acceleration(q, v)
 
-    def rows(self, q: Array) -> Array:
-        """How the equalities change with the rates (rows, rates)."""
-        return self.source.terms(q, np.zeros(self.tree.armature.size)).jacobian
-
-    def mass(self, q: Array) -> Array:
-        """Mass matrix (rates, rates)."""
-        return self.source.terms(q, np.zeros(self.tree.armature.size)).mass
-
-    def needed(self, q: Array, v: Array, a: Array) -> Array:
-        """What a motion asks of equalities and stops, as forces on the joints (rates,)."""
+    def balance(self, q: Array, v: Array, a: Array) -> Balance:
+        """What equalities hold in a state, and what they and stops must do."""
         terms = self.source.terms(q, v)
-        return np.asarray(terms.mass @ a + terms.bias - terms.force)
+        return Balance(terms.jacobian, terms.mass, terms.mass @ a + terms.bias - terms.force)
 
     def steps(
         self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float

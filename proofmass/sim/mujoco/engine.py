@@ -24,8 +24,9 @@ from proofmass.sim.mujoco.settings import (
     SOFTNESS,
     MujocoSettings,
     configure,
-    limited,
+    limits_of,
     spelled,
+    write_limits,
     write_options,
 )
 from proofmass.sim.protocol import (
@@ -183,13 +184,9 @@ def limits(model: Path, softness: Mapping[str, str]) -> dict[str, dict[str, str]
     """
     if not softness or not any(joint.get("range") for joint in read_tree(model).iter("joint")):
         return {}
-    full, found = compile_model(model), dict[str, dict[str, str]]()
+    full = compile_model(model)
     configure(full, softness)
-    for j in limited(full).tolist():
-        found[full.joint(j).name] = {
-            f"{key}limit": spelled(getattr(full, f"jnt_{key}")[j].tolist()) for key in softness
-        }
-    return found
+    return limits_of(full, softness)
 
 
 def attributes(said: Mapping[str, str]) -> str:
@@ -209,9 +206,7 @@ def pasted(model: Path, lines: str) -> str:
         for loop in root.iterfind("./equality/*"):
             loop.attrib.update(in_itself(loop, softness.attrib))
     said = next(added.iterfind("./default/equality"), None)
-    own = limits(model, said.attrib if said is not None else {})
-    for joint in root.iterfind(".//worldbody//joint"):
-        joint.attrib.update(own.get(joint.get("name", ""), {}))
+    write_limits(root, limits(model, said.attrib if said is not None else {}))
     root.extend(added)
     return ElementTree.tostring(root, encoding="unicode")
 

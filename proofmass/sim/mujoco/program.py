@@ -24,10 +24,11 @@ from proofmass.sim.mujoco.program_rods import write_rods
 from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
 from proofmass.sim.mujoco.settings import (
     SOFTNESS,
-    limited,
+    limits_of,
     options_of,
     section,
     spelled,
+    write_limits,
     write_options,
 )
 from proofmass.sim.program_text import escaped, template
@@ -280,11 +281,7 @@ def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
     for i, loop in enumerate(loops):
         for key in SOFTNESS:
             loop.set(key, spelled(getattr(model, f"eq_{key}")[i].tolist()))
-    ranged = {model.joint(int(j)).name: int(j) for j in limited(model)}
-    for joint in root.iterfind(".//worldbody//joint"):
-        if (j := ranged.get(joint.get("name", ""))) is not None:
-            for key in SOFTNESS:
-                joint.set(f"{key}limit", spelled(getattr(model, f"jnt_{key}")[j].tolist()))
+    write_limits(root, limits_of(model, SOFTNESS))
 
 
 def impose(

@@ -1,6 +1,6 @@
 """What can be set in MuJoCo: where each setting stands, in a compiled model and in MJCF."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 from xml.etree import ElementTree
@@ -171,6 +171,21 @@ def soften_limits(model: mujoco.MjModel, key: str, row: Array) -> None:
         model.jnt_solimp[joints, : row.size] = row
     elif row[0] > 0:
         model.jnt_solref[joints, 0] = row[0]
+
+
+def limits_of(model: mujoco.MjModel, keys: Iterable[str]) -> dict[str, dict[str, str]]:
+    """What the elements of joints that have names say of the softness of their limits."""
+    return {
+        name: {f"{key}limit": spelled(getattr(model, f"jnt_{key}")[j].tolist()) for key in keys}
+        for j in limited(model).tolist()
+        if (name := model.joint(j).name)
+    }
+
+
+def write_limits(root: Element, said: Mapping[str, Mapping[str, str]]) -> None:
+    """Write what joints say into their elements, in place."""
+    for joint in root.iterfind(".//worldbody//joint"):
+        joint.attrib.update(said.get(joint.get("name", ""), {}))
 
 
 def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, object]:

@@ -87,11 +87,8 @@ class LinkJoint:
 
     def potential(self, value: Array) -> Array:
         """Energy [J] whose derivative is what spring, servos and load ask for."""
-        return (
-            self.spring_energy(value)
-            + self.servo * (value - self.rest) ** 2 / 2
-            - (self.load * value)
-        )
+        held = self.servo * (value - self.rest) ** 2 / 2
+        return self.spring_energy(value) + held - self.load * value
 
     def spring_energy(self, value: Array) -> Array:
         """Energy [J] of the spring."""

@@ -215,8 +215,9 @@ def at_stop(case: Case) -> bool:
     model = compiled(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
     values = (model.key_qpos[key] if key >= 0 else model.qpos0)[model.jnt_qposadr]
-    ends = model.jnt_range[model.jnt_limited.astype(bool)]
-    apart = np.abs(ends - values[model.jnt_limited.astype(bool), None])
+    limited = model.jnt_limited.astype(bool)
+    ends = model.jnt_range[limited]
+    apart = np.abs(ends - values[limited, None])
     return bool((apart <= NUDGE * np.maximum(np.abs(ends), 1.0)).any())
 
 
