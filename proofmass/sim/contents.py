@@ -250,6 +250,12 @@ def follows_joint(model: mujoco.MjModel, a: int) -> bool:
     return joint_of(model, a) >= 0 and bool(affine)
 
 
+def is_off(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether a flag, or the group of an actuator, switches it off."""
+    off = model.opt.disableactuator & 1 << int(model.actuator_group[actuator])
+    return bool(off or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION))
+
+
 def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
     """Why the force of an actuator is not its control times a number; empty if it is.
 
@@ -262,8 +268,7 @@ def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
     ):
         return "is no motor: its force is not its control times a number"
     joint = joint_of(model, actuator)
-    off = model.opt.disableactuator & 1 << int(model.actuator_group[actuator])
-    if off or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+    if is_off(model, actuator):
         return "is disabled in the model"
     if model.actuator_forcelimited[actuator] or (joint >= 0 and model.jnt_actfrclimited[joint]):
         return "has a range of forces; leave it out, or give it a range of controls"

@@ -14,6 +14,7 @@ from proofmass.sim.contents import (
     connects,
     follows_joint,
     gear_of,
+    is_off,
     joint_of,
     straight_tendon,
 )
@@ -302,7 +303,7 @@ def servo(model: mujoco.MjModel, j: int) -> tuple[float, float]:
     gains = [
         -(gear_of(model, a)[0] ** 2) * model.actuator_biasprm[a, 1:3]
         for a in range(model.nactuator)
-        if joint_of(model, a) == j and follows_joint(model, a)
+        if joint_of(model, a) == j and follows_joint(model, a) and not is_off(model, a)
     ]
     stiffness, damping = np.sum(gains, axis=0) if gains else (0.0, 0.0)
     return float(stiffness), float(damping)
@@ -482,7 +483,7 @@ def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
     """
     own = -servo(model, j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
     for a in range(model.nactuator):
-        if joint_of(model, a) == j:
+        if joint_of(model, a) == j and not is_off(model, a):
             out = model.actuator_outadr[a]
             force = data.actuator_force[out]
             if follows_joint(model, a):

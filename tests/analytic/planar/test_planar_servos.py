@@ -119,6 +119,27 @@ def test_a_servo_of_the_driven_joint_is_the_drive(tmp_path: Path):
         assert np.abs(found["holding_moment"] - motor).max() < 1e-9
 
 
+@pytest.mark.parametrize("option", ['actuatorgroupdisable="0"', "flag"])
+def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Path):
+    """In both engines and the reference the arm falls as one without actuators."""
+    off = (
+        '<option><flag actuation="disable"/></option>'
+        if option == "flag"
+        else (f"<option {option}/>")
+    )
+    text = ARM.read_text(encoding="utf-8").replace("</mujoco>", f"{off}</mujoco>")
+    file = tmp_path / "arm.xml"
+    file.write_text(text, encoding="utf-8")
+    known = planar.solve(T[:21], model=mujoco.MjModel.from_xml_path(str(file)))
+    acting = planar.solve(T[:21], model=mujoco.MjModel.from_xml_path(str(ARM)))
+    assert np.abs(known["elbow"] - acting["elbow"]).max() > 0.1
+    run = Run("dynamics", T[:21], ("shoulder", "elbow"), settings={"timestep": 1e-4})
+    for simulate in (in_mujoco, in_pymunk):
+        found = simulate(file, run).channels
+        for name, curve in found.items():
+            assert np.abs(curve - known[name]).max() < 1e-4 * np.ptp(known[name])
+
+
 @pytest.mark.parametrize(
     ("more", "why"),
     [
