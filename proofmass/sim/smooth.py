@@ -67,6 +67,16 @@ class SmoothTerms:
         mujoco.mj_fwdVelocity(self.model, self.data)
         mujoco.mj_fwdActuation(self.model, self.data)
 
+    def equalities(self, q: Array) -> tuple[Array, Array]:
+        """Gap and Jacobian of the equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
+        self.data.qpos[:] = q
+        mujoco.mj_fwdPosition(self.model, self.data)
+        return self.data.efc_pos[self.order], self.jacobian()
+
+    def jacobian(self) -> Array:
+        """Jacobian of the equalities at the pose that was placed (rows, rates) [SI]."""
+        return np.asarray(self.data.efc_J.reshape(self.data.nefc, self.model.nv)[self.order])
+
     def acceleration(self, q: Array, v: Array) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
         self.place(q, v)
@@ -90,7 +100,7 @@ class SmoothTerms:
             data.qfrc_bias.copy(),
             data.qfrc_passive + data.qfrc_actuator,
             data.efc_pos[self.order],
-            data.efc_J.reshape(data.nefc, model.nv)[self.order],
+            self.jacobian(),
             drift[self.order],
         )
 

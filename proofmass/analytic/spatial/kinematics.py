@@ -4,6 +4,7 @@ Everything has the poses along its first axis. Vectors are in the axes of the wo
 """
 
 from dataclasses import dataclass
+from math import cos, sin, sqrt
 
 import numpy as np
 
@@ -200,10 +201,19 @@ def advance(tree: Tree, q: Array, step: Array) -> Array:
     places, rates = tree.scalars
     found[places] += step[rates]
     for at, dof in tree.quaternions:
-        angle = float(np.linalg.norm(step[dof : dof + 3]))
-        axis = step[dof : dof + 3] / angle if angle else np.zeros(3)
-        half = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
-        found[at : at + 4] = unit(product(unit(q[at : at + 4]), half))
+        x, y, z = step[dof : dof + 3].tolist()
+        angle = sqrt(x * x + y * y + z * z)
+        scale = sin(angle / 2) / angle if angle else 0.5
+        a, b, c, d = cos(angle / 2), scale * x, scale * y, scale * z
+        w, x, y, z = q[at : at + 4].tolist()
+        turned = (
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        )
+        length = sqrt(sum(part * part for part in turned))
+        found[at : at + 4] = [part / length for part in turned]
     return found
 
 

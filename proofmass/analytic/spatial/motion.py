@@ -264,6 +264,9 @@ STRIDE = 0.05
 """How far drives move at once [rad, or shares of the extent]."""
 ASTRAY = 0.5
 """Share of a stride by which Newton's method may move beside the tangent before it is halved."""
+CLEAR = 1e5
+"""Ratio of singular values up to which the product of a matrix with itself has an inverse that is
+right to 1e-6 of itself; one step of Newton's method squares that."""
 SHORTEST = 1e-6
 """Share of a stride below which it is not halved any more."""
 
@@ -291,10 +294,8 @@ class Driver:
         self.units = np.eye(tree.armature.size)[self.dofs]
         self.still = np.zeros(tree.armature.size)
 
-    def solved(self, q: Array, v: Array) -> tuple[Terms, Array]:
-        """The terms at a pose, and the inverse of the rows of equalities and drives.
-
-        The inverse is (rates, rows + drives).
+    def inverse(self, jacobian: Array) -> Array:
+        """What the equalities and drives make of their values (rates, rows + drives).
 
         Raises
         ------
@@ -302,19 +303,20 @@ class Driver:
             The drives do not determine the motion there.
         """
         self.evaluations += 1
-        terms = self.source.terms(q, v)
-        rows = np.vstack([terms.jacobian, self.units]) * self.sizes
-        left, values, right = np.linalg.svd(rows, full_matrices=False)
-        rank = int((values > RANK * values[0]).sum())
-        if rank < self.still.size:
-            raise SingularHere(
-                f"the drives leave {self.still.size - rank} degrees of freedom; drives beside free "
-                f"ones are not covered"
-            )
-        return terms, np.asarray(self.sizes[:, None] * (right.T / values) @ left.T)
+        rows = np.vstack([jacobian, self.units]) * self.sizes
+        if (found := inverse_of_full(rows)) is None:
+            left, values, right = np.linalg.svd(rows, full_matrices=False)
+            rank = int((values > RANK * values[0]).sum())
+            if rank < self.still.size:
+                raise SingularHere(
+                    f"the drives leave {self.still.size - rank} degrees of freedom; drives beside "
+                    f"free ones are not covered"
+                )
+            found = (right.T / values) @ left.T
+        return np.asarray(self.sizes[:, None] * found)
 
     def placed(self, q: Array, values: Array) -> tuple[Array, Array]:
-        """The closed pose with the drives at some values, and the tangent (rates, drives) there.
+        """The closed pose with the drives at some values, and the inverse of the rows there.
 
         Raises
         ------
@@ -323,43 +325,68 @@ class Driver:
         """
         size = max(1.0, self.tree.extent)
         for _ in range(ROUNDS):
-            terms, inverse = self.solved(q, self.still)
-            gap = np.append(terms.gap, q[self.places] - values)
+            gaps, jacobian = self.source.equalities(q)
+            inverse = self.inverse(jacobian)
+            gap = np.concatenate([gaps, q[self.places] - values])
             if np.abs(gap).max() < CLOSED * size:
-                return q, inverse[:, terms.gap.size :]
+                return q, inverse
             q = advance(self.tree, q, -inverse @ gap)
         raise CannotAssemble(f"the equalities stay open by {np.abs(gap).max():.3g}")
 
-    def moved(self, q: Array, tangent: Array, values: Array) -> tuple[Array, Array]:
-        """The closed pose at new values of the drives, in strides along the branch; the tangent."""
-        share, done = 1.0, q[self.places]
+    def tangent(self, inverse: Array) -> Array:
+        """The motion of all rates for a unit rate of each drive (rates, drives)."""
+        return inverse[:, inverse.shape[1] - self.dofs.size :]
+
+    def moved(self, q: Array, inverse: Array, values: Array) -> tuple[Array, Array]:
+        """The closed pose at new values of the drives, in strides along the branch; the inverse."""
+        share, done, tangent = 1.0, q[self.places], self.tangent(inverse)
         while (left := np.abs((values - done) / self.sizes[self.dofs]).max()) > 0:
             part = min(1.0, share * STRIDE / left)
             target = values if part == 1.0 else done + part * (values - done)
             ahead = tangent @ (target - done)
-            guess = advance(self.tree, q, ahead)
             try:
-                there, turned = self.placed(guess, target)
+                there, found = self.placed(advance(self.tree, q, ahead), target)
+                turned = self.tangent(found)
                 beside = ((turned - tangent) @ (target - done)) / self.sizes
                 sure = np.abs(beside).max() <= ASTRAY * max(np.abs(ahead / self.sizes).max(), 1e-9)
             except (CannotAssemble, SingularHere):
                 sure = False
             if sure:
-                q, tangent, done, share = there, turned, target, min(1.0, 2 * share)
+                q, inverse, tangent, done = there, found, turned, target
+                share = min(1.0, 2 * share)
             elif share > SHORTEST:
                 share /= 2
             else:
                 at = ", ".join(f"{value:.6g}" for value in done)
                 raise SingularHere(f"no further than the drives at {at}: a limit position")
-        return q, tangent
+        return q, inverse
 
     def rates(
-        self, q: Array, tangent: Array, rate: Array, acceleration: Array
+        self, q: Array, inverse: Array, rate: Array, acceleration: Array
     ) -> tuple[Array, Array]:
-        """Rates and accelerations at a closed pose with its tangent."""
-        v = tangent @ rate
-        terms, inverse = self.solved(q, v)
-        return v, inverse @ np.append(terms.drift, acceleration)
+        """Rates and accelerations at a closed pose with its inverse."""
+        v = self.tangent(inverse) @ rate
+        return v, inverse @ np.concatenate([self.source.terms(q, v).drift, acceleration])
+
+
+def inverse_of_full(rows: Array) -> Array | None:
+    """The pseudo-inverse of a matrix A without small singular values; None where there may be some.
+
+    X = (A'A)^-1 A', improved by X <- 2X - XAX.  The product of the Frobenius norms of A and X is at
+    least the ratio of the singular values; where it is below `CLEAR`, X is right to 1e-11.
+
+    >>> inverse_of_full(np.array([[2.0, 0.0], [0.0, 4.0]]))
+    array([[0.5 , 0.  ],
+           [0.  , 0.25]])
+    >>> inverse_of_full(np.array([[1.0, 1.0], [1.0, 1.0 + 1e-9]]))
+    """
+    try:
+        found = np.linalg.inv(rows.T @ rows) @ rows.T
+    except np.linalg.LinAlgError:
+        return None
+    if not np.vdot(rows, rows) * np.vdot(found, found) < CLEAR**2:
+        return None
+    return np.asarray(2.0 * found - found @ (rows @ found))
 
 
 def driven_motion(
@@ -380,15 +407,16 @@ def driven_motion(
         The start pose is open; or the drives do not determine the motion, or lead no further.
     """
     q, _, gap = Holder(tree, source).start()
-    driver, poses, tangents = Driver(tree, source, joints), list[Array](), list[Array]()
-    q, tangent = driver.placed(q, q[driver.places])
+    driver, poses, inverses = Driver(tree, source, joints), list[Array](), list[Array]()
+    q, inverse = driver.placed(q, q[driver.places])
     for value in values:
-        q, tangent = driver.moved(q, tangent, value)
+        q, inverse = driver.moved(q, inverse, value)
         poses.append(q)
-        tangents.append(tangent)
-    parts = [driver.rates(*one) for one in zip(poses, tangents, rates, accelerations, strict=True)]
+        inverses.append(inverse)
+    parts = [driver.rates(*one) for one in zip(poses, inverses, rates, accelerations, strict=True)]
     v, a = (np.array(part) for part in zip(*parts, strict=True))
-    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations), np.array(tangents)
+    tangents = np.array([driver.tangent(inverse) for inverse in inverses])
+    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations), tangents
 
 
 def begin(holder: Holder, t: float, q: Array, v: Array, end: float) -> "DOP853":

@@ -86,6 +86,9 @@ class Source(Protocol):
     def terms(self, q: Array, v: Array) -> Terms:
         """All terms at a pose (poses,) with rates (rates,)."""
 
+    def equalities(self, q: Array) -> tuple[Array, Array]:
+        """Gap and Jacobian of the equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
+
     def acceleration(self, q: Array, v: Array) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
 
@@ -100,6 +103,11 @@ class OwnTerms:
     def terms(self, q: Array, v: Array) -> Terms:
         """All terms at a pose (poses,) with rates (rates,)."""
         return Terms(**{k: x[0] for k, x in vars(own_terms(self.tree, q[None], v[None])).items()})
+
+    def equalities(self, q: Array) -> tuple[Array, Array]:
+        """Gap and Jacobian of the equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
+        found = self.terms(q, np.zeros(self.tree.armature.size))
+        return found.gap, found.jacobian
 
     def acceleration(self, q: Array, v: Array) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""

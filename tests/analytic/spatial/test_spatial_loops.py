@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 from proofmass import load_case
 from proofmass.analytic import spatial
+from proofmass.analytic.spatial.motion import inverse_of_full
 from proofmass.compare import reference_for
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import solve
@@ -251,3 +252,23 @@ def test_a_drive_beyond_a_limit_position_is_refused():
     model = compiled("slider_crank_spatial")
     with pytest.raises(ValueError, match="limit position"):
         spatial.solve([0.2, 0.4], model=model, joints=("slider",), terms=SmoothTerms(model))
+
+
+@pytest.mark.parametrize(("rows", "least"), [(6, 1.0), (6, 1e-4), (9, 1e-3), (9, 1e-4)])
+def test_the_inverse_of_drives_and_equalities_is_the_pseudo_inverse(rows: int, least: float):
+    rng = np.random.default_rng(5)
+    left, right = (np.linalg.qr(rng.normal(size=(n, 6)))[0] for n in (rows, 6))
+    values = np.geomspace(1.0, least, 6)
+    found = inverse_of_full((left * values) @ right.T)
+    assert found is not None
+    # rounding of a matrix moves its inverse by eps times the ratio of its singular values
+    np.testing.assert_allclose(
+        found, (right / values) @ left.T, rtol=0, atol=1e-14 / least**2 / np.sqrt(rows)
+    )
+
+
+def test_rows_that_are_nearly_dependent_have_no_such_inverse():
+    rows = np.eye(6)
+    rows[5] = rows[4] + 1e-6 * rows[5]
+    assert inverse_of_full(rows) is None
+    assert inverse_of_full(rows[:5]) is None
