@@ -168,7 +168,9 @@ def read_reference(case: Case, kind: Kind, file: Path) -> None:
 
 REFERENCE = 600.0  # s, after which a reference of a free motion is given up
 writing: dict[Path, Lock] = {}
-SHORT = 0.02  # s; a shorter run is timed when it was made once before, in the same process
+SHORT = 0.02
+"""Wall time [s] of runs that are made twice and timed the second time: what a process does for the
+first time takes some milliseconds."""
 CONSTANT = 1e-9  # a curve whose range is this share of another's, in the same unit, is rounding
 
 
@@ -339,7 +341,7 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
             read_reference(case, task.run, task.reference)
         before = load_average()
         curves, shared = clocked(task.setting.engine, case.model_path, run)
-        if again and curves.seconds < SHORT:
+        if curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)
         cost = Measurement(
             {},

@@ -98,10 +98,9 @@ class StudyRow:
         change over the largest kinetic energy [1], where nothing drives or brakes; stretch of
         rods [1].
     seconds, steps : float, int
-        Least wall time of the repeats [s], or that of the first run if there are none; number of
-        time steps.
+        Least wall time of all runs of the setting [s]; number of time steps.
     repeats : tuple of float
-        Wall times of all timed runs [s], without the one that warms up.
+        Wall times of all runs that were timed [s].
     pinned : bool
         Whether its process kept to one processor, which no other run of a study used meanwhile.
     shared : float
@@ -177,13 +176,12 @@ COLUMNS = {
     "invariant": "violation: largest distance of points that a loop should hold together [m]; "
     "energy: largest change over the largest kinetic energy, of free motions without "
     "friction [1]; stretch: of rods [1]",
-    "seconds": "least wall time of the repeats without loading the model, of the first run where "
-    "there are none [s]",
+    "seconds": "least wall time of all runs of the setting, without loading the model [s]",
     "steps": "time steps of dynamics, solved poses otherwise",
     "step": "time step that the engine took in dynamics [s]: the one of `parameter.timestep`, or "
     "the next shorter one of which whole ones lead from sample to sample",
-    "repeats": "all wall times [s], as a JSON array, made in rounds over the settings near the "
-    "front, of the others that of the first run; a short run after one to warm up",
+    "repeats": "all wall times [s], as a JSON array: of settings near the front those of several "
+    "rounds, of the others that of one run; a short run is made twice, and timed the second time",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",
     "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
     "load": "largest load average of the last minute when a timed run began or ended, over all "

@@ -32,8 +32,7 @@ SPAN = 0.3
 """Wall time of repeats together [s] that tells a run's time: what disturbs a run for a moment, such
 as an interrupt or another process, takes a small share of so long a time."""
 MOMENT = 0.1
-"""Wall time [s] from which a run is long beside what disturbs it for a moment, and beside what it
-does for the first time: the run for errors is a timing as well."""
+"""Wall time [s] from which a run is long beside what disturbs it for a moment."""
 
 
 @contextmanager
@@ -76,11 +75,11 @@ def run(
     timeout: float | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
-    """Run tasks, each of them once for its errors and then up to `repeats` times for its wall time.
+    """Run tasks, each of them once, and then up to `repeats` times for their wall times alone.
 
     Rounds are interleaved: all tasks once, then all of them again.  A run longer than `MOMENT` is
-    repeated less often: once, or until it took `SPAN` with its repeats; the first run is one of its
-    timings.
+    repeated less often: once, or until it took `SPAN` with its repeats.  The first run is one of
+    the timings.
 
     Parameters
     ----------
@@ -91,7 +90,7 @@ def run(
     workers : Executor, optional
         From `pool`; local ones if not given.
     repeats : int
-        Most timed runs of a task; 0: errors only, and `StudyRow.seconds` is that of the first run.
+        How often a task is repeated at most; with 0 its row says that nothing was timed.
     repeated : collection of int, optional
         Numbers of the tasks that are repeated, all if not given; of the others the first run is the
         only timing.
@@ -237,7 +236,7 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
     if lost is not None:
         outcome, message = repeats[lost].outcome, f"repeat {lost + 1}: {repeats[lost].message}"
     ran = [one for one in repeats if one.complete]
-    if timed and first.complete and (first.seconds >= MOMENT or not repeats):
+    if timed and first.complete:
         ran.insert(0, first)
     least = min(ran, key=lambda one: one.seconds, default=first)
     setting = task.setting

@@ -257,8 +257,7 @@ def measured(rows: Sequence[StudyRow]) -> str:
     most = max((len(row.repeats) for row in ran), default=0)
     return (
         f"{len(rows)} settings, {len(rows) - len(ran)} without times. Wall times: least of up "
-        f"to {most} in rounds over the settings near the front, warm-up apart, {once} of a "
-        f"single run; "
+        f"to {most} in rounds over the settings near the front, {once} of a single run; "
         f"{pinned} of {len(ran)} with a processor of their own, which gave others at most "
         f"{number(100 * most_shared, 2)} % of its time{load}. {machines}"
     )

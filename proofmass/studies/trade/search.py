@@ -29,10 +29,10 @@ from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
 from proofmass.studies.trade.varied import as_given, studied
 
-REPEATS = 3  # of settings that may be the cheapest
+REPEATS = 2  # of settings that may be the cheapest
 CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
 FARTHEST = 30.0  # ratio of two steps in turn, at most
-SLACK = 3.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
+SLACK = 2.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
 SURE = 1.3
 """Times the cheapest of runs longer than `MOMENT`, which single ones tell apart."""
 LONG = 0.5  # s, of runs of which the cheapest is made first, the others only where it fails
@@ -41,6 +41,11 @@ YIELDING = 40.0
 PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
 BETWEEN = 4.0  # ratio of two steps that show whether an order holds
 HOPELESS = 3  # steps in turn with which a family does not run at all, or is far off
+STUCK = 0.01
+"""Share that `HOPELESS` steps in turn, each a quarter of the last, change of an error over `COARSE`
+where finer ones do not help either: the engine follows another motion."""
+NARROWER = 1 / 3
+"""Share of the logarithm of the ratio of two steps that the next one leaves out at least."""
 SAME = 0.2  # by which orders differ that are told to be the same
 BEST = 3  # settings that are refined at once for the sake of their drives
 RUNS = 12  # of a family at most
@@ -109,7 +114,7 @@ class SettingFamily:
         """
         last = rows[-1]
         if not error(last, of) < COARSE:
-            return last.value / BETWEEN
+            return None if stuck(rows, of) else last.value / BETWEEN
         if len(rows) < 2 or not error(rows[-2], of) < COARSE:
             return last.value / 2.0
         falls = order(rows[-2], last, of)
@@ -143,7 +148,14 @@ def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float |
     if falls < FALLS:
         return middle
     wanted = fine.value * (SAFE * needed / max(error(fine, of), 1e-17)) ** (1 / falls)
-    return min(max(wanted, fine.value * 1.05), coarse.value / 1.05)
+    aside = (coarse.value / fine.value) ** NARROWER
+    return min(max(wanted, fine.value * aside), coarse.value / aside)
+
+
+def stuck(rows: Sequence[StudyRow], of: str) -> bool:
+    """Whether the last steps of a family show that finer ones do not come to the right motion."""
+    last = [error(row, of) for row in rows[-HOPELESS:]]
+    return len(last) == HOPELESS and max(last) - min(last) <= STUCK * min(last) < inf
 
 
 def error(row: StudyRow, of: str) -> float:

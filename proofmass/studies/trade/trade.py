@@ -6,11 +6,10 @@
 Free motions are disturbed first: errors of chaotic ones are judged up to where a trajectory means
 something. Then every convergence series is refined, each setting run once for its errors, until the
 errors fall no further. The settings that may be on the Pareto front, and the engine's defaults,
-with which they are compared, are run once more for their time, and those that may be on it then in
-more rounds. Where a series may be at an error floor, its step is halved twice, and each possible
-cause is varied separately; so it is where a series shows another order than theory expects. Series
-of a case and engine that are at a floor with the same errors are at one floor: causes are varied in
-the first of them.
+with which they are compared, are run again for their times, in rounds. Where a series may be at an
+error floor, its step is halved twice, and each possible cause is varied separately; so it is where
+a series shows another order than theory expects. Series of a case and engine that are at a floor
+with the same errors are at one floor: causes are varied in the first of them.
 """
 
 import json
@@ -43,8 +42,9 @@ from proofmass.studies.trade.floor import (
     judge,
     list_perturbations,
 )
+from proofmass.studies.trade.noise import APART
 from proofmass.studies.trade.orders import expected, nearest, off
-from proofmass.studies.trade.search import SLACK, SURE
+from proofmass.studies.trade.search import SURE
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
 from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
 from proofmass.studies.trade.verdict import Verdict, able
@@ -52,7 +52,7 @@ from proofmass.studies.trade.words import by_drives, format_end, format_reached,
 from proofmass.wording import number
 
 USUAL = 0.5  # s, of one run, for engines that take much longer than usual
-REPEATS = 3
+REPEATS = 2
 SAME = 0.01
 """Share by which errors of two settings of a case and engine may differ that are at one floor."""
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
@@ -173,7 +173,7 @@ def trade(
     longest : float
         Wall time after which a run is given up [s].
     repeats : int
-        Timed runs of each setting.
+        How often settings that may be on the Pareto front are run again for their times.
     progress : callable
         Called as ``progress(label, done, total)``; the total grows with the series.
 
@@ -214,24 +214,17 @@ def trade(
         )
         for one, row in zip(batch, rows, strict=True):
             one.measured.rows.append(row)
-    tasks = [one.task(k) for one in every for k in range(len(one.measured.rows))]
     rows = [row for one in every for row in one.measured.rows]
-    for rounds, slack in ((min(1, repeats), SLACK), (repeats, SURE)):
-        near = {k for k, row in enumerate(rows) if is_default(row)}.union(near_front(rows, slack))
-        timed = run(
-            tasks,
-            store,
-            workers,
-            repeats=rounds,
-            repeated=near,
-            longest_repeated=budget,
-            timeout=longest,
-            progress=progress,
-        )
-        rows = [
-            new if k in near or not row.repeats else row
-            for k, (row, new) in enumerate(zip(rows, timed, strict=True))
-        ]
+    rows = run(
+        [one.task(k) for one in every for k in range(len(one.measured.rows))],
+        store,
+        workers,
+        repeats=repeats,
+        repeated={k for k, row in enumerate(rows) if is_default(row)}.union(near_front(rows)),
+        longest_repeated=budget,
+        timeout=longest,
+        progress=progress,
+    )
     finer = halve(every, store, workers, longest, progress)
     leaders = find_leaders(every, finer)
     perturbed = perturb(every, leaders, store, workers, longest, progress)
@@ -251,13 +244,13 @@ def trade(
     )
 
 
-def near_front(rows: Sequence[StudyRow], slack: float = SLACK) -> list[int]:
+def near_front(rows: Sequence[StudyRow]) -> list[int]:
     """The settings, by number, that may be on the Pareto front of their case and engine.
 
-    A setting is one of them if no setting that is as accurate in some kind of error was `slack`
+    A setting is one of them if no setting that is as accurate in some kind of error was `APART`
     times as fast; of runs longer than `MOMENT`, `SURE` times.
 
-    >>> times = [(1e-3, 0.01), (1e-3, 0.025), (1e-3, 0.04), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
+    >>> times = [(1e-3, 0.01), (1e-3, 0.014), (1e-3, 0.02), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
     >>> near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
     ...                      outcome=Outcome.RAN) for e, s in times])
     [0, 1, 3, 4]
@@ -271,7 +264,7 @@ def near_front(rows: Sequence[StudyRow], slack: float = SLACK) -> list[int]:
         least = inf
         for row in sorted(able(group, kind), key=lambda row: (row.errors[kind], row.seconds)):
             least = min(least, row.seconds)
-            if row.seconds <= (slack if row.seconds < MOMENT else SURE) * least:
+            if row.seconds <= (APART if row.seconds < MOMENT else SURE) * least:
                 found.add(numbers[id(row)])
     return sorted(found)
 

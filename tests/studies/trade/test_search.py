@@ -22,6 +22,7 @@ from proofmass.studies.trade.program import ProgramRun
 from proofmass.studies.trade.search import (
     REPEATS,
     SettingFamily,
+    between,
     families,
     finer_for_drives,
     search,
@@ -182,6 +183,39 @@ def test_a_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
     rows = search(fourbar, "position", 1e-6, Store(tmp_path))
     assert len(world.asked) < module.RUNS
     assert min(row.errors["position"] for row in rows) < 2e-4
+
+
+def test_an_error_that_stays_ends_a_family_of_another_motion(
+    fourbar: Case, monkeypatch, tmp_path
+) -> None:
+    """Also if it is the defaults, which nothing outdoes; one that falls by 4 % goes on."""
+    world = World(
+        monkeypatch, other=(1e-9, 0.6, 0.0, 1e-6, True), late=(0.03, 0.6, 0.0, 1e-6, True)
+    )
+    search(fourbar, "position", 1e-6, Store(tmp_path))
+    counts = {
+        name: sum(series == name and not repeats for series, _, repeats in world.asked)
+        for name in world.families
+    }
+    assert counts["other"] == module.HOPELESS
+    assert counts["late"] > module.HOPELESS
+
+
+def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
+    """Its order says that the good step is nearly the best; steps of 5 % would take nine runs."""
+    needed, coarse, fine, runs = 5e-7, 8e-7, 4e-7, 0
+    while (step := between(*(row_at(h) for h in (coarse, fine)), "position", needed)) is not None:
+        assert fine < step < coarse
+        coarse, fine = (coarse, step) if row_at(step).errors["position"] <= needed else (step, fine)
+        runs += 1
+    assert runs <= 3
+    assert row_at(fine).errors["position"] <= needed < row_at(coarse).errors["position"]
+
+
+def row_at(step: float) -> StudyRow:
+    """A run whose error grows with the step, and passes 5e-7 at 7.9e-7 s."""
+    error = {"position": 4e-7 * (step / 4e-7) ** 0.33}
+    return StudyRow("", "", "", "", "", "timestep", step, errors=error, seconds=1e-6 / step)
 
 
 def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch, tmp_path) -> None:

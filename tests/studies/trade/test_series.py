@@ -418,7 +418,7 @@ def test_repeats_that_a_store_knows_are_timings(store):
     for repeat, seconds in enumerate((0.09, 0.04, 0.03)):
         store.save(key(task), repeat, task, Measurement({"velocity": 1e-3}, seconds=seconds), 5.0)
     (row,) = list_cached_settings(CASE, "dynamics", [], store)
-    assert (row.seconds, row.repeats) == (0.03, (0.04, 0.03))
+    assert (row.seconds, row.repeats) == (0.03, (0.09, 0.04, 0.03))
 
 
 def test_what_a_store_knows_beside_is_told_once_and_of_the_engine_that_is_asked_for(store):
