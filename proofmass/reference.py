@@ -35,8 +35,8 @@ from proofmass.units import same_quantity, si_unit
 DriveLaw = InProportion | FunctionLaw | SampledLaw | Samples | Steady | Swing
 DRIVE, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of what laws ask of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
-CONTROLS = "1", "N", "N m"
-"""What the control of a motor may be measured in."""
+CONTROLS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
+"""What the control of a motor or of a servo may be measured in."""
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
@@ -187,15 +187,21 @@ def load_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
     return tuple(load_law(case, kind, k) for k in range(len(case.load)))
 
 
+def control_laws(case: Case, kind: Kind) -> dict[str, DriveLaw]:
+    """The same by the names of the actuators."""
+    names = (load.actuator for load in case.load)
+    return dict(zip(names, load_laws(case, kind), strict=True))
+
+
 def load_law(case: Case, kind: Kind, k: int) -> DriveLaw:
     """The law of the control of load number k."""
-    load, leader = case.load[k], case.drive[0]
+    load = case.load[k]
     if load.profile is not None:
         try:
             return law_of_profile(case.file.parent, load.profile, 0.0, *CONTROLS)
         except ValueError as error:
             raise InputError(case.file, case.load_key(k, "profile"), str(error)) from None
-    way = float(load.to or 0.0) - load.start
+    way, leader = float(load.to or 0.0) - load.start, case.drive[0]
     if leader.to is not None:
         ratio = way / (leader.to - leader.start)
         return InProportion(law(case, kind, 0), leader.start, ratio, load.start)
@@ -355,9 +361,9 @@ def call(
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
     One that asks for ``inertia`` is told whether moments and forces are those of a motion, one that
     asks for ``only`` which of its quantities are used, None for all, one that asks for ``in_time``
-    is given the laws of the drives of a motion in time, one that asks for
-    ``terms`` is given those of the equations of motion as MuJoCo computes them, and one that asks
-    for ``closely`` the sensors of the model's own motion, see `solve_closely`.
+    is given the laws of the drives of a motion in time, ``control_laws`` those of its loads, one
+    that asks for ``terms`` is given those of the equations of motion as MuJoCo computes them, and
+    one that asks for ``closely`` the sensors of the model's own motion, see `solve_closely`.
     """
     known = [
         p.name
@@ -373,9 +379,9 @@ def call(
         "terms": lambda: smooth_terms(compiled(case), case.start),
         "closely": lambda: partial(solve_closely, case),
         "controls": lambda: {
-            load.actuator: law(np.asarray(x, float))[0]
-            for load, law in zip(case.load, load_laws(case, kind), strict=True)
+            name: law(np.asarray(x, float))[0] for name, law in control_laws(case, kind).items()
         },
+        "control_laws": lambda: control_laws(case, kind) if kind == "dynamics" else {},
         "load_rates": dict,
         "in_time": lambda: (
             (np.asarray(x, float), laws(case, kind)) if kind == "dynamics" and case.drive else None
@@ -425,6 +431,12 @@ def under_loads(
     may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
     found, rates = dict(parameters), dict[str, Array]()
     for k, (load, law) in enumerate(zip(case.load, load_laws(case, kind), strict=True)):
+        if not may and "controls" not in takes:
+            raise InputError(
+                case.file,
+                case.load_key(k),
+                f"the reference {case.reference!r} covers no load that changes",
+            )
         if not load.scales and "controls" not in takes:
             raise InputError(
                 case.file,
@@ -503,6 +515,8 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
             "joints": tuple(drive.joint for drive in case.drive),
             "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
         }
+        if "control_laws" in asked and kind == "dynamics":
+            own["control_laws"] = control_laws(case, kind)
     if "terms" in asked:
         own["terms"] = smooth_terms(own["model"], case.start)
     try:

@@ -17,7 +17,7 @@ from proofmass.check import check
 from proofmass.reference import evaluate, grid
 from proofmass.sidecar import as_toml, load_case
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.pymunk import quasi_static as pymunk_sweep
+from proofmass.sim.pymunk import loads as pymunk_loads
 from proofmass.solve import plan, prescribed_run, simulate
 from tests.shipped import shipped
 from tests.verdicts import verdicts
@@ -199,7 +199,7 @@ def test_a_wrong_gear_of_a_changing_load_is_found(four_bar):
 
 def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
     """Mutation: engines that keep the control of the key."""
-    monkeypatch.setattr(pymunk_sweep, "with_controls", lambda links, loads, controls: links)
+    monkeypatch.setattr(pymunk_loads, "with_controls", lambda links, loads, controls: links)
     set_up = Linkage.__init__
 
     def idle(self, model, data, joints, loads=()):

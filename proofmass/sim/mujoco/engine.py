@@ -274,9 +274,17 @@ class Mujoco(Engine):
         """The model with the snippet in it; it says all but how poses are found."""
         return pasted(model, snippet(parameters, model)), {*PLACES, "defaults"}
 
-    def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
+    def write_program(
+        self,
+        model: Path,
+        run: Run,
+        motion: str,
+        head: str,
+        drive: Imposed,
+        controls: str = "",
+    ) -> str:
         """See `proofmass.sim.mujoco.program`."""
-        return write_program(model, run, motion, head, drive)
+        return write_program(model, run, motion, head, drive, controls)
 
     def scheme_of(self, parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
         """The scheme of the integrator."""
