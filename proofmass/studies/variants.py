@@ -48,7 +48,9 @@ def self_referenced(case: Case) -> Case:
         else channel.model_copy(update={"equals": name, "scale": 1.0, "shift": 0.0})
         for name, channel in case.channels.items()
     }
-    return case.model_copy(update={"reference": READS, "parameters": {}, "channels": channels})
+    bare = tuple(load.model_copy(update={"scales": ()}) for load in case.load)
+    changed = {"reference": READS, "parameters": {}, "channels": channels, "load": bare}
+    return case.model_copy(update=changed)
 
 
 def movable(case: Case) -> bool:
