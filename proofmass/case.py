@@ -119,10 +119,10 @@ class ProfileTable(Strict):
                 f"time has {len(self.time)} numbers, and {kind} has {len(column)}; give a {kind} "
                 f"for each time"
             )
-        for k, (one, two) in enumerate(pairwise(self.time), 1):
-            if not two > one:
+        for k, (before, after) in enumerate(pairwise(self.time), 1):
+            if not after > before:
                 raise ValueError(
-                    f"time does not rise ({one:.6g} then {two:.6g}, numbers {k} and {k + 1})"
+                    f"time does not rise ({before:.6g} then {after:.6g}, numbers {k} and {k + 1})"
                 )
         return self
 

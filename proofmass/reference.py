@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import pickle
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,7 +28,16 @@ from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.contents import channel_names, joints
 from proofmass.sim.mjcf import NATIVE, compile_model
-from proofmass.sim.protocol import BadModel, BadRod, Curves, NotSolved, Run, Unsupported
+from proofmass.sim.protocol import (
+    BadModel,
+    BadRod,
+    ChangingLoad,
+    Curves,
+    Drive,
+    NotSolved,
+    Run,
+    Unsupported,
+)
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.strict import Kind
 from proofmass.units import same_quantity, si_unit
@@ -377,7 +387,7 @@ def call(
         "inertia": lambda: case.has_inertia(kind),
         "only": lambda: only,
         "terms": lambda: smooth_terms(compiled(case), case.start),
-        "closely": lambda: partial(solve_closely, case),
+        "closely": lambda: partial(solve_closely, case, kind),
         "controls": lambda: {
             name: law(np.asarray(x, float))[0] for name, law in control_laws(case, kind).items()
         },
@@ -431,13 +441,14 @@ def under_loads(
     may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
     found, rates = dict(parameters), dict[str, Array]()
     for k, (load, law) in enumerate(zip(case.load, load_laws(case, kind), strict=True)):
-        if not may and "controls" not in takes:
+        reads = "controls" in takes or "closely" in takes
+        if not may and not reads:
             raise InputError(
                 case.file,
                 case.load_key(k),
                 f"the reference {case.reference!r} covers no load that changes",
             )
-        if not load.scales and "controls" not in takes:
+        if not load.scales and not reads:
             raise InputError(
                 case.file,
                 case.load_key(k, "scales"),
@@ -457,16 +468,18 @@ def under_loads(
     return found, rates
 
 
-def solve_closely(case: Case, x: Array) -> dict[str, Array]:
-    """All sensors of a model that moves by itself, solved without time steps, at times x [s].
+def solve_closely(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
+    """All sensors of a model, solved without time steps, at times x [s].
 
     Raises
     ------
     NotCovered
         The motion is not known until the end.
     """
-    if case.drive or case.rod:
-        raise NotCovered("drives and rods; the model must move by itself")
+    if case.rod:
+        raise NotCovered("rods")
+    if kind != "dynamics":
+        raise NotCovered(f"a run of {kind}; it is a motion in time")
     if x.size < 2:
         raise NotCovered("a single moment; give a run of some length")
     return known_closely(case, x)[0]
@@ -475,21 +488,29 @@ def solve_closely(case: Case, x: Array) -> dict[str, Array]:
 def known_closely(case: Case, x: Array) -> tuple[dict[str, Array], str]:
     """All sensors at times x [s], and what shows that the motion is known."""
     file = case.model_path
-    return closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes())
+    led = zip(case.drive, laws(case, "dynamics"), strict=True)
+    drives = tuple(Drive(drive.joint, law) for drive, law in led)
+    loads = tuple(ChangingLoad(*one) for one in control_laws(case, "dynamics").items())
+    inputs = pickle.dumps((drives, loads))
+    return closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes(), inputs)
 
 
 @lru_cache(8)
-def closely_once(file: Path, changed: int, start: str, x: bytes) -> tuple[dict[str, Array], str]:
-    """`known_closely`, once for a file, a key and times as bytes."""
+def closely_once(
+    file: Path, changed: int, start: str, x: bytes, inputs: bytes
+) -> tuple[dict[str, Array], str]:
+    """`known_closely`, once for a file, a key, and times, drives and loads as bytes."""
     engine, times = engine_of(NATIVE), np.frombuffer(x)
-    motion = engine.own_motion(file, float(times[-1]), times.size, PROCESSOR, start)
+    drives, loads = pickle.loads(inputs)
+    end = float(times[-1])
+    motion = engine.own_motion(file, end, times.size, PROCESSOR, start, drives, loads)
     if lost := why_lost(motion):
         raise NotCovered(f"the model itself is lost: {lost}")
     rung = Rung(motion)
     if not rung.sure:
         raise NotCovered(f"its motion is not known until {times[-1]:.3g} s: {rung.words()}")
     names = channel_names(compile_once(file, changed, ()), start).values()
-    run = Run("dynamics", times, tuple(chain(*names)), start=start)
+    run = Run("dynamics", times, tuple(chain(*names)), drives, start, loads=loads)
     try:
         return engine.solve_closely(file, run).channels, rung.words()
     except (Unsupported, NotSolved) as error:

@@ -282,7 +282,7 @@ def takes_control(model: mujoco.MjModel, actuator: int) -> str:
     affine = mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE
     if (
         model.actuator_gaintype[actuator] != mujoco.mjtGain.mjGAIN_FIXED
-        or model.actuator_biastype[actuator] not in affine
+        or mujoco.mjtBias(int(model.actuator_biastype[actuator])) not in affine
         or model.actuator_dyntype[actuator] != mujoco.mjtDyn.mjDYN_NONE
     ):
         return "is no motor and no servo: its force is not linear in its control"

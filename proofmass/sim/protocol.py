@@ -757,11 +757,19 @@ class Engine:
         raise NotImplementedError
 
     def own_motion(
-        self, model: Path, until: float, samples: int, seconds: float, start: str = "start"
+        self,
+        model: Path,
+        until: float,
+        samples: int,
+        seconds: float,
+        start: str = "start",
+        drives: tuple[Drive, ...] = (),
+        loads: tuple[ChangingLoad, ...] = (),
     ) -> OwnMotion:
         """Solve the motion of a model by itself in several ways, from its key `start` or its first.
 
         For about so long [s], with so many samples, in about so many `seconds` of processor time.
+        With `drives` and `loads` it is the motion that these prescribe.
 
         Raises
         ------
@@ -770,7 +778,7 @@ class Engine:
         raise Unsupported(f"{self.title} solves no model's own equations in several ways")
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
-        """Do a free motion without time steps, as closely as can be.
+        """Do a motion without time steps, as closely as can be.
 
         Raises
         ------

@@ -142,14 +142,14 @@ def test_both_references_have_one_motion_of_an_arm_under_controls():
         "turn": Rows((0.0, 0.3, 0.5), (1.5, -3.0, 0.0)),
         "push": Rows((0.0, 0.05, 0.5), (0.05, 0.3, -0.1)),
     }
-    t = np.linspace(0.0, 0.5, 51)
+    t = np.linspace(0.0, 0.5, 251)
     one, two = solved("planar", model, laws, t), solved("spatial", model, laws, t)
     shared = one.keys() & two.keys()
     assert {"shoulder", "elbow", "reach", "tip.x", "kinetic", "potential"} <= shared
     assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
     rate = np.gradient(one["elbow"], t, edge_order=2)
     asked = 0.8 * (laws["turn"](t)[0] - rate)
-    assert np.abs(one["turning"] - asked)[2:-2].max() < 0.05  # rates are differences of values
+    assert np.abs(one["turning"] - asked)[20:-2].max() < 0.02  # rates are differences of values
 
 
 def test_steps_end_at_the_kinks_and_are_fewer_for_it(monkeypatch):
@@ -283,14 +283,14 @@ def test_an_arm_whose_servos_saturate_is_one_in_both_references():
 def test_at_rest_a_saturated_servo_asks_no_more_of_a_drive():
     """A four-bar with a servo on its rocker: by virtual work of the clipped moment."""
     text = shipped("fourbar.xml").read_text()
-    servo = '<position name="hold" joint="rocker" kp="30" gear="2" forcerange="-120 5"/>'
+    servo = '<position name="hold" joint="rocker" kp="30" gear="2" forcerange="-140 5"/>'
     text = text.replace("</actuator>", f"{servo}</actuator>")
     model, plain = mujoco.MjModel.from_xml_string(text), shipped("fourbar.xml")
     angle = np.linspace(0.0, 6.0, 61)
     found = planar.solve(angle, model=model, joints=("crank",))
     free = planar.solve(angle, model=mujoco.MjModel.from_xml_path(str(plain)), joints=("crank",))
-    force = np.clip(30.0 * (0.0 - 2.0 * found["rocker"]), -120.0, 5.0)
-    assert 5 < (force == -120.0).sum() < 56
+    force = np.clip(30.0 * (0.0 - 2.0 * found["rocker"]), -140.0, 5.0)
+    assert 5 < (force == -140.0).sum() < 56
     more = -2.0 * force * found["rocker_rate"]
     assert np.abs(found["holding_moment"] - free["holding_moment"] - more).max() < 1e-11
 

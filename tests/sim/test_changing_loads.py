@@ -1,4 +1,7 @@
-"""Loads that change along a sweep: references, both engines, and bad input."""
+"""Loads that change along a sweep: references, both engines, and bad input.
+
+In time: `tests/sim/test_controls_in_time.py`.
+"""
 
 import importlib
 import inspect
@@ -298,10 +301,10 @@ BAD = {
     ),
     "a length": ('"rocker_load"', '"rocker"', ["load.scales", "those that may: rocker_load"]),
     "no scales": ("scales = .*", "", ["load.scales", "missing", "rocker_load"]),
-    "dynamics": (
+    "equilibrium": (
         r"\[run.sweep\]",
-        "[run.dynamics]\nn = 11\n[run.sweep]",
-        ["run.dynamics", "for a sweep"],
+        "[run.equilibrium]\nn = 11\n[run.sweep]",
+        ["run.equilibrium", "nothing changes in an equilibrium"],
     ),
     "both": (
         "to = 6.0",

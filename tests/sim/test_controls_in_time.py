@@ -148,10 +148,11 @@ def test_pymunk_takes_a_control_to_the_second_order(actuator, tmp_path):
     off = []
     for step in (2e-2, 1e-2):
         found = in_pymunk(file, run(step)).channels
-        off.append([np.abs(found["x"] - place).max(), np.abs(found["rate"] - speed).max()])
+        off.append(np.abs(found["x"] - place).max())
+        assert np.abs(found["rate"] - speed).max() < 1e-12  # the mean of two half steps
         assert np.abs(found["push"] - np.interp(T, TIMES, FORCES)).max() < 1e-13
-    assert max(off[1]) < 3e-4
-    np.testing.assert_allclose(np.array(off[0]) / off[1], 4.0, atol=0.2)
+    assert off[1] < 3e-4
+    assert off[0] / off[1] == pytest.approx(4.0, abs=0.1)
 
 
 def curves_of(text: str, folder: Path) -> dict[str, np.ndarray]:
@@ -180,7 +181,7 @@ def test_programs_have_the_controls(engine, actuator, tmp_path):
         0.0,
         "1",
     )
-    assert sampled(np.array([0.2, 0.8]))[0].tolist() == [2.0, 0.5]
+    assert sampled(np.array([0.2, 0.8]))[0] == pytest.approx([2.0, 0.5], abs=1e-14)
     text = writer.write_program(
         file,
         replace(given, settings=wanted.settings),
@@ -309,7 +310,7 @@ reference = "{reference}"
 joint = "crank"
 from = 0.0
 to = 6.283185307179586
-rate = 6.0
+rate = 3.0
 
 [load]
 actuator = "load"
@@ -352,7 +353,7 @@ BAD = {
     "no actuator": ('"wind"', '"widn"', ["load.1.actuator", "did you mean 'wind'?"]),
     "no file": ('file = "axes_controlled.csv", ', "", ["load.0.profile", "file is missing"]),
     "both": (
-        "{ time = [0.0, 0.3",
+        r"\{ time = \[0.0, 0.3",
         '{ file = "a.csv", time = [0.0, 0.3',
         ["load.1.profile", "time is a list, which goes without a file"],
     ),
@@ -440,8 +441,8 @@ def test_a_driven_joint_and_an_equilibrium_take_no_control(changed):
 
 
 def test_what_an_engine_or_a_reference_does_not_change_is_said(changed, tmp_path):
-    [error] = check([changed(".toml", '"planar"', '"refined"')]).errors
-    assert "'refined' covers no load that changes" in str(error)
+    [error] = check([changed(".toml", '"planar"', '"pendulum"')]).errors
+    assert "'pendulum' covers no load that changes" in str(error)
     file = pushed(tmp_path, '<motor name="push" joint="x" gear="2" forcerange="-9 9"/>')
     with pytest.raises(Unsupported, match="the range of forces of actuator 'push', whose control"):
         in_pymunk(file, run(1e-2))

@@ -105,7 +105,7 @@ def _pull(pull: Pull, body: pymunk.Body) -> None:
 
 def add_changing_pull(space: pymunk.Space, unit: Pull, k: int, now: list[float]) -> None:
     """Let a load act on its body in every step that is number k of `now` times a unit."""
-    body = space.bodies[unit.link]
+    body = list(space.bodies)[unit.link]
     before, (x, y) = body.velocity_func, unit.force.tolist()
 
     def pulled(body: pymunk.Body, gravity: pymunk.Vec2d, damping: float, dt: float) -> None:
