@@ -81,7 +81,7 @@ class ControlsInTime:
     Attributes
     ----------
     fixed : ndarray (controls,)
-        Those of the key [their units].
+        Those of the key [SI].
     laws : mapping of int to callable
         By the place among all controls.
     """

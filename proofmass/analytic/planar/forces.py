@@ -166,7 +166,7 @@ def solve_forces(
     rub : ndarray (n, joints)
         What dry friction takes of the joints, in the sense of their motion [N m or N].
     ctrl : ndarray (n, controls)
-        By default those of the key [their units].
+        By default those of the key [SI].
     """
     q, v, a = joint
     centre = centres(m, motion)

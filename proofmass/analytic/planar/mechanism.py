@@ -142,7 +142,7 @@ class Mechanism:
         Of the joints.  What those without a range of forces do with the controls of the key is
         part of the joints' own loads and servos.
     ctrl : ndarray (controls,)
-        Controls of the key [their units].
+        Controls of the key [SI].
     """
 
     bodies: tuple[Body, ...]

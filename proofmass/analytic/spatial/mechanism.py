@@ -197,7 +197,7 @@ class Tree:
     extent : float
         Size of the model [m].
     ctrl : ndarray (controls,)
-        Controls of the key [their units].
+        Controls of the key [SI].
     """
 
     bodies: tuple[TreeBody, ...]

@@ -64,7 +64,7 @@ def bear_witness(
     when : str
         What `times` are called in a complaint.
     ctrl : ndarray (n, controls), optional
-        By default the controls of the key [their units].
+        By default the controls of the key [SI].
 
     Returns
     -------
