@@ -9,7 +9,8 @@ made a piecewise polynomial p(t), of which the derivatives and the integral are 
     rate, linear     q' = p, straight between rows         q quadratic, q'' a stair
 """
 
-from collections.abc import Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -75,6 +76,25 @@ class SampledLaw:
             found.append(value)
             factors = factors * (powers - order)
         return found[0], found[1], found[2]
+
+    def scalar(self) -> Callable[[float], float]:
+        """The value alone, as a function of one time [s].
+
+        >>> law = SampledLaw(np.array([0.0, 1.0, 3.0]), np.array([[2.0, -1.0], [0.0, 2.0]]), "", "")
+        >>> [law.scalar()(t) for t in (0.5, 1.0, 2.0)], law(np.array([0.5, 1.0, 2.0]))[0].tolist()
+        ([1.0, 2.0, 1.0], [1.0, 2.0, 1.0])
+        """
+        times, pieces = self.times.tolist(), self.pieces.T.tolist()
+        last = len(pieces) - 1
+
+        def value(time: float) -> float:
+            k = min(max(bisect_right(times, time) - 1, 0), last)
+            found, s = 0.0, time - times[k]
+            for row in pieces[k]:
+                found = found * s + row
+            return found
+
+        return value
 
     @property
     def breaks(self) -> Array:

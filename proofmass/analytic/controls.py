@@ -2,10 +2,12 @@
 
 The laws of controls, and of drives, may have ``breaks``: times at which a derivative of theirs
 jumps, such as the rows of a table.  A motion is integrated from break to break, where it is smooth.
+A law may also make a function of one time, by ``scalar()``, that is faster than the law itself.
 """
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +17,7 @@ from proofmass.analytic.numerics import Array
 
 Law = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""
+UNLIMITED = (-np.inf, np.inf)
 TOGETHER = 1e-13
 """Times that differ by less [s, or a share of them] count as one."""
 
@@ -57,7 +60,7 @@ class AffineActuator:
     by_length: float
     by_rate: float
     range: tuple[float, float]
-    controls: tuple[float, float] = (-np.inf, np.inf)
+    controls: tuple[float, float] = UNLIMITED
 
     @property
     def limited(self) -> bool:
@@ -66,7 +69,9 @@ class AffineActuator:
 
     def asked(self, control: Array) -> Array:
         """The part of the force that controls (n,) ask for [N or N m]."""
-        return np.asarray(self.gain * np.clip(control, *self.controls))
+        if self.controls != UNLIMITED:
+            control = np.clip(control, *self.controls)
+        return np.asarray(self.gain * control)
 
     def force(self, control: Array, length: Array, rate: Array) -> Array:
         """Forces (n,) with some controls at some lengths and rates [N or N m]."""
@@ -91,7 +96,22 @@ class ControlsInTime:
 
     def at(self, time: float) -> Array:
         """All controls (controls,) at a time [s]."""
-        return self.along(np.array([time]))[0]
+        found = np.array(self.fixed, float)
+        for place, value in self.scalars:
+            found[place] = value(time)
+        return found
+
+    @cached_property
+    def scalars(self) -> tuple[tuple[int, Callable[[float], float]], ...]:
+        """Places of the controls that follow laws, and these as functions of one time [s]."""
+
+        def plain(law: Law) -> Callable[[float], float]:
+            return lambda time: float(law(np.array([time]))[0][0])
+
+        return tuple(
+            (place, law.scalar() if hasattr(law, "scalar") else plain(law))
+            for place, law in self.laws.items()
+        )
 
     def along(self, times: Array) -> Array:
         """All controls (n, controls) at times (n,) [s]."""

@@ -73,7 +73,7 @@ def axes() -> dict[str, np.ndarray]:
     """The closed forms of the case's three axes."""
     model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
     rows = np.loadtxt(shipped("axes_controlled.csv"), delimiter=",", comments=("#", "t"))
-    push = straight(rows[:, 0], 2.0 * rows[:, 1])
+    push = straight(rows[:, 0], rows[:, 1])
     wind = straight([0.0, 0.3, 1.2, 2.0], 0.3 + np.array([0.0, 0.6, 0.6, -0.2]))  # and 3 * 0.1
     target = CubicSpline([0.0, 0.5, 1.0, 1.5, 2.0], [0.1, 0.15, 0.35, 0.5, 0.5])
     lift = PPoly(900.0 * target.c, target.x)
