@@ -71,37 +71,75 @@ def one_or_more(kind: Any) -> BeforeValidator:
 Names = Annotated[tuple[str, ...], one_or_more(str)]
 
 
+Rows = Annotated[tuple[float, ...], Field(min_length=2)]
+"""Numbers in a sidecar that stand for a column [SI]."""
+
+
+def form_of_column(column: Any) -> str:
+    """The form in which a column is given."""
+    return "rows" if isinstance(column, list | tuple) else RecordedColumn.__name__
+
+
+Column = Annotated[
+    Annotated[Rows, Tag("rows")] | Annotated[RecordedColumn, Tag(RecordedColumn.__name__)],
+    Discriminator(form_of_column),
+]
+
+
 class ProfileTable(Strict):
     """``profile = { file = .. }``: a drive that follows the rows of a CSV file beside the sidecar.
 
     Either its `value` is given, or its `rate`, which is integrated from the drive's ``from`` on;
     `time` is the first column if it is left out.  A column is a name, or a table, see
-    `proofmass.recorded.RecordedColumn`.
+    `proofmass.recorded.RecordedColumn`.  Without a `file` the columns are lists of numbers [SI].
     """
 
-    file: str
-    time: RecordedColumn | None = None
-    value: RecordedColumn | None = None
-    rate: RecordedColumn | None = None
+    file: str | None = None
+    time: Column | None = None
+    value: Column | None = None
+    rate: Column | None = None
     interpolation: Literal["spline", "linear"] = "spline"
 
     @model_validator(mode="after")
     def _one_of_two(self) -> "ProfileTable":
         if (self.value is None) == (self.rate is None):
             raise ValueError("give either value or rate: the column that the drive follows")
-        if self.value is not None and self.interpolation == "linear":
+        kind, column = self.given
+        if self.file is not None:
+            for key, one in (("time", self.time), (kind, column)):
+                if isinstance(one, tuple):
+                    raise ValueError(f"{key} is a list, which goes without a file; name a column")
+            return self
+        if not isinstance(column, tuple):
+            raise ValueError(f"file is missing, that has the column; or give {kind} as a list")
+        if not isinstance(self.time, tuple):
+            raise ValueError(f"time is missing: a list of as many times [s] as {kind} has numbers")
+        if len(self.time) != len(column):
             raise ValueError(
-                "interpolation = 'linear' goes with rate: a value that is straight between rows "
-                "has a rate that jumps at each of them; leave it out"
+                f"time has {len(self.time)} numbers, and {kind} has {len(column)}; give a {kind} "
+                f"for each time"
             )
+        for k, (before, after) in enumerate(pairwise(self.time), 1):
+            if not after > before:
+                raise ValueError(
+                    f"time does not rise ({before:.6g} then {after:.6g}, numbers {k} and {k + 1})"
+                )
         return self
 
     @property
-    def given(self) -> tuple[str, RecordedColumn]:
+    def given(self) -> tuple[str, RecordedColumn | tuple[float, ...]]:
         """What is given, ``value`` or ``rate``, and its column."""
         if self.value is not None:
             return "value", self.value
-        return "rate", cast(RecordedColumn, self.rate)
+        return "rate", cast(RecordedColumn | tuple[float, ...], self.rate)
+
+    @property
+    def words(self) -> str:
+        """What is followed, in words."""
+        kind, column = self.given
+        if isinstance(column, tuple):
+            return f"{kind} in a table of {len(column)} rows"
+        return f"{kind} {column.column} of {self.file}"
 
 
 def form_of(profile: Any) -> str:
@@ -152,6 +190,20 @@ class DriveTable(Strict):
             )
         return profile
 
+    @field_validator("profile")
+    @classmethod
+    def _moves(cls, profile: Any) -> Any:
+        if (
+            isinstance(profile, ProfileTable)
+            and profile.value is not None
+            and profile.interpolation == "linear"
+        ):
+            raise ValueError(
+                "interpolation = 'linear' goes with rate: a value that is straight between rows "
+                "has a rate that jumps at each of them; leave it out"
+            )
+        return profile
+
     @property
     def steady(self) -> bool:
         """Whether it runs at constant speed, so that a sweep can go by its value."""
@@ -186,11 +238,11 @@ class DriveTable(Strict):
 
 
 class LoadTable(Strict):
-    """``[load]``, or one of several ``[[load]]``: a motor whose control changes along a sweep.
+    """``[load]``, or one of several ``[[load]]``: an actuator whose control changes along a run.
 
     Its control goes from ``from`` to `to` in proportion to the first drive's progress; or, if that
-    follows a `profile`, in proportion to time.  Or its control is the value of a `profile`, rows of
-    a file over time.  `scales` are parameters of the reference that are multiplied by the control.
+    follows a `profile`, in proportion to time.  Or its control is the value of a `profile`, rows
+    over time.  `scales` are parameters of the reference that are multiplied by the control.
     """
 
     actuator: str
@@ -526,8 +578,8 @@ class Case(Strict):
     def profile_files(self) -> tuple[Path, ...]:
         """The files that drives and loads follow."""
         profiles = [one.profile for one in self.drive] + [one.profile for one in self.load]
-        tables = [profile for profile in profiles if isinstance(profile, ProfileTable)]
-        return tuple(self.file.parent / table.file for table in tables)
+        files = [profile.file for profile in profiles if isinstance(profile, ProfileTable)]
+        return tuple(self.file.parent / file for file in files if file is not None)
 
     def require_model(self) -> None:
         """Raise InputError if there is no such file."""
@@ -600,19 +652,23 @@ class Case(Strict):
                     f"{self.load_key(k, 'scales')}: leave it out; a recorded curve has no "
                     f"parameters"
                 )
-            if load.profile and self.leader and self.leader.steady:
+            if load.to is not None and not self.drive:
+                raise ValueError(
+                    f"{self.load_key(k, 'to')}: from and to follow the first drive, and there is "
+                    f"none; give a profile over time"
+                )
+            if load.profile and self.leader and self.leader.steady and "sweep" in self.run:
                 raise ValueError(
                     f"{self.load_key(k, 'profile')}: it is over time, and a sweep with a constant "
                     f"rate goes by the first drive's value; give from and to, or the drive a "
                     f"period or a profile"
                 )
-        for kind in self.run if self.load else ():
-            if kind != "sweep":
-                raise ValueError(
-                    f"run.{kind}: a load that changes is for a sweep alone; leave out this run, "
-                    f"or make it a case of its own with a constant ctrl in the key of the model "
-                    f"and no [load]"
-                )
+        if self.load and "equilibrium" in self.run:
+            raise ValueError(
+                "run.equilibrium: nothing changes in an equilibrium, and so no load; leave out "
+                "this run, or make it a case of its own with a constant ctrl in the key of the "
+                "model and no [load]"
+            )
         return self
 
     @model_validator(mode="after")

@@ -194,7 +194,7 @@ def mutant(case: Case, changes: Changes, folder: Path) -> Case:
 
 def whole_path(case: Case, table: Moved) -> Moved:
     """A drive or a load that names the file which it follows by its whole path."""
-    if not isinstance(table.profile, ProfileTable):
+    if not isinstance(table.profile, ProfileTable) or table.profile.file is None:
         return table
     file = str((case.file.parent / table.profile.file).absolute())
     return table.model_copy(update={"profile": table.profile.model_copy(update={"file": file})})

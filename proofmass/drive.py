@@ -64,6 +64,11 @@ class InProportion:
     ratio: float
     start: float
 
+    @property
+    def breaks(self) -> Array:
+        """Times at which a derivative of the value jumps [s]."""
+        return np.asarray(getattr(self.leader, "breaks", ()), float)
+
     def __call__(self, x: Array) -> State:
         """Value, rate and acceleration of the joint at samples x of a run."""
         value, rate, acceleration = self.leader(x)

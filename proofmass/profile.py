@@ -1,22 +1,26 @@
-"""Sampled profiles: the motion of a drive from the rows of a file, as other programs impose it.
+"""Sampled profiles: the motion of a drive, or a control, from rows, as other programs impose it.
 
-A file has the value of a drive or its rate at rising times.  Both are made a piecewise polynomial
-p(t), of which the derivatives and the integral are exact:
+A file, or a table in the sidecar, has the value of a drive or its rate at rising times.  Both are
+made a piecewise polynomial p(t), of which the derivatives and the integral are exact:
 
     value, spline    q = p, cubic, q'' continuous          q' = p'     q'' = p''
+    value, linear    q = p, straight between rows          of a control alone
     rate, spline     q' = p, cubic, q''' continuous        q = from + integral of p, quartic
     rate, linear     q' = p, straight between rows         q quadratic, q'' a stair
 """
 
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import ProfileTable
-from proofmass.drive import State
+from proofmass.drive import State, formula, lines_of, quintic, table_times
 from proofmass.errors import InputError
 from proofmass.recorded import (
     ENOUGH,
@@ -44,9 +48,9 @@ class SampledLaw:
     pieces : ndarray (degree + 1, m - 1)
         Coefficients of the value, that of the highest power first [SI].
     file : str
-        Name of the file that it is of.
+        Name of the file that it is of, or what stands for it.
     words : str
-        How it was made of the file's rows, and how closely it is known between them.
+        How it was made of the rows, and how closely it is known between them.
     """
 
     times: Array
@@ -73,6 +77,30 @@ class SampledLaw:
             factors = factors * (powers - order)
         return found[0], found[1], found[2]
 
+    def scalar(self) -> Callable[[float], float]:
+        """The value alone, as a function of one time [s].
+
+        >>> law = SampledLaw(np.array([0.0, 1.0, 3.0]), np.array([[2.0, -1.0], [0.0, 2.0]]), "", "")
+        >>> [law.scalar()(t) for t in (0.5, 1.0, 2.0)], law(np.array([0.5, 1.0, 2.0]))[0].tolist()
+        ([1.0, 2.0, 1.0], [1.0, 2.0, 1.0])
+        """
+        times, pieces = self.times.tolist(), self.pieces.T.tolist()
+        last = len(pieces) - 1
+
+        def value(time: float) -> float:
+            k = min(max(bisect_right(times, time) - 1, 0), last)
+            found, s = 0.0, time - times[k]
+            for row in pieces[k]:
+                found = found * s + row
+            return found
+
+        return value
+
+    @property
+    def breaks(self) -> Array:
+        """Times at which a derivative of the value jumps [s]."""
+        return self.times
+
     def covers(self, x: Array) -> bool:
         """Whether samples lie within the rows."""
         near = TIGHT * float(np.median(np.diff(self.times)))
@@ -82,7 +110,7 @@ class SampledLaw:
 def law_of_profile(
     folder: Path, profile: ProfileTable, start: float, unit: str, *others: str
 ) -> SampledLaw:
-    """The law of a drive, or of the control of a load, that follows a file.
+    """The law of a drive, or of the control of a load, that follows rows.
 
     Parameters
     ----------
@@ -101,13 +129,36 @@ def law_of_profile(
     ValueError
         A column is not there, or measures something else; names it.
     """
+    if profile.file is None:
+        return law_of_table(profile, start, unit)
     file = folder / profile.file
     changed = file.stat().st_mtime_ns if file.is_file() else 0
     return law_once(file, changed, profile, start, unit, *others)
 
 
+def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
+    """The law of a profile whose rows stand in the sidecar.
+
+    Raises
+    ------
+    ValueError
+        A spline has too few rows.
+    """
+    kind, column = profile.given
+    times, values = (np.array(rows, float) for rows in (profile.time, column))
+    if profile.interpolation == "spline" and times.size < FEWEST:
+        raise ValueError(
+            f"{times.size} rows; a spline needs {FEWEST}: give more, or interpolation = 'linear'"
+        )
+    si = unit if kind == "value" else f"{unit}/s"
+    pieces, words = made(times, values, profile, start, si)
+    return SampledLaw(times, pieces, "the table", f"{profile.words}, {words}")
+
+
 def last_time(folder: Path, profile: ProfileTable) -> float:
-    """The last time of a file that a drive follows [s]; InputError and ValueError as above."""
+    """The last time of rows that a drive follows [s]; InputError and ValueError as above."""
+    if profile.file is None:
+        return float(cast(tuple[float, ...], profile.time)[-1])
     table = read_table(folder / profile.file)
     return float(table.rising(clock_of(table, profile))[-1])
 
@@ -115,6 +166,7 @@ def last_time(folder: Path, profile: ProfileTable) -> float:
 def clock_of(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
     """The column of times; ValueError if it is none."""
     clock = profile.time or RecordedColumn(column=next(iter(table.units)))
+    assert isinstance(clock, RecordedColumn)
     table.require(clock, "s")
     return clock
 
@@ -126,13 +178,15 @@ def law_once(
     """`law_of_profile`, for a file as it was at the time `changed`."""
     table = read_table(file)
     kind, column = profile.given
+    assert isinstance(column, RecordedColumn)
     si = unit if kind == "value" else f"{unit}/s"
     clock = clock_of(table, profile)
     table.require(column, si, *others)
     times, values = table.rising(clock), table.curve(column)
     if profile.interpolation == "spline" and times.size < FEWEST:
         raise InputError(file, "", f"{times.size} rows; a spline needs {FEWEST}")
-    if (k := jump_in(times, values)) is not None:
+    straight = kind == "value" and profile.interpolation == "linear"  # a control may be steep
+    if not straight and (k := jump_in(times, values)) is not None:
         raise InputError(
             file,
             table.line(k + 1),
@@ -184,6 +238,10 @@ def made(
 ) -> tuple[Array, str]:
     """The pieces of the value, and how they were made."""
     kind, _ = profile.given
+    if profile.interpolation == "linear" and kind == "value":
+        return np.array([np.diff(values) / np.diff(times), values[:-1]]), (
+            "straight from row to row"
+        )
     if profile.interpolation == "linear":
         steps = np.diff(times)
         slopes = np.diff(values) / steps
@@ -205,3 +263,72 @@ def made(
     whole = np.array(spline.antiderivative().c)
     whole[-1] += start
     return whole, f"a cubic spline, integrated exactly{known}"
+
+
+CONTROLS = '''\
+def controls(t):
+    """Controls (loads, n) of the actuators whose controls change, at times (n,) [s]."""
+    return np.array([
+{rows}    ])'''
+PIECEWISE = '''\
+def piecewise(t, times, pieces):
+    """Polynomials of the time since the last of some times, the highest power first."""
+    k = np.clip(np.searchsorted(times, t, "right") - 1, 0, len(times) - 2)
+    s, found = t - np.array(times)[k], 0.0
+    for row in pieces:
+        found = found * s + np.array(row)[k]
+    return found
+
+
+'''
+
+
+def controls_source(laws: Sequence[object], x: Array) -> str:
+    """Source of ``controls(t)``: controls (loads, n) of loads that change, at times (n,).
+
+    It uses ``np``, NumPy.  Rows are joined as the law has it, by straight lines or by polynomials;
+    another law that is no formula is written as a table, see `proofmass.drive.motion_source`.
+
+    Parameters
+    ----------
+    laws : sequence of callable
+        See `proofmass.sim.protocol.ChangingLoad`.
+    x : ndarray (n,)
+        Times of the samples [s].
+
+    Examples
+    --------
+    >>> from proofmass.drive import InProportion, Steady
+    >>> print(controls_source([InProportion(Steady(0.0, 2.0, True), 0.0, 0.5, 1.0)], np.zeros(2)))
+    def controls(t):
+        \"\"\"Controls (loads, n) of the actuators whose controls change, at times (n,) [s].\"\"\"
+        return np.array([
+            1.0 + 0.5 * (0.0 + 2.0 * t - 0.0),
+        ])
+    """
+    if not laws:
+        return ""
+    rows = [control_source(law, x) for law in laws]
+    text = CONTROLS.format(rows="".join(f"        {row},\n" for row in rows))
+    return (PIECEWISE if any(row.startswith("piecewise(") for row in rows) else "") + text
+
+
+def control_source(law: object, x: Array) -> str:
+    """A law as Python of times t."""
+    if found := formula(law):
+        return found[0]
+    if isinstance(law, SampledLaw):
+        times, pieces = law.times, law.pieces
+    else:
+        times = table_times([law], x)
+        value, rate, bend = np.broadcast_arrays(*law(times))  # type: ignore[operator]
+        pieces = quintic(times, value, rate, bend).c
+    if len(pieces) == 2:
+        last = law(times[-1:])[0]  # type: ignore[operator]
+        return f"np.interp(t, {indented(times)}, {indented(np.append(pieces[1], last))})"
+    return f"piecewise(t, {indented(times)}, [{', '.join(map(indented, pieces))}])"
+
+
+def indented(values: Array) -> str:
+    """Numbers as a list in lines that can be read."""
+    return lines_of(values).replace("\n", "\n        ")

@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import pickle
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,7 +28,16 @@ from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.contents import channel_names, joints
 from proofmass.sim.mjcf import NATIVE, compile_model
-from proofmass.sim.protocol import BadModel, BadRod, Curves, NotSolved, Run, Unsupported
+from proofmass.sim.protocol import (
+    BadModel,
+    BadRod,
+    ChangingLoad,
+    Curves,
+    Drive,
+    NotSolved,
+    Run,
+    Unsupported,
+)
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.strict import Kind
 from proofmass.units import same_quantity, si_unit
@@ -35,8 +45,8 @@ from proofmass.units import same_quantity, si_unit
 DriveLaw = InProportion | FunctionLaw | SampledLaw | Samples | Steady | Swing
 DRIVE, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of what laws ask of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
-CONTROLS = "1", "N", "N m"
-"""What the control of a motor may be measured in."""
+CONTROLS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
+"""What the control of a motor or of a servo may be measured in."""
 KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
@@ -187,15 +197,21 @@ def load_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
     return tuple(load_law(case, kind, k) for k in range(len(case.load)))
 
 
+def control_laws(case: Case, kind: Kind) -> dict[str, DriveLaw]:
+    """The same by the names of the actuators."""
+    names = (load.actuator for load in case.load)
+    return dict(zip(names, load_laws(case, kind), strict=True))
+
+
 def load_law(case: Case, kind: Kind, k: int) -> DriveLaw:
     """The law of the control of load number k."""
-    load, leader = case.load[k], case.drive[0]
+    load = case.load[k]
     if load.profile is not None:
         try:
             return law_of_profile(case.file.parent, load.profile, 0.0, *CONTROLS)
         except ValueError as error:
             raise InputError(case.file, case.load_key(k, "profile"), str(error)) from None
-    way = float(load.to or 0.0) - load.start
+    way, leader = float(load.to or 0.0) - load.start, case.drive[0]
     if leader.to is not None:
         ratio = way / (leader.to - leader.start)
         return InProportion(law(case, kind, 0), leader.start, ratio, load.start)
@@ -355,9 +371,9 @@ def call(
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
     One that asks for ``inertia`` is told whether moments and forces are those of a motion, one that
     asks for ``only`` which of its quantities are used, None for all, one that asks for ``in_time``
-    is given the laws of the drives of a motion in time, one that asks for
-    ``terms`` is given those of the equations of motion as MuJoCo computes them, and one that asks
-    for ``closely`` the sensors of the model's own motion, see `solve_closely`.
+    is given the laws of the drives of a motion in time, ``control_laws`` those of its loads, one
+    that asks for ``terms`` is given those of the equations of motion as MuJoCo computes them, and
+    one that asks for ``closely`` the sensors of the model's own motion, see `solve_closely`.
     """
     known = [
         p.name
@@ -371,11 +387,11 @@ def call(
         "inertia": lambda: case.has_inertia(kind),
         "only": lambda: only,
         "terms": lambda: smooth_terms(compiled(case), case.start),
-        "closely": lambda: partial(solve_closely, case),
+        "closely": lambda: partial(solve_closely, case, kind),
         "controls": lambda: {
-            load.actuator: law(np.asarray(x, float))[0]
-            for load, law in zip(case.load, load_laws(case, kind), strict=True)
+            name: law(np.asarray(x, float))[0] for name, law in control_laws(case, kind).items()
         },
+        "control_laws": lambda: control_laws(case, kind) if kind == "dynamics" else {},
         "load_rates": dict,
         "in_time": lambda: (
             (np.asarray(x, float), laws(case, kind)) if kind == "dynamics" and case.drive else None
@@ -425,7 +441,14 @@ def under_loads(
     may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
     found, rates = dict(parameters), dict[str, Array]()
     for k, (load, law) in enumerate(zip(case.load, load_laws(case, kind), strict=True)):
-        if not load.scales and "controls" not in takes:
+        reads = "controls" in takes or "closely" in takes
+        if not may and not reads:
+            raise InputError(
+                case.file,
+                case.load_key(k),
+                f"the reference {case.reference!r} covers no load that changes",
+            )
+        if not load.scales and not reads:
             raise InputError(
                 case.file,
                 case.load_key(k, "scales"),
@@ -445,16 +468,18 @@ def under_loads(
     return found, rates
 
 
-def solve_closely(case: Case, x: Array) -> dict[str, Array]:
-    """All sensors of a model that moves by itself, solved without time steps, at times x [s].
+def solve_closely(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
+    """All sensors of a model, solved without time steps, at times x [s].
 
     Raises
     ------
     NotCovered
         The motion is not known until the end.
     """
-    if case.drive or case.rod:
-        raise NotCovered("drives and rods; the model must move by itself")
+    if case.rod:
+        raise NotCovered("rods")
+    if kind != "dynamics":
+        raise NotCovered(f"a run of {kind}; it is a motion in time")
     if x.size < 2:
         raise NotCovered("a single moment; give a run of some length")
     return known_closely(case, x)[0]
@@ -463,21 +488,29 @@ def solve_closely(case: Case, x: Array) -> dict[str, Array]:
 def known_closely(case: Case, x: Array) -> tuple[dict[str, Array], str]:
     """All sensors at times x [s], and what shows that the motion is known."""
     file = case.model_path
-    return closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes())
+    led = zip(case.drive, laws(case, "dynamics"), strict=True)
+    drives = tuple(Drive(drive.joint, law) for drive, law in led)
+    loads = tuple(ChangingLoad(*one) for one in control_laws(case, "dynamics").items())
+    inputs = pickle.dumps((drives, loads))
+    return closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes(), inputs)
 
 
 @lru_cache(8)
-def closely_once(file: Path, changed: int, start: str, x: bytes) -> tuple[dict[str, Array], str]:
-    """`known_closely`, once for a file, a key and times as bytes."""
+def closely_once(
+    file: Path, changed: int, start: str, x: bytes, inputs: bytes
+) -> tuple[dict[str, Array], str]:
+    """`known_closely`, once for a file, a key, and times, drives and loads as bytes."""
     engine, times = engine_of(NATIVE), np.frombuffer(x)
-    motion = engine.own_motion(file, float(times[-1]), times.size, PROCESSOR, start)
+    drives, loads = pickle.loads(inputs)
+    end = float(times[-1])
+    motion = engine.own_motion(file, end, times.size, PROCESSOR, start, drives, loads)
     if lost := why_lost(motion):
         raise NotCovered(f"the model itself is lost: {lost}")
     rung = Rung(motion)
     if not rung.sure:
         raise NotCovered(f"its motion is not known until {times[-1]:.3g} s: {rung.words()}")
     names = channel_names(compile_once(file, changed, ()), start).values()
-    run = Run("dynamics", times, tuple(chain(*names)), start=start)
+    run = Run("dynamics", times, tuple(chain(*names)), drives, start, loads=loads)
     try:
         return engine.solve_closely(file, run).channels, rung.words()
     except (Unsupported, NotSolved) as error:
@@ -503,6 +536,8 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
             "joints": tuple(drive.joint for drive in case.drive),
             "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
         }
+        if "control_laws" in asked and kind == "dynamics":
+            own["control_laws"] = control_laws(case, kind)
     if "terms" in asked:
         own["terms"] = smooth_terms(own["model"], case.start)
     try:

@@ -17,6 +17,7 @@ from proofmass.case import Case, ProfileTable, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
+from proofmass.recorded import RecordedColumn
 from proofmass.reference import compiled, knows_inertia, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.protocol import AccuracyLimit
@@ -343,7 +344,16 @@ def in_line(value: Any) -> Any:
     return [in_line(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-TYPES = ("int", "float", "str", "tuple", "tuple[float, ...]", ProfileTable.__name__)
+TYPES = (
+    "int",
+    "float",
+    "str",
+    "tuple",
+    "tuple[float, ...]",
+    "rows",
+    ProfileTable.__name__,
+    RecordedColumn.__name__,
+)
 """What pydantic adds to where an error is."""
 
 

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from proofmass.analytic.controls import breaks_of
 from proofmass.case import Case
 from proofmass.drive import check_driven
 from proofmass.engines import NoEngine, computes, engine_names, engine_of
 from proofmass.errors import InputError, in_model, suggest
 from proofmass.profile import SampledLaw
 from proofmass.reference import compiled, grid, laws, load_laws
-from proofmass.sim.contents import joint_of, joints, rubs, runs_as_motor
+from proofmass.sim.contents import joint_of, joints, rubs, runs_as_motor, takes_control
 from proofmass.sim.protocol import (
     BY_CHANNEL,
     BY_JOINT,
@@ -199,10 +200,19 @@ def check_drives(case: Case, run: Run) -> None:
 
 
 def check_loads(case: Case, run: Run) -> None:
-    """Raise `InputError` if a load that changes is no motor's, or leaves the motor's range."""
+    """Raise `InputError` if a load that changes is no motor's, or leaves the motor's range.
+
+    In time it may be that of a servo as well.
+    """
     if not run.loads:
         return
-    model, controls = compiled(case), run.controls(run.x)[0]
+    model, x, fits = compiled(case), run.x, runs_as_motor
+    if run.kind == "dynamics":
+        fits = takes_control
+        x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
+        rows = np.array(breaks_of(load.law for load in run.loads))
+        x = np.union1d(x, rows[(rows >= x[0]) & (rows <= x[-1])])
+    controls = run.controls(x)[0]
     names = [model.actuator(a).name for a in range(model.nactuator)]
     for k, (load, control) in enumerate(zip(run.loads, controls, strict=True)):
         if load.actuator not in names:
@@ -219,14 +229,15 @@ def check_loads(case: Case, run: Run) -> None:
                 case.load_key(k, "actuator"),
                 f"{load.actuator!r} acts on joint {model.joint(joint).name!r}, which is driven",
             )
-        if why := runs_as_motor(model, a):
+        if why := fits(model, a):
             raise InputError(case.file, case.load_key(k, "actuator"), f"{load.actuator!r} {why}")
         if isinstance(load.law, SampledLaw) and not load.law.covers(run.x):
             raise InputError(
                 case.file,
                 case.load_key(k, "profile"),
                 f"{load.law.file} goes from {load.law.times[0]:.6g} to {load.law.times[-1]:.6g} s, "
-                f"the run from {run.x[0]:.6g} to {run.x[-1]:.6g} s",
+                f"the run from {run.x[0]:.6g} to {run.x[-1]:.6g} s; nothing is extrapolated: give "
+                "more rows, or an until within them",
             )
         low, high = model.actuator_ctrlrange[a] if model.actuator_ctrllimited[a] else (-MOST, MOST)
         beyond = ~((control >= low) & (control <= high))
@@ -235,7 +246,7 @@ def check_loads(case: Case, run: Run) -> None:
                 case.file,
                 case.load_key(k),
                 f"the control of {load.actuator!r} is {control[beyond.argmax()]:.6g} at x = "
-                f"{run.x[beyond.argmax()]:.6g}; it must lie within {low:.6g} to {high:.6g}",
+                f"{x[beyond.argmax()]:.6g}; it must lie within {low:.6g} to {high:.6g}",
             )
 
 

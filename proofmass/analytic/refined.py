@@ -1,4 +1,4 @@
-"""The model's own equations, solved closely: the reference of any MJCF that moves by itself.
+"""The model's own equations, solved closely: the reference of the motion of any MJCF.
 
     sidecar:  reference = "refined"
 
@@ -6,9 +6,14 @@ The quantities are the model's own sensors, by their channel names.  The equatio
 MuJoCo, with soft contacts, soft loops, friction and limits as the file has them: the reference
 holds an engine's *time stepping* to account, and nothing else.  A wrong length is wrong in both,
 and a contact that is too soft is too soft in both.
+
+Joints may be driven.  A prescribed motion is the limit of ever heavier flywheels on the driven
+joints, with the torques that give these the accelerations of the laws; the equations here have the
+flywheels of the engine's runs, 1e9 times what a drive feels at the start, and are off by a share of
+1e-9, as much as the integrator is allowed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,19 +31,22 @@ def solve(
     *,
     model: Any,
     closely: Callable[[Array], dict[str, Array]],
+    in_time: tuple[Array, Sequence[Any]] | None = None,
 ) -> dict[str, Array]:
-    """Motion of a model by itself, from its start key, with the controls of that key.
+    """Motion of a model from its start key, by itself or with drives and controls that change.
 
     Parameters
     ----------
     times : array_like (n,)
-        Rising, from 0 [s].
+        Rising, from 0 [s]; of a driven model, what the drives did [SI], which is not used.
     rate, acceleration : array_like
-        Of drives, which this reference does not have [1].
+        Of drives, which are where their laws have them [SI].
     model : mujoco.MjModel
         The compiled MJCF, whose numbers are read.
     closely : callable
         Gives all sensors at some times (n,) [s]; see `proofmass.reference.solve_closely`.
+    in_time : tuple of ndarray (n,) and sequence of callable, optional
+        Of a driven model the times [s], and the laws of its drives.
 
     Returns
     -------
@@ -60,7 +68,7 @@ def solve(
     >>> solve([0.0, 1.0], model=None, closely=lambda t: {"fall": -9.81 * t**2 / 2})["fall"]
     array([-0.   , -4.905])
     """
-    return closely(np.atleast_1d(np.asarray(times, float)))
+    return closely(np.atleast_1d(np.asarray(in_time[0] if in_time else times, float)))
 
 
 def facts(*, evidence: str, **_: float) -> dict[str, str]:

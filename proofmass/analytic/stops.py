@@ -129,8 +129,8 @@ class Stopped(Protocol):
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
         """A pose and its rates with the accelerations there."""
 
-    def balance(self, q: Array, v: Array, a: Array) -> Balance:
-        """What holds the mechanism in a state, and what that must do."""
+    def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
+        """What holds the mechanism in a state at a time, and what that must do."""
 
 
 @dataclass
@@ -226,13 +226,13 @@ def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> Stopped
     for _ in range(MOST):
         held, v = meet(system, found, fastest, held, event, t, q, v)
         if len(found.states) < times.size and times[len(found.states)] <= t:
-            keep(system, found, held, [system.state(held, t, q, v)])
+            keep(system, found, held, [t], [system.state(held, t, q, v)])
         event = None
         for step in system.steps(held, t, q, v, end):
             event = first_event(system, held, step)
             left = times[len(found.states) :]
             inside = left[left <= step.end] if event is None else left[left < event.time]
-            keep(system, found, held, [step.at(time) for time in inside.tolist()])
+            keep(system, found, held, inside.tolist(), list(map(step.at, inside.tolist())))
             if event is not None:
                 break
         if event is None:
@@ -245,22 +245,26 @@ def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> Stopped
 
 
 def keep(
-    system: Stopped, found: StoppedMotion, held: tuple[Stop, ...], states: Sequence[State]
+    system: Stopped,
+    found: StoppedMotion,
+    held: tuple[Stop, ...],
+    times: Sequence[float],
+    states: Sequence[State],
 ) -> None:
-    """Record states, and what stops do in them."""
+    """Record states at times, and what stops do in them."""
     found.states += states
-    for q, v, a in states:
+    for t, (q, v, a) in zip(times, states, strict=True):
         own = np.zeros_like(v)
         if held:
-            forces = pushes(system, held, (q, v, a))
+            forces = pushes(system, held, t, (q, v, a))
             for stop, force in zip(held, forces, strict=True):
                 own[stop.rate] -= stop.side * force
         found.forces.append(own)
 
 
-def pushes(system: Stopped, held: tuple[Stop, ...], state: State) -> Array:
+def pushes(system: Stopped, held: tuple[Stop, ...], t: float, state: State) -> Array:
     """Forces of stops into the ranges [N m or N]; negative where one would pull."""
-    balance = system.balance(*state)
+    balance = system.balance(t, *state)
     rows = np.vstack([balance.rows, unit_rows(held, balance.needed.size)])
     solved = np.linalg.lstsq(rows.T, balance.needed, rcond=1e-12)[0]
     sides = np.array([stop.side for stop in held])
@@ -295,7 +299,7 @@ def meet(
             fastest[stop] = max(fastest.get(stop, 0.0), -stop.opening(v))
             found.impacts.append((t, stop.joint))
         while True:
-            after, still = struck(system, q, v, held, hit, back)
+            after, still = struck(system, t, q, v, held, hit, back)
             flat = too_flat(hit, system.state(still, t, q, after), back)
             if not flat:
                 break
@@ -303,7 +307,7 @@ def meet(
         v, held = after, still
     resting = [s for s in near if abs(s.opening(v)) <= STILL * fastest.get(s, 1.0)]
     while resting:
-        force = pushes(system, tuple(resting), system.state(tuple(resting), t, q, v))
+        force = pushes(system, tuple(resting), t, system.state(tuple(resting), t, q, v))
         if force.min() >= 0.0:
             break
         resting.pop(int(np.argmin(force)))
@@ -322,6 +326,7 @@ def too_flat(hit: Sequence[Stop], state: State, back: Sequence[float]) -> list[i
 
 def struck(
     system: Stopped,
+    t: float,
     q: Array,
     v: Array,
     held: tuple[Stop, ...],
@@ -329,7 +334,7 @@ def struck(
     back: Sequence[float],
 ) -> tuple[Array, tuple[Stop, ...]]:
     """Rates after impacts on stops, thrown back by given ones, and what still rests on stops."""
-    balance = system.balance(q, v, np.zeros_like(v))
+    balance = system.balance(t, q, v, np.zeros_like(v))
     others, mass = balance.rows, balance.mass
     most = np.abs(mass).max()
     while True:
@@ -394,10 +399,10 @@ def released(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | Non
     from scipy.optimize import brentq  # slow to load
 
     def push(k: int) -> Callable[[float], float]:
-        return lambda time: float(pushes(system, held, step.at(time))[k])
+        return lambda time: float(pushes(system, held, time, step.at(time))[k])
 
     found = []
-    begin, end = (pushes(system, held, step.at(time)) for time in (step.start, step.end))
+    begin, end = (pushes(system, held, t, step.at(t)) for t in (step.start, step.end))
     for k in np.flatnonzero(end < 0.0).tolist():
         root = brentq(push(k), step.start, step.end, xtol=1e-15) if begin[k] > 0 else step.start
         found.append(Event(float(root), held[k]))

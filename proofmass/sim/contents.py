@@ -277,6 +277,18 @@ def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
     return ""
 
 
+def takes_control(model: mujoco.MjModel, actuator: int) -> str:
+    """Why the force of an actuator is not linear in its control; empty if it is, within a range."""
+    affine = mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE
+    if (
+        model.actuator_gaintype[actuator] != mujoco.mjtGain.mjGAIN_FIXED
+        or mujoco.mjtBias(int(model.actuator_biastype[actuator])) not in affine
+        or model.actuator_dyntype[actuator] != mujoco.mjtDyn.mjDYN_NONE
+    ):
+        return "is no motor and no servo: its force is not linear in its control"
+    return "is disabled in the model" if is_off(model, actuator) else ""
+
+
 def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
     """Gear (6,) of an actuator; that of one with several outputs is its first output's."""
     return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])

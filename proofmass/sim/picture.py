@@ -7,7 +7,7 @@ where a geom does not reach these.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -476,12 +476,14 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
     model.opt.timestep = step = common_step(run.x, model.opt.timestep)
     shown = np.bincount(np.rint((run.x - begin) / step).astype(int))  # samples at each step
     times = begin + step * np.arange(len(shown), dtype=float)
+    change = changes_of_controls(model, data, run)
     for k, torque in enumerate((*start(linkage, run, times)[0], None)):
         for _ in range(shown[k]):
             mujoco.mj_kinematics(model, data)
             yield False
         if torque is not None:
             data.qfrc_applied[linkage.dofs] = torque
+            change(times[k] + 0.5 * step)
             mujoco.mj_step(model, data)
         if time.monotonic() >= late or not np.isfinite(data.qpos).all():
             raise Unsupported("the motion was not followed to its end")
@@ -503,10 +505,26 @@ def common_step(x: Array, longest: float) -> float:
 def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Let the model move freely from time to time."""
     late, data.time = time.monotonic() + SECONDS, run.x[0]
+    change, half = changes_of_controls(model, data, run), 0.5 * model.opt.timestep
     for moment in run.x:
-        while data.time < moment - 0.5 * model.opt.timestep and time.monotonic() < late:
+        while data.time < moment - half and time.monotonic() < late:
+            change(data.time + half)
             mujoco.mj_step(model, data)
         if time.monotonic() >= late or not np.isfinite(data.qpos).all():
             raise Unsupported("the free motion was not followed to its end")
         mujoco.mj_kinematics(model, data)
         yield False
+
+
+def changes_of_controls(
+    model: mujoco.MjModel, data: mujoco.MjData, run: Run
+) -> Callable[[float], None]:
+    """What sets the controls of the loads of a run to those of a time [s] within it."""
+    places = [model.actuator_ctrladr[model.actuator(one.actuator).id] for one in run.loads]
+    last = float(run.x[-1])
+
+    def change(moment: float) -> None:
+        if places:
+            data.ctrl[places] = run.controls(np.array([min(moment, last)]))[0][:, 0]
+
+    return change

@@ -162,15 +162,16 @@ class Drive:
 
 @dataclass(frozen=True)
 class ChangingLoad:
-    """A motor whose control changes along a sweep.
+    """An actuator whose control changes along a run.
 
     Attributes
     ----------
     actuator : str
-        Name of the motor in the MJCF, of a joint that is not driven or of a site.
+        Name in the MJCF, of a joint that is not driven, of a site or of a tendon; in a sweep that
+        of a motor.
     law : callable
-        ``law(x) -> (value, rate, acceleration)`` of its control, see `Drive`; its force is that
-        times its gear and its gain.
+        ``law(x) -> (value, rate, acceleration)`` of its control, see `Drive`; the force of a motor
+        is that times its gear and its gain.
     """
 
     actuator: str
@@ -270,8 +271,8 @@ class Run:
         Whether moments and forces of a sweep are those at the rates and accelerations of its
         drives, and not those at rest; those of dynamics are always.
     loads : tuple of ChangingLoad
-        Motors of a sweep whose controls are not those of the key; an engine that cannot change
-        them says so.
+        Actuators whose controls are not those of the key; an engine that cannot change them says
+        so.
     """
 
     kind: str
@@ -521,6 +522,8 @@ class Studied:
         Whether the reference is asked at the state that the drives really had.
     jolted : callable
         Tells whether the motion starts under gravity or in motion.
+    controlled : bool
+        Whether controls of actuators change in time.
     """
 
     model: "MjModel"
@@ -529,6 +532,7 @@ class Studied:
     driven: bool
     held_to_drive: bool
     jolted: Callable[[], bool]
+    controlled: bool = False
 
     @property
     def own_step(self) -> float:
@@ -753,11 +757,19 @@ class Engine:
         raise NotImplementedError
 
     def own_motion(
-        self, model: Path, until: float, samples: int, seconds: float, start: str = "start"
+        self,
+        model: Path,
+        until: float,
+        samples: int,
+        seconds: float,
+        start: str = "start",
+        drives: tuple[Drive, ...] = (),
+        loads: tuple[ChangingLoad, ...] = (),
     ) -> OwnMotion:
         """Solve the motion of a model by itself in several ways, from its key `start` or its first.
 
         For about so long [s], with so many samples, in about so many `seconds` of processor time.
+        With `drives` and `loads` it is the motion that these prescribe.
 
         Raises
         ------
@@ -766,7 +778,7 @@ class Engine:
         raise Unsupported(f"{self.title} solves no model's own equations in several ways")
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
-        """Do a free motion without time steps, as closely as can be.
+        """Do a motion without time steps, as closely as can be.
 
         Raises
         ------
@@ -850,8 +862,19 @@ class Engine:
         """
         return None
 
-    def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
+    def write_program(
+        self,
+        model: Path,
+        run: Run,
+        motion: str,
+        head: str,
+        drive: Imposed,
+        controls: str = "",
+    ) -> str:
         """A dynamics run as a program that needs the engine only.
+
+        `controls` is the source of ``controls(t)``, those of the run's loads, and given if there
+        are any.
 
         Raises
         ------

@@ -43,6 +43,7 @@ class SmoothTerms:
         self.data = mujoco.MjData(self.model)
         if self.model.nkey:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key(start).id)
+        self.ctrl = self.data.ctrl.copy()
         self.order, self.ties = self.rows()
         self.bent = [tie for tie in self.ties if self.bends(tie[0])]
         self.straight = [row for e, row in self.ties if not self.bends(e)]
@@ -60,9 +61,10 @@ class SmoothTerms:
                 ties.append((e, own[0]))
         return np.array([*loops, *(row for _, row in ties)], np.intp), ties
 
-    def place(self, q: Array, v: Array) -> None:
+    def place(self, q: Array, v: Array, ctrl: Array | None = None) -> None:
         """Compute everything up to the forces of actuators."""
         self.data.qpos[:], self.data.qvel[:] = q, v
+        self.data.ctrl[:] = self.ctrl if ctrl is None else ctrl
         mujoco.mj_fwdPosition(self.model, self.data)
         mujoco.mj_fwdVelocity(self.model, self.data)
         mujoco.mj_fwdActuation(self.model, self.data)
@@ -77,15 +79,15 @@ class SmoothTerms:
         """Jacobian of the equalities at the pose that was placed (rows, rates) [SI]."""
         return np.asarray(self.data.efc_J.reshape(self.data.nefc, self.model.nv)[self.order])
 
-    def acceleration(self, q: Array, v: Array) -> Array:
+    def acceleration(self, q: Array, v: Array, ctrl: Array | None = None) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
-        self.place(q, v)
+        self.place(q, v, ctrl)
         mujoco.mj_fwdAcceleration(self.model, self.data)
         return self.data.qacc_smooth.copy()
 
-    def terms(self, q: Array, v: Array) -> Terms:
-        """All terms at a pose (poses,) with rates (rates,)."""
-        self.place(q, v)
+    def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
+        """All terms at a pose (poses,) with rates (rates,), and controls other than the key's."""
+        self.place(q, v, ctrl)
         model, data = self.model, self.data
         mass = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, mass)

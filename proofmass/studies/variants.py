@@ -11,7 +11,7 @@ are the same.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, LoadTable
 from proofmass.files import read_bytes, write_whole
-from proofmass.recorded import decoded
+from proofmass.recorded import RecordedColumn, decoded
 from proofmass.reference import compiled, evaluate, grid, laws
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.protocol import Curves
@@ -48,7 +48,9 @@ def self_referenced(case: Case) -> Case:
         else channel.model_copy(update={"equals": name, "scale": 1.0, "shift": 0.0})
         for name, channel in case.channels.items()
     }
-    return case.model_copy(update={"reference": READS, "parameters": {}, "channels": channels})
+    bare = tuple(load.model_copy(update={"scales": ()}) for load in case.load)
+    changed = {"reference": READS, "parameters": {}, "channels": channels, "load": bare}
+    return case.model_copy(update=changed)
 
 
 def movable(case: Case) -> bool:
@@ -178,13 +180,18 @@ def with_loads(case: Case, factor: Callable[[str], float]) -> Case:
         if load.to is not None:
             changed = {"start": by * load.start, "to": by * load.to}
         if load.profile is not None and load.profile.value is not None:
-            value = load.profile.value
-            larger = {"scale": by * value.scale, "shift": by * value.shift}
-            value = value.model_copy(update=larger)
+            value = times_column(load.profile.value, by)
             changed = {"profile": load.profile.model_copy(update={"value": value})}
         return load.model_copy(update=changed)
 
     return case.model_copy(update={"load": tuple(map(times, case.load))})
+
+
+def times_column(column: RecordedColumn | tuple[float, ...], by: float) -> Any:
+    """A column of a profile, all of whose values are so many times as large."""
+    if isinstance(column, tuple):
+        return tuple(by * value for value in column)
+    return column.model_copy(update={"scale": by * column.scale, "shift": by * column.shift})
 
 
 def larger(case: Case, folder: Path, factor: float) -> Case:
@@ -319,7 +326,9 @@ def with_duration(case: Case, seconds: float) -> Case:
 
 
 def may_go_on(case: Case) -> bool:
-    """Whether a motion may go on: free, to and fro, or in whole turns."""
+    """Whether a motion may go on: free, to and fro, or in whole turns; not with rows of a load."""
+    if any(load.profile for load in case.load):
+        return False
     if not case.drive or case.drive[0].period:
         return True
     leader = case.drive[0]

@@ -1,4 +1,7 @@
-"""Loads that change along a sweep: references, both engines, and bad input."""
+"""Loads that change along a sweep: references, both engines, and bad input.
+
+In time: `tests/sim/test_controls_in_time.py`.
+"""
 
 import importlib
 import inspect
@@ -17,7 +20,7 @@ from proofmass.check import check
 from proofmass.reference import evaluate, grid
 from proofmass.sidecar import as_toml, load_case
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.pymunk import quasi_static as pymunk_sweep
+from proofmass.sim.pymunk import loads as pymunk_loads
 from proofmass.solve import plan, prescribed_run, simulate
 from tests.shipped import shipped
 from tests.verdicts import verdicts
@@ -199,7 +202,7 @@ def test_a_wrong_gear_of_a_changing_load_is_found(four_bar):
 
 def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
     """Mutation: engines that keep the control of the key."""
-    monkeypatch.setattr(pymunk_sweep, "with_controls", lambda links, loads, controls: links)
+    monkeypatch.setattr(pymunk_loads, "with_controls", lambda links, loads, controls: links)
     set_up = Linkage.__init__
 
     def idle(self, model, data, joints, loads=()):
@@ -298,10 +301,10 @@ BAD = {
     ),
     "a length": ('"rocker_load"', '"rocker"', ["load.scales", "those that may: rocker_load"]),
     "no scales": ("scales = .*", "", ["load.scales", "missing", "rocker_load"]),
-    "dynamics": (
+    "equilibrium": (
         r"\[run.sweep\]",
-        "[run.dynamics]\nn = 11\n[run.sweep]",
-        ["run.dynamics", "for a sweep"],
+        "[run.equilibrium]\nn = 11\n[run.sweep]",
+        ["run.equilibrium", "nothing changes in an equilibrium"],
     ),
     "both": (
         "to = 6.0",

@@ -113,7 +113,8 @@ def test_the_planar_reference_keeps_a_motor_in_its_ranges(limits, tmp_path):
             written(tmp_path, "less", {"ctrl": ".1"}),
         )
     )
-    np.testing.assert_array_equal(one["b"], two["b"])
+    # a force with a range is not part of the joint's own load: another order of sums
+    np.testing.assert_allclose(one["b"], two["b"], rtol=0, atol=1e-13)
 
 
 def test_the_planar_reference_names_an_actuator_that_is_no_motor_on_a_joint(tmp_path):

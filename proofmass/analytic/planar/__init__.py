@@ -8,7 +8,7 @@ the drawing: a wrong length in the MJCF is wrong in both.
 """
 
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -16,9 +16,16 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.controls import (
+    ControlsInTime,
+    Law,
+    breaks_of,
+    controls_by_place,
+    with_controls,
+)
 from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
-from proofmass.analytic.planar.dynamics import Prescribed, free_motion
+from proofmass.analytic.planar.dynamics import UNDRIVEN, Prescribed, free_motion
 from proofmass.analytic.planar.forces import (
     Forces,
     kinetic,
@@ -79,10 +86,6 @@ REACH = SHARE * (1 + 1e-9)
 """Of the proven step: the next knot is `SHARE` of it ahead, but for rounding."""
 
 
-Law = Callable[[Array], tuple[Array, Array, Array]]
-"""Value, rate and acceleration of a drive as functions of time."""
-
-
 def solve(
     value: ArrayLike,
     rate: ArrayLike = 1.0,
@@ -94,6 +97,7 @@ def solve(
     inertia: bool = False,
     controls: Mapping[str, ArrayLike] | None = None,
     in_time: tuple[Array, Sequence[Law]] | None = None,
+    control_laws: Mapping[str, Law] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
 
@@ -130,11 +134,14 @@ def solve(
         Whether moments and forces are those at the rates and accelerations of the drives, and not
         those at rest; those of a free motion are always.
     controls : mapping of str to array_like (n,)
-        Of motors of joints that are not driven, along the path [1]; left out: those of the key.
+        Of actuators of joints that are not driven, at the samples [1]; left out: those of the key.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
         Times [s] of the samples, and of each drive its law: values, rates and accelerations as
         functions of time.  Asked where the drives leave degrees of freedom, whose motion depends on
         the whole way and not on the samples alone.
+    control_laws : mapping of str to callable, optional
+        Of actuators whose controls change in time, values, rates and accelerations as functions of
+        time.  Asked for a free motion, or one beside drives; `controls` follow from them.
 
     Returns
     -------
@@ -172,6 +179,7 @@ def solve(
     """
     mechanism, reader = _read(model, start)
     refuse_servos(model, joints)
+    refuse_changes(model, {**(controls or {}), **(control_laws or {})})
     own, stopped = dict[str, Array](), np.zeros(1)
     free = not joints or (in_time is not None and leaves_freedoms(mechanism, joints))
     if not free:
@@ -189,7 +197,8 @@ def solve(
             name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
         d = Drives.of(mechanism, joints)
-        moved = _moved(reader, mechanism, joints, value, in_time)
+        laws = in_time_of(model, mechanism, control_laws)
+        moved = _moved(reader, mechanism, joints, value, in_time, laws)
         q, v, a = moved.arrays()
         stopped = np.array(moved.forces)
     found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a))
@@ -197,8 +206,12 @@ def solve(
     rub = mechanism.frictions * senses(v.T, fastest).T
     if not free and not inertia:
         v = a = np.zeros_like(q)
-    more = pushes(reader, start, controls or {}, q.shape)
-    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub - stopped, more)
+    if control_laws and controls is None:
+        times = np.asarray(in_time[0] if in_time else value, float)
+        controls = {name: law(times)[0] for name, law in control_laws.items()}
+    given = controls_by_place(model, controls) if controls else {}
+    ctrl = with_controls(mechanism.ctrl, given) if given else None
+    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub - stopped, ctrl)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
 
@@ -213,8 +226,31 @@ def refuse_limits(m: Mechanism, q: Array) -> None:
             )
 
 
+def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
+    """Raise NotCovered if a control changes whose joint has a range of actuator forces."""
+    controls_by_place(model, named)  # ValueError if there is no such actuator
+    for name in named:
+        joint = int(model.actuator_trnid[model.actuator(name).id, 0])
+        if model.jnt_actfrclimited[joint]:
+            raise NotCovered(
+                f"the control of actuator {name!r} changes, and its joint "
+                f"{model.joint(joint).name!r} has a range of actuator forces"
+            )
+
+
+def in_time_of(model: Any, m: Mechanism, laws: Mapping[str, Law] | None) -> ControlsInTime | None:
+    """All controls of a model in time; None if they are those of the key."""
+    return ControlsInTime(m.ctrl, controls_by_place(model, laws)) if laws else None
+
+
 def facts(
-    *, model: Any, start: str, joints: tuple[str, ...], motion: Any, **_: float
+    *,
+    model: Any,
+    start: str,
+    joints: tuple[str, ...],
+    motion: Any,
+    control_laws: Mapping[str, Law] | None = None,
+    **_: float,
 ) -> dict[str, str]:
     """What happened at the stops of a mechanism that moves by itself, in words for a report.
 
@@ -223,7 +259,8 @@ def facts(
     if joints:
         return {}
     mechanism, reader = _read(model, start)
-    events = _moved(reader, mechanism, (), motion, None).events()
+    laws = in_time_of(model, mechanism, control_laws)
+    events = _moved(reader, mechanism, (), motion, None, laws).events()
     return {"stops": events} if events else {}
 
 
@@ -240,22 +277,7 @@ def prescribed(d: Drives, laws: Sequence[Law]) -> Prescribed:
         value, rate, acceleration = np.array(parts).T
         return value, rate, acceleration
 
-    return Prescribed(d.driven, law)
-
-
-def pushes(
-    reader: Reader, start: str, controls: Mapping[str, ArrayLike], shape: tuple[int, ...]
-) -> Array:
-    """What motors push joints with (n, joints) beside what the key asks of them [N m or N]."""
-    model, found = reader.model, np.zeros(shape)
-    names = [model.actuator(a).name for a in range(model.nactuator)]
-    ctrl = model.key(start).ctrl if model.nkey else np.zeros(model.nu)
-    for name, control in controls.items():
-        a = names.index(name)
-        more = np.asarray(control, float) - ctrl[model.actuator_ctrladr[a]]
-        unit = model.actuator_gainprm[a, 0] * model.actuator_gear[a, 0]
-        found[:, model.actuator_trnid[a, 0]] += unit * more
-    return found
+    return Prescribed(d.driven, law, breaks_of(laws))
 
 
 @lru_cache(maxsize=32)
@@ -308,12 +330,15 @@ def _moved(
     joints: tuple[str, ...],
     value: ArrayLike,
     in_time: tuple[Array, Sequence[Law]] | None,
+    controls: ControlsInTime | None = None,
 ) -> StoppedMotion:
     """A motion that is free, or free beside driven joints, between the stops of the joints."""
     stops = tuple(reader.stops(mechanism, joints))
-    if not joints or in_time is None:
+    if (not joints or in_time is None) and controls is None:
         return _free(mechanism, tuple(np.asarray(value, float).tolist()), stops)
-    return _beside(mechanism, joints, *in_time, stops)
+    if not joints or in_time is None:
+        joints, in_time = (), (np.asarray(value, float), ())
+    return _in_time(mechanism, joints, *in_time, stops, controls)
 
 
 @lru_cache(maxsize=32)
@@ -322,28 +347,29 @@ def _free(mechanism: Mechanism, times: tuple[float, ...], stops: tuple[Stop, ...
     return free_motion(mechanism, np.array(times), stops=stops)
 
 
-def _beside(
+def _in_time(
     mechanism: Mechanism,
     joints: tuple[str, ...],
     times: Array,
     laws: Sequence[Law],
     stops: tuple[Stop, ...],
+    controls: ControlsInTime | None,
 ) -> StoppedMotion:
-    """A motion beside driven joints: the same for all solvers, whatever their drives did."""
+    """A motion under laws: the same for all solvers, whatever their drives did."""
     try:
-        packed = pickle.dumps((times, laws))
+        packed = pickle.dumps((times, laws, controls))
     except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
-        return _integrated(mechanism, joints, times, laws, stops)
-    return _beside_once(mechanism, joints, packed, stops)
+        return _integrated(mechanism, joints, times, laws, stops, controls)
+    return _in_time_once(mechanism, joints, packed, stops)
 
 
 @lru_cache(maxsize=8)
-def _beside_once(
+def _in_time_once(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes, stops: tuple[Stop, ...]
 ) -> StoppedMotion:
-    """`_beside`, of times and laws as bytes."""
-    times, laws = pickle.loads(packed)
-    return _integrated(mechanism, joints, times, laws, stops)
+    """`_in_time`, of times and laws as bytes."""
+    times, laws, controls = pickle.loads(packed)
+    return _integrated(mechanism, joints, times, laws, stops, controls)
 
 
 def _integrated(
@@ -352,8 +378,10 @@ def _integrated(
     times: Array,
     laws: Sequence[Law],
     stops: tuple[Stop, ...],
+    controls: ControlsInTime | None,
 ) -> StoppedMotion:
-    return free_motion(mechanism, times, prescribed(Drives.of(mechanism, joints), laws), stops)
+    drives = prescribed(Drives.of(mechanism, joints), laws) if joints else UNDRIVEN
+    return free_motion(mechanism, times, drives, stops, controls)
 
 
 _read = lru_cache(maxsize=32)(read)
@@ -466,18 +494,18 @@ def forces(
     joint: tuple[Array, Array, Array],
     d: Drives,
     rub: Array,
-    more: Array,
+    ctrl: Array | None,
 ) -> dict[str, Array]:
     """Curves (n,) of the sensors of forces and moments, by channel name as in `quantities`."""
     sensors = {s: S(int(reader.model.sensor_type[s])) for s in range(reader.model.nsensor)}
     sensors = {s: kind for s, kind in sensors.items() if kind in MOTORS or kind in INTERACTIONS}
     if not sensors:
         return {}
-    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub - more)
+    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub, ctrl)
     for s, kind in sensors.items():
         name = reader.model.sensor(s).name
         if kind in MOTORS:
-            found[name] = of_motor(reader, s, solved.drives, d, motors(m, *joint[:2]) + more)
+            found[name] = of_motor(reader, s, solved.drives, d, motors(m, *joint[:2], ctrl))
         else:
             parts = interaction(reader, m, motion, s, solved)
             found |= {f"{name}.{part}": curve for part, curve in parts.items()}

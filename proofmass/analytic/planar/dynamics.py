@@ -10,14 +10,15 @@ changes whenever the motion has turned away from it:
 Joints whose motion is prescribed count as loops that change with time: q_d - law(t) = 0.  Joints
 that rest on a stop count as loops as well (`proofmass.analytic.stops`).
 
-No loop drifts: every evaluation closes them.  The integrator is DOP853 at 3e-14; what remains is
+No loop drifts: every evaluation closes them.  The integrator is DOP853 at 3e-14, begun anew where
+a law of a drive or of a control has a break (`proofmass.analytic.controls`); what remains is
 an error of about 1e-13 of the motion for each swing, measured on the pendulum's closed form and on
 the energy of a four-bar.
 
 F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equations, 1991.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -26,6 +27,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from proofmass.analytic.controls import ControlsInTime, smooth_pieces
 from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.planar.forces import applied, centres, inertial, mass
 from proofmass.analytic.planar.kinematics import (
@@ -62,10 +64,14 @@ TILT = 1.5
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Joints (drives,) whose values, rates and accelerations (drives,) are known at each time."""
+    """Joints (drives,) whose values, rates and accelerations (drives,) are known at each time.
+
+    A derivative of these jumps at the `breaks` [s].
+    """
 
     joints: Index
     law: Callable[[float], tuple[Array, Array, Array]]
+    breaks: tuple[float, ...] = ()
 
 
 UNDRIVEN = Prescribed(np.zeros(0, np.intp), lambda t: (np.zeros(0), np.zeros(0), np.zeros(0)))
@@ -74,8 +80,15 @@ UNDRIVEN = Prescribed(np.zeros(0, np.intp), lambda t: (np.zeros(0), np.zeros(0),
 class TangentChart:
     """The tangent plane of what is held at a closed pose q (joints,), in own units."""
 
-    def __init__(self, m: Mechanism, q: Array, drives: Prescribed = UNDRIVEN):
-        self.m, self.q, self.at, self.drives = m, q, q, drives
+    def __init__(
+        self,
+        m: Mechanism,
+        q: Array,
+        drives: Prescribed = UNDRIVEN,
+        controls: ControlsInTime | None = None,
+    ):
+        self.m, self.q, self.at, self.drives, self.controls = m, q, q, drives, controls
+        self.last = np.inf  # time of the smooth part of laws that is integrated over [s]
         self.held, self.units = m.rows + drives.joints.size, m.scale[drives.joints]
         self.driven = np.eye(len(m.joints))[drives.joints]
         rows = np.concatenate([scaled_jacobian(m, q[None])[0], self.driven])
@@ -134,7 +147,8 @@ class TangentChart:
         gamma = gamma + led @ (acceleration / self.units)
         centre = centres(m, still)
         matrix = mass(m, centre)[0]
-        force = applied(m, still, centre, q[None], v[None]) - inertial(m, centre, still)
+        ctrl = self.controls.at(t)[None] if self.controls else None
+        force = applied(m, still, centre, q[None], v[None], ctrl) - inertial(m, centre, still)
         force = force[0] - matrix @ gamma
         bend = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
         return q, v, into @ bend + gamma, bend
@@ -145,7 +159,7 @@ class TangentChart:
 
     def slope(self, t: float, y: Array) -> Array:
         """Rate of the state."""
-        return np.concatenate([y[y.size // 2 :], self.motion(y, t)[3]])
+        return np.concatenate([y[y.size // 2 :], self.motion(y, min(t, self.last))[3]])
 
 
 SHORT = 0.1
@@ -160,7 +174,11 @@ SMOOTH = 1e-9
 
 
 def free_motion(
-    m: Mechanism, times: Array, drives: Prescribed = UNDRIVEN, stops: tuple[Stop, ...] = ()
+    m: Mechanism,
+    times: Array,
+    drives: Prescribed = UNDRIVEN,
+    stops: tuple[Stop, ...] = (),
+    controls: ControlsInTime | None = None,
 ) -> StoppedMotion:
     """The motion from the start at rising times, and what happened at stops.
 
@@ -179,14 +197,22 @@ def free_motion(
     if freedoms(m, q) <= drives.joints.size:
         raise SingularHere("the mechanism has no degree of freedom")
     v = fitting(m, q, m.start_rate, drives.joints, rate)
-    return follow_stopped(FreeMechanism(m, drives, stops), times, q, v)
+    return follow_stopped(FreeMechanism(m, drives, stops, controls), times, q, v)
 
 
 class FreeMechanism:
     """A mechanism whose joints move freely, but for those that are driven, between its stops."""
 
-    def __init__(self, m: Mechanism, drives: Prescribed, stops: tuple[Stop, ...]):
-        self.m, self.drives = m, drives
+    def __init__(
+        self,
+        m: Mechanism,
+        drives: Prescribed,
+        stops: tuple[Stop, ...],
+        controls: ControlsInTime | None = None,
+    ):
+        self.m, self.drives, self.controls = m, drives, controls
+        own = controls.breaks if controls else ()
+        self.breaks = tuple(sorted({*drives.breaks, *own}))
         self.stops = tuple(s for s in stops if s.rate not in drives.joints)
         self.resting: dict[tuple[Stop, ...], Mechanism] = {(): m}
 
@@ -214,18 +240,19 @@ class FreeMechanism:
                 names = ", ".join(stop.joint for stop in held)
                 raise Overconstrained(f"joints rest on stops that others hold already: {names}")
             self.resting[held] = m
-        return TangentChart(self.resting[held], q, self.drives)
+        return TangentChart(self.resting[held], q, self.drives, self.controls)
 
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
         """A pose and its rates with the accelerations there."""
         chart = self.chart(held, q)
         return chart.motion(chart.state(v), t)[:3]
 
-    def balance(self, q: Array, v: Array, a: Array) -> Balance:
+    def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """What loops and drives hold in a state, and what they and stops must do."""
         m, motion = self.m, move(self.m, q[None], v[None], a[None])
         centre, loops = centres(m, motion), loop_jacobian(m, motion, q[None])[0]
-        force = inertial(m, centre, motion) - applied(m, motion, centre, q[None], v[None])
+        ctrl = self.controls.at(t)[None] if self.controls else None
+        force = inertial(m, centre, motion) - applied(m, motion, centre, q[None], v[None], ctrl)
         return Balance(
             np.vstack([loops, np.eye(q.size)[self.drives.joints]]),
             mass(m, centre)[0],
@@ -236,12 +263,24 @@ class FreeMechanism:
         self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
     ) -> Iterator[Step]:
         """The motion from a state on, with some joints resting on their stops."""
-        chart, longest = self.chart(held, q), 0.0
-        if not chart.z.size:
-            yield from at_rest(chart, t, end)
-            return
-        solver = begin(chart, t, v, end) if t < end else None
-        while solver and solver.t < end:
+        for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
+            chart = self.chart(held, q)
+            chart.last = last
+            if not chart.z.size:
+                yield from at_rest(chart, start, stop)
+                q, v, _, _ = chart.motion(chart.state(v), stop)
+            else:
+                q, v = yield from self.piece(chart, held, start, v, stop)
+
+    def piece(
+        self, chart: TangentChart, held: tuple[Stop, ...], t: float, v: Array, end: float
+    ) -> Generator[Step, None, tuple[Array, Array]]:
+        """The motion over a time in which laws are smooth, from the pose of a chart on.
+
+        It returns pose and rates at the end.
+        """
+        longest, q, solver = 0.0, chart.q, begin(chart, t, v, end)
+        while solver.t < end:
             start = solver.t
             message = solver.step()
             if solver.status == "failed":
@@ -253,9 +292,11 @@ class FreeMechanism:
             yield Step(start, solver.t, inside(chart, cache(solver.dense_output)))
             q, v, _, _ = chart.motion(solver.y, solver.t)
             if (short or chart.stretch > TILT) and solver.t < end:
-                chart = self.chart(held, q)
+                last, chart = chart.last, self.chart(held, q)
+                chart.last = last
                 step = min(solver.h_abs, longest, end - solver.t)
                 solver = begin(chart, solver.t, v, end, step)
+        return q, v
 
 
 def inside(

@@ -19,12 +19,20 @@ def centres(m: Mechanism, motion: BodyMotion) -> Complex:
 
 
 def applied(
-    m: Mechanism, motion: BodyMotion, centre: Complex, q: Array, v: Array | float = 0.0
+    m: Mechanism,
+    motion: BodyMotion,
+    centre: Complex,
+    q: Array,
+    v: Array | float = 0.0,
+    ctrl: Array | None = None,
 ) -> Array:
-    """Gravity, springs, dampers and constant loads on the joints (n, joints) [N m, or N]."""
+    """Gravity, springs, dampers and actuators on the joints (n, joints) [N m, or N].
+
+    With controls (n, controls), by default those of the key.
+    """
     rest, stiffness, damping, _, load = m.springs
     weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
-    found = load - stiffness * (q - rest) - damping * v + weight
+    found = load - stiffness * (q - rest) - damping * v + weight + ranged(m, q, v, ctrl)
     for k, spring in enumerate(m.point_springs):
         if spring.stiffness or spring.damping:
             length = spring_length(m, motion, k)
@@ -33,11 +41,30 @@ def applied(
     return np.asarray(found)
 
 
-def motors(m: Mechanism, q: Array, v: Array) -> Array:
+def motors(m: Mechanism, q: Array, v: Array, ctrl: Array | None = None) -> Array:
     """What motors and servos do to the joints (n, joints) [N m or N]."""
     rest, _, _, _, load = m.springs
     stiffness, damping = np.array([joint.servo for joint in m.joints], float).reshape(-1, 2).T
-    return np.asarray(load - stiffness * (q - rest) - damping * v)
+    return np.asarray(load - stiffness * (q - rest) - damping * v + ranged(m, q, v, ctrl))
+
+
+def ranged(m: Mechanism, q: Array, v: Array | float, ctrl: Array | None) -> Array | float:
+    """What actuators with a range of forces do to the joints (n, joints) [N m or N].
+
+    And what those without one do more than with the controls of the key.
+    """
+    if ctrl is None and not any(one.limited for one in m.actuators):
+        return 0.0
+    found, rates = np.zeros_like(q), np.broadcast_to(v, q.shape)
+    for one in m.actuators:
+        key = m.ctrl[[one.place]]
+        control = key if ctrl is None else ctrl[:, one.place]
+        j, gear = one.rate, one.gear
+        if one.limited:
+            found[:, j] += gear * one.force(control, gear * q[:, j], gear * rates[:, j])
+        elif ctrl is not None:
+            found[:, j] += gear * (one.asked(control) - one.asked(key))
+    return found
 
 
 @dataclass(frozen=True)
@@ -115,6 +142,7 @@ def solve_forces(
     joint: tuple[Array, Array, Array],
     d: Drives,
     rub: Array | float = 0.0,
+    ctrl: Array | None = None,
 ) -> Forces:
     r"""Forces that a motion asks of its drives and loops, by inverse dynamics.
 
@@ -137,12 +165,14 @@ def solve_forces(
         All joints follow in a free motion.
     rub : ndarray (n, joints)
         What dry friction takes of the joints, in the sense of their motion [N m or N].
+    ctrl : ndarray (n, controls)
+        By default those of the key [SI].
     """
     q, v, a = joint
     centre = centres(m, motion)
     needed = inertial(m, centre, motion) + a @ m.inertia.fixed + rub
-    needed -= applied(m, motion, centre, q, v)
-    needed[:, d.driven] += motors(m, q, v)[:, d.driven]  # its own motor is the drive
+    needed -= applied(m, motion, centre, q, v, ctrl)
+    needed[:, d.driven] += motors(m, q, v, ctrl)[:, d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
     across = matrix[..., d.following].swapaxes(1, 2)
     right = needed[:, d.following, None]

@@ -8,7 +8,7 @@ joint has its zero value; a pose displaces each body from there by ``z -> w z + 
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from proofmass.analytic.controls import AffineActuator
 from proofmass.analytic.numerics import Array, Complex, Index, NotCovered, normal_of_slides
 from proofmass.analytic.stops import Stop, read_stops
 
@@ -137,6 +138,11 @@ class Mechanism:
         Joint values and rates of the start pose [rad or m, per s].
     point_springs : tuple of PointSpring
         Also those that only measure a length.
+    actuators : tuple of AffineActuator
+        Of the joints.  What those without a range of forces do with the controls of the key is
+        part of the joints' own loads and servos.
+    ctrl : ndarray (controls,)
+        Controls of the key [SI].
     """
 
     bodies: tuple[Body, ...]
@@ -147,6 +153,8 @@ class Mechanism:
     start: Array
     start_rate: Array
     point_springs: tuple[PointSpring, ...] = ()
+    actuators: tuple[AffineActuator, ...] = ()
+    ctrl: Array = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def moved_by(self) -> NDArray[np.bool_]:
@@ -474,10 +482,27 @@ class Reader:
             and not model.opt.disableactuator & 1 << int(model.actuator_group[a])
         ]
 
+    def constant(self, j: int) -> list[int]:
+        """The actuators of joint number j that are part of its own load and servo.
+
+        All but those whose force has a range; of joints with a range of actuator forces, which no
+        servo has, all.
+        """
+        whole = self.model.jnt_actfrclimited[j]
+        return [a for a in self.acting(j) if whole or not self.model.actuator_forcelimited[a]]
+
+    def actuators(self) -> Iterator[AffineActuator]:
+        """All actuators of joints; only those that the joints' own loads leave out have a range."""
+        for j in range(self.model.njnt):
+            constant = self.constant(j)
+            for a in self.acting(j):
+                one = read_actuator(self.model, a)
+                yield replace(one, range=(-np.inf, np.inf)) if a in constant else one
+
     def servo(self, j: int) -> tuple[float, float]:
-        """Stiffness and damping that actuators give joint number j."""
+        """Stiffness and damping that actuators without a range of forces give joint number j."""
         model, found = self.model, np.zeros(2)
-        for a in self.acting(j):
+        for a in self.constant(j):
             if is_affine(model, a):
                 gear = model.actuator_gear[model.actuator_outadr[a], 0]
                 found -= gear**2 * model.actuator_biasprm[a, 1:3]
@@ -489,7 +514,7 @@ class Reader:
         Of servos what they do where the spring of the joint is slack, and without a rate.
         """
         model = self.model
-        load = sum(self.motor(a, ctrl) for a in self.acting(j))
+        load = sum(self.motor(a, ctrl) for a in self.constant(j))
         load -= self.servo(j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
         limited = model.jnt_actfrclimited[j]
         return float(np.clip(load, *model.jnt_actfrcrange[j]) if limited else load)
@@ -586,6 +611,32 @@ class Reader:
         return tuple((int(model.wrap_objid[w]), float(model.wrap_prm[w])) for w in wraps)
 
 
+def read_actuator(model: Any, a: int) -> AffineActuator:
+    """Actuator number a of a compiled model, on a joint or a tendon."""
+    target, on_joint = int(model.actuator_trnid[a, 0]), joined(model, a)
+    bias = model.actuator_biasprm[a, :3] * is_affine(model, a)
+    clamped = model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL)
+    return AffineActuator(
+        model.actuator(a).name,
+        -1 if on_joint else target,
+        int(model.jnt_qposadr[target]) if on_joint else -1,
+        int(model.jnt_dofadr[target]) if on_joint else -1,
+        float(model.actuator_gear[model.actuator_outadr[a], 0]),
+        int(model.actuator_ctrladr[a]),
+        float(model.actuator_gainprm[a, 0]),
+        float(bias[0]),
+        float(bias[1]),
+        float(bias[2]),
+        ends(model.actuator_forcerange[a], bool(model.actuator_forcelimited[a])),
+        ends(model.actuator_ctrlrange[a], bool(clamped)),
+    )
+
+
+def ends(values: Array, limited: bool) -> tuple[float, float]:
+    """The ends of a range, infinite where there is none."""
+    return (float(values[0]), float(values[1])) if limited else (-np.inf, np.inf)
+
+
 def disabled(model: Any, *flags: int) -> bool:
     """Whether a model sets one of these disable flags."""
     return any(model.opt.disableflags & int(flag) for flag in flags)
@@ -649,6 +700,8 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         np.array(model.key_qpos[key] if names else model.qpos0),
         np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
         tuple(reader.point_spring(t) for t in range(model.ntendon) if not is_fixed(model, t)),
+        tuple(reader.actuators()),
+        np.array(ctrl),
     ), reader
 
 
@@ -702,7 +755,6 @@ def refuse_servos(model: Any, driven: tuple[str, ...]) -> None:
         if not is_affine(model, a) or model.joint(joint).name in driven:
             continue
         for what, there in {
-            "has a range of forces": model.actuator_forcelimited[a],
             "acts on a joint with a range of actuator forces": model.jnt_actfrclimited[joint],
             "has armature or damping": resists(model, a),
         }.items():

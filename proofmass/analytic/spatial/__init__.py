@@ -7,6 +7,7 @@ compiled model, so it holds the *engine* to account, not the drawing: a wrong le
 wrong in both.
 """
 
+import pickle
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -16,6 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.controls import ControlsInTime, Law, controls_by_place, with_controls
 from proofmass.analytic.numerics import Array, unwrapped_quaternion
 from proofmass.analytic.planar.mechanism import joined, rotation
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
@@ -60,6 +62,8 @@ def solve(
     joints: tuple[str, ...] = (),
     inertia: bool = False,
     terms: Source | None = None,
+    controls: Mapping[str, ArrayLike] | None = None,
+    control_laws: Mapping[str, Law] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any tree of hinges, slides, balls and free joints with equalities held exactly.
 
@@ -71,8 +75,9 @@ def solve(
         --+-------+--      φ: connect, weld, joint, tendon
 
     Springs and dampers of joints and tendons may be polynomials, tendons fixed or straight from
-    site to site, actuators affine with the control of the key.  DOP853 with a projection of pose
-    and rates after every step (`proofmass.analytic.spatial.motion`); the terms come from `terms`,
+    site to site, actuators affine with the control of the key or one that follows a law.  DOP853
+    with a projection of pose and rates after every step (`proofmass.analytic.spatial.motion`),
+    begun anew where a law has a break; the terms come from `terms`,
     and at 50 poses of the motion those of this package must agree with them to 1e-12
     (`proofmass.analytic.spatial.witness`).
 
@@ -90,6 +95,11 @@ def solve(
         Whether moments of drives are those of the motion, and not those at rest.
     terms : Source, optional
         Where the terms of the equations of motion come from, by default this package.
+    controls : mapping of str to array_like (n,)
+        Of actuators at the samples of a driven motion [1]; left out: those of the key.
+    control_laws : mapping of str to callable, optional
+        Of actuators whose controls change in time, values, rates and accelerations as functions of
+        time; of a free motion.
 
     Returns
     -------
@@ -123,19 +133,31 @@ def solve(
     tree, source = sources(model, start, terms)
     if not joints:
         times = np.atleast_1d(np.asarray(value, float))
-        followed = follow(tree, source, tuple(times.tolist()), tuple(stops_of(model, tree)))
+        laws = laws_as_bytes(model, tree, control_laws)
+        stops = tuple(stops_of(model, tree))
+        followed = follow(tree, source, tuple(times.tolist()), stops, laws)
         return quantities(model, tree, followed)
     values = np.atleast_2d(np.asarray(value, float))
     moving = [np.broadcast_to(np.asarray(x, float), values.shape) for x in (rate, acceleration)]
     drives = np.array([values, *moving])
-    followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes())
+    given = controls_by_place(model, controls) if controls else {}
+    ctrl = with_controls(tree.ctrl, given) if given else None
+    packed = None if ctrl is None else ctrl.tobytes()
+    followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes(), packed)
     refuse_limits(tree, followed.held.q)
-    moments = of_drives(tree, followed, joints, inertia)
+    moments = of_drives(tree, followed, joints, inertia, ctrl)
     return quantities(model, tree, followed) | shown_moments(model, joints, moments)
 
 
 def facts(
-    *, model: Any, start: str, terms: Source, joints: tuple[str, ...], motion: Any, **_: float
+    *,
+    model: Any,
+    start: str,
+    terms: Source,
+    joints: tuple[str, ...],
+    motion: Any,
+    control_laws: Mapping[str, Law] | None = None,
+    **_: float,
 ) -> dict[str, str]:
     """What is known of a motion as a whole, in words for a report.
 
@@ -147,7 +169,8 @@ def facts(
         followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes())
     else:
         times = tuple(np.asarray(motion, float).tolist())
-        followed = follow(tree, source, times, tuple(stops_of(model, tree)))
+        laws = laws_as_bytes(model, tree, control_laws)
+        followed = follow(tree, source, times, tuple(stops_of(model, tree)), laws)
     seen, held = followed.witnessed, followed.held
     found = {
         "equations of motion": (
@@ -196,26 +219,50 @@ _own = lru_cache(maxsize=32)(OwnTerms)
 
 @lru_cache(maxsize=8)
 def follow(
-    tree: Tree, source: Source, times: tuple[float, ...], stops: tuple[Stop, ...] = ()
+    tree: Tree,
+    source: Source,
+    times: tuple[float, ...],
+    stops: tuple[Stop, ...] = (),
+    laws: bytes = b"",
 ) -> Followed:
-    """A motion that every solver of a case is held to."""
-    held = held_motion(tree, source, np.array(times), stops)
-    seen = bear_witness(tree, source, np.array(times), held.q, held.v)
+    """A motion that every solver of a case is held to; controls that change are given as bytes."""
+    controls: ControlsInTime | None = pickle.loads(laws) if laws else None
+    held = held_motion(tree, source, np.array(times), stops, controls)
+    ctrl = controls.along(np.array(times)) if controls else None
+    seen = bear_witness(tree, source, np.array(times), held.q, held.v, ctrl=ctrl)
     return Followed(held, move_tree(tree, held.q, held.v, held.a), seen)
 
 
 @lru_cache(maxsize=8)
 def follow_driven(
-    tree: Tree, source: Source, joints: tuple[str, ...], shape: tuple[int, ...], drives: bytes
+    tree: Tree,
+    source: Source,
+    joints: tuple[str, ...],
+    shape: tuple[int, ...],
+    drives: bytes,
+    controls: bytes | None = None,
 ) -> Followed:
     """A motion whose drives have given values, rates and accelerations."""
     values, rates, accelerations = np.frombuffer(drives).reshape(shape).transpose(0, 2, 1)
     held, tangents = driven_motion(tree, source, joints, values, rates, accelerations)
-    seen = bear_witness(tree, source, np.arange(float(len(values))), held.q, held.v, "sample")
+    ctrl = None if controls is None else np.frombuffer(controls).reshape(len(values), -1)
+    places = np.arange(float(len(values)))
+    seen = bear_witness(tree, source, places, held.q, held.v, "sample", ctrl)
     return Followed(held, move_tree(tree, held.q, held.v, held.a), seen, tangents)
 
 
-def of_drives(tree: Tree, followed: Followed, joints: tuple[str, ...], inertia: bool) -> Array:
+def laws_as_bytes(model: Any, tree: Tree, laws: Mapping[str, Law] | None) -> bytes:
+    """All controls of a model in time; nothing if they are those of the key."""
+    return pickle.dumps(ControlsInTime(tree.ctrl, controls_by_place(model, laws))) if laws else b""
+
+
+def of_drives(
+    tree: Tree,
+    followed: Followed,
+    joints: tuple[str, ...],
+    inertia: bool,
+    ctrl: Array | None = None,
+) -> Array:
     """What the drives must do (n, drives), by virtual work [N m or N].
 
     Of the motion with `inertia`, else at rest; without the actuators of the driven joints.
@@ -225,7 +272,7 @@ def of_drives(tree: Tree, followed: Followed, joints: tuple[str, ...], inertia: 
     others = tuple(one for one in tree.actuators if one.rate not in dofs)
     idle = replace(tree, actuators=others)
     still = np.zeros_like(held.v)
-    found = own_terms(idle, held.q, held.v if inertia else still)
+    found = own_terms(idle, held.q, held.v if inertia else still, ctrl)
     needed = found.bias - found.force
     if inertia:
         needed = needed + np.einsum("nij,nj->ni", found.mass, held.a)

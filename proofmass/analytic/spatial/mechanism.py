@@ -13,12 +13,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from proofmass.analytic.controls import AffineActuator
 from proofmass.analytic.numerics import Array, Index, NotCovered
 from proofmass.analytic.planar.mechanism import (
     beside_springs,
     disabled,
     is_affine,
     joined,
+    read_actuator,
     refuse_contacts,
     resists,
     rotation,
@@ -129,38 +131,6 @@ class Tendon:
 
 
 @dataclass(frozen=True)
-class AffineActuator:
-    """An actuator whose force is linear in length and rate of what it acts on, within a range.
-
-    Attributes
-    ----------
-    name : str
-    tendon : int
-        Number of its tendon; -1 if it acts on a joint.
-    pose, rate : int
-        Where its joint stands in a pose and in the rates.
-    gear : float
-        Length of the actuator for a unit of what it acts on [SI].
-    force : float
-        Part of the force that does not change [N or N m].
-    by_length, by_rate : float
-        Force for a unit of length, and of its rate [SI].
-    range : tuple of float
-        Smallest and largest force [N or N m].
-    """
-
-    name: str
-    tendon: int
-    pose: int
-    rate: int
-    gear: float
-    force: float
-    by_length: float
-    by_rate: float
-    range: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class PointLoop:
     """A point of one body that stays on a point of another; `weld` holds their axes as well.
 
@@ -226,6 +196,8 @@ class Tree:
         The start pose, and the rates there [SI].
     extent : float
         Size of the model [m].
+    ctrl : ndarray (controls,)
+        Controls of the key [SI].
     """
 
     bodies: tuple[TreeBody, ...]
@@ -240,6 +212,7 @@ class Tree:
     start: Array
     start_rate: Array
     extent: float
+    ctrl: Array
 
     @cached_property
     def moved(self) -> Array:
@@ -332,7 +305,7 @@ def read_tree(model: Any, start: str) -> Tree:
         tuple(read_joint(model, j) for j in range(model.njnt)),
         tuple(read_tendon(model, t) for t in range(model.ntendon)),
         tuple(
-            read_actuator(model, a, ctrl)
+            read_actuator(model, a)
             for a in range(model.nactuator)
             if acting and not model.opt.disableactuator & 1 << int(model.actuator_group[a])
         ),
@@ -352,6 +325,7 @@ def read_tree(model: Any, start: str) -> Tree:
         np.array(model.key_qpos[key] if names else model.qpos0),
         np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
         float(model.stat.extent),
+        np.array(ctrl),
     )
 
 
@@ -413,28 +387,6 @@ def read_tendon(model: Any, t: int) -> Tendon:
         (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
         tuple(sprung * c for c in (model.tendon_stiffness[t], *model.tendon_stiffnesspoly[t])),
         tuple(damped * c for c in (model.tendon_damping[t], *model.tendon_dampingpoly[t])),
-    )
-
-
-def read_actuator(model: Any, a: int, ctrl: Array) -> AffineActuator:
-    """Actuator number a with the control of the key."""
-    control, target = ctrl[model.actuator_ctrladr[a]], int(model.actuator_trnid[a, 0])
-    if model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL):
-        control = np.clip(control, *model.actuator_ctrlrange[a])
-    on_joint = joined(model, a)
-    bias = model.actuator_biasprm[a, :3] * is_affine(model, a)
-    return AffineActuator(
-        model.actuator(a).name,
-        -1 if on_joint else target,
-        int(model.jnt_qposadr[target]) if on_joint else -1,
-        int(model.jnt_dofadr[target]) if on_joint else -1,
-        float(model.actuator_gear[model.actuator_outadr[a], 0]),
-        float(model.actuator_gainprm[a, 0] * control + bias[0]),
-        float(bias[1]),
-        float(bias[2]),
-        (float(model.actuator_forcerange[a, 0]), float(model.actuator_forcerange[a, 1]))
-        if model.actuator_forcelimited[a]
-        else (-np.inf, np.inf),
     )
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from proofmass.analytic.controls import ControlsInTime, smooth_pieces
 from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.analytic.planar.mechanism import CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
@@ -75,9 +76,16 @@ class HeldMotion:
 class Holder:
     """Holds the equalities of a tree, and joints on their stops, with the terms of a source."""
 
-    def __init__(self, tree: Tree, source: Source, stops: tuple[Stop, ...] = ()):
-        self.tree, self.source, self.stops = tree, source, stops
+    def __init__(
+        self,
+        tree: Tree,
+        source: Source,
+        stops: tuple[Stop, ...] = (),
+        controls: ControlsInTime | None = None,
+    ):
+        self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
         self.evaluations, self.rank = 0, 0
+        self.last = np.inf  # time of the smooth part of laws that is integrated over [s]
         self.on_stops = unit_rows(stops, tree.armature.size)
 
     @property
@@ -85,9 +93,13 @@ class Holder:
         """Number of rows that are held."""
         return self.tree.rows + len(self.stops)
 
-    def terms(self, q: Array, v: Array) -> Terms:
+    def ctrl(self, t: float) -> Array | None:
+        """All controls at a time; None for those of the key."""
+        return self.controls.at(t) if self.controls else None
+
+    def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
         """All terms at a pose with its rates, with a row for each stop."""
-        found = self.source.terms(q, v)
+        found = self.source.terms(q, v, ctrl)
         if not self.stops:
             return found
         gaps = [q[stop.pose] - stop.value for stop in self.stops]
@@ -98,12 +110,12 @@ class Holder:
             drift=np.concatenate([found.drift, np.zeros(len(gaps))]),
         )
 
-    def acceleration(self, q: Array, v: Array) -> Array:
-        """Accelerations (rates,) at a pose with its rates [SI]."""
+    def acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Accelerations (rates,) at a time, in a pose with its rates [SI]."""
         self.evaluations += 1
         if not self.rows:
-            return self.source.acceleration(q, v)
-        terms = self.terms(q, v)
+            return self.source.acceleration(q, v, self.ctrl(t))
+        terms = self.terms(q, v, self.ctrl(t))
         root, closing = self.factors(terms)
         free = root.T @ (root @ (terms.force - terms.bias))
         return np.asarray(free + closing @ (terms.drift - terms.jacobian @ free))
@@ -154,10 +166,11 @@ class Holder:
             return np.asarray(np.linalg.pinv(terms.jacobian, rcond=RANK))
         return self.factors(terms)[1]
 
-    def slope(self, _: float, y: Array) -> Array:
+    def slope(self, t: float, y: Array) -> Array:
         """Rate of the state."""
         q, v = y[: self.tree.start.size], y[self.tree.start.size :]
-        return np.concatenate([pose_rate(self.tree, q, v), self.acceleration(q, v)])
+        bend = self.acceleration(min(t, self.last), q, v)
+        return np.concatenate([pose_rate(self.tree, q, v), bend])
 
     def start(self) -> tuple[Array, Array, float]:
         """Closed pose and rates nearest to those of the start, and how far that is open [m or rad].
@@ -188,7 +201,11 @@ def name_of_row(tree: Tree, row: int) -> str:
 
 
 def held_motion(
-    tree: Tree, source: Source, times: Array, stops: tuple[Stop, ...] = ()
+    tree: Tree,
+    source: Source,
+    times: Array,
+    stops: tuple[Stop, ...] = (),
+    controls: ControlsInTime | None = None,
 ) -> HeldMotion:
     """Poses, rates and accelerations of the motion from the start at rising times.
 
@@ -199,10 +216,10 @@ def held_motion(
     NotCovered
         The start is beyond a stop.
     """
-    moving = FreeTree(tree, source, stops)
+    moving = FreeTree(tree, source, stops, controls)
     free = moving.holder(())
     q, v, gap = free.start()
-    free.acceleration(q, v)  # which finds the rank
+    free.acceleration(float(times[0]), q, v)  # which finds the rank
     found = follow_stopped(moving, times, q, v)
     evaluations = sum(holder.evaluations for holder in moving.holders.values())
     return HeldMotion(*found.arrays(), gap, free.rank, evaluations, found)
@@ -211,21 +228,28 @@ def held_motion(
 class FreeTree:
     """A tree that moves between its stops, its equalities held."""
 
-    def __init__(self, tree: Tree, source: Source, stops: tuple[Stop, ...]):
-        self.tree, self.source, self.stops = tree, source, stops
+    def __init__(
+        self,
+        tree: Tree,
+        source: Source,
+        stops: tuple[Stop, ...],
+        controls: ControlsInTime | None = None,
+    ):
+        self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
         self.holders: dict[tuple[Stop, ...], Holder] = {}
 
     def holder(self, held: tuple[Stop, ...]) -> Holder:
         """What holds the equalities and some joints on their stops."""
-        return self.holders.setdefault(held, Holder(self.tree, self.source, held))
+        own = Holder(self.tree, self.source, held, self.controls)
+        return self.holders.setdefault(held, own)
 
-    def state(self, held: tuple[Stop, ...], _: float, q: Array, v: Array) -> State:
+    def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
         """A pose and its rates with the accelerations there."""
-        return q, v, self.holder(held).acceleration(q, v)
+        return q, v, self.holder(held).acceleration(t, q, v)
 
-    def balance(self, q: Array, v: Array, a: Array) -> Balance:
+    def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """What equalities hold in a state, and what they and stops must do."""
-        terms = self.source.terms(q, v)
+        terms = self.source.terms(q, v, self.holder(()).ctrl(t))
         return Balance(terms.jacobian, terms.mass, terms.mass @ a + terms.bias - terms.force)
 
     def steps(
@@ -233,19 +257,24 @@ class FreeTree:
     ) -> Iterator[Step]:
         """The motion from a state on, with some joints resting on their stops."""
         holder, size = self.holder(held), q.size
-        solver = begin(holder, t, q, v, end) if t < end else None
-        while solver and solver.status == "running":
-            start = solver.t
-            try:
-                message = solver.step()
-                if solver.status == "failed":
-                    raise SingularHere(str(message))
-                yield Step(start, solver.t, inside(holder, solver, size))
-                if solver.status == "running":
-                    solver.y = np.concatenate(holder.close(solver.y[:size], solver.y[size:]))
-                    solver.f = holder.slope(solver.t, solver.y)
-            except (SingularHere, CannotAssemble) as error:
-                raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
+        breaks = self.controls.breaks if self.controls else ()
+        for start, stop, last in smooth_pieces(t, end, breaks) if t < end else ():
+            holder.last = last
+            solver = begin(holder, start, q, v, stop)
+            while solver.status == "running":
+                begun = solver.t
+                try:
+                    message = solver.step()
+                    if solver.status == "failed":
+                        raise SingularHere(str(message))
+                    yield Step(begun, solver.t, inside(holder, solver, size))
+                    if solver.status == "running":
+                        solver.y = np.concatenate(holder.close(solver.y[:size], solver.y[size:]))
+                        solver.f = holder.slope(solver.t, solver.y)
+                    elif stop < end:
+                        q, v = holder.close(solver.y[:size], solver.y[size:])
+                except (SingularHere, CannotAssemble) as error:
+                    raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
 
 
 def inside(holder: Holder, solver: "DOP853", size: int) -> Callable[[float], State]:
@@ -255,7 +284,7 @@ def inside(holder: Holder, solver: "DOP853", size: int) -> Callable[[float], Sta
     def at(time: float) -> State:
         y = last[1] if time == last[0] else between()(time)
         q, v = holder.close(y[:size], y[size:])
-        return q, v, holder.acceleration(q, v)
+        return q, v, holder.acceleration(time, q, v)
 
     return at
 

@@ -83,13 +83,13 @@ class Source(Protocol):
     def __hash__(self) -> int:
         """So that a motion can be kept."""
 
-    def terms(self, q: Array, v: Array) -> Terms:
-        """All terms at a pose (poses,) with rates (rates,)."""
+    def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
+        """All terms at a pose (poses,) with rates (rates,), and controls other than the key's."""
 
     def equalities(self, q: Array) -> tuple[Array, Array]:
         """Gap and Jacobian of the equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
 
-    def acceleration(self, q: Array, v: Array) -> Array:
+    def acceleration(self, q: Array, v: Array, ctrl: Array | None = None) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
 
 
@@ -100,28 +100,32 @@ class OwnTerms:
     tree: Tree
     name: str = "proofmass"
 
-    def terms(self, q: Array, v: Array) -> Terms:
-        """All terms at a pose (poses,) with rates (rates,)."""
-        return Terms(**{k: x[0] for k, x in vars(own_terms(self.tree, q[None], v[None])).items()})
+    def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
+        """All terms at a pose (poses,) with rates (rates,), and controls other than the key's."""
+        found = own_terms(self.tree, q[None], v[None], None if ctrl is None else ctrl[None])
+        return Terms(**{k: x[0] for k, x in vars(found).items()})
 
     def equalities(self, q: Array) -> tuple[Array, Array]:
         """Gap and Jacobian of the equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
         found = self.terms(q, np.zeros(self.tree.armature.size))
         return found.gap, found.jacobian
 
-    def acceleration(self, q: Array, v: Array) -> Array:
+    def acceleration(self, q: Array, v: Array, ctrl: Array | None = None) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
-        found = self.terms(q, v)
+        found = self.terms(q, v, ctrl)
         return np.asarray(np.linalg.solve(found.mass, found.force - found.bias))
 
 
-def own_terms(tree: Tree, q: Array, v: Array) -> Terms:
-    """All terms at poses q (n, poses) with rates v (n, rates)."""
+def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
+    """All terms at poses q (n, poses) with rates v (n, rates).
+
+    And with controls (n, controls), by default those of the key.
+    """
     motion = move_tree(tree, q, v, np.zeros_like(v))
     mass, bias = inertial_terms(tree, motion)
     lengths = [lengthened(tree, motion, q, v, tendon) for tendon in tree.tendons]
     gaps, rows, drifts = held_terms(tree, motion, lengths, q, v)
-    return Terms(mass, bias, acting(tree, lengths, q, v), gaps, rows, drifts)
+    return Terms(mass, bias, acting(tree, lengths, q, v, ctrl), gaps, rows, drifts)
 
 
 def centre_rows(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
@@ -225,8 +229,11 @@ def powers(coefficients: tuple[float, ...], x: Array) -> Array:
     return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
 
 
-def acting(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
+def acting(
+    tree: Tree, lengths: list[Length], q: Array, v: Array, ctrl: Array | None = None
+) -> Array:
     """What springs, dampers and actuators do to the joints (n, rates)."""
+    controls = tree.ctrl[None] if ctrl is None else ctrl
     speed = np.abs(v)
     force = -v * (tree.damping[:, 0] + speed * (tree.damping[:, 1] + speed * tree.damping[:, 2]))
     for joint in tree.joints:
@@ -250,8 +257,7 @@ def acting(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
             length = lengths[one.tendon]
             rows = one.gear * length.rows
             value, rate = one.gear * length.value, one.gear * length.rate
-        own = np.clip(one.force + one.by_length * value + one.by_rate * rate, *one.range)
-        force = force + own[:, None] * rows
+        force = force + one.force(controls[:, one.place], value, rate)[:, None] * rows
     return np.asarray(force)
 
 

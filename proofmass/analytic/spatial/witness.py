@@ -42,7 +42,13 @@ class Witnessed:
 
 
 def bear_witness(
-    tree: Tree, source: Source, times: Array, q: Array, v: Array, when: str = "t"
+    tree: Tree,
+    source: Source,
+    times: Array,
+    q: Array,
+    v: Array,
+    when: str = "t",
+    ctrl: Array | None = None,
 ) -> Witnessed:
     """Compute the terms a second time at `STATES` poses of a motion.
 
@@ -57,6 +63,8 @@ def bear_witness(
         The motion [SI].
     when : str
         What `times` are called in a complaint.
+    ctrl : ndarray (n, controls), optional
+        By default the controls of the key [SI].
 
     Returns
     -------
@@ -68,8 +76,10 @@ def bear_witness(
         By more than `AGREED`; names the term and when.
     """
     some = np.unique(np.linspace(0, len(q) - 1, STATES).round().astype(int))
-    own = own_terms(tree, q[some], v[some])
-    given = [source.terms(*state) for state in zip(q[some], v[some], strict=True)]
+    controls = None if ctrl is None else ctrl[some]
+    own = own_terms(tree, q[some], v[some], controls)
+    each = len(some) * [None] if controls is None else controls
+    given = [source.terms(*state) for state in zip(q[some], v[some], each, strict=True)]
     theirs = Terms(**{name: np.array([getattr(one, name) for one in given]) for name in NAMES})
     worst = Witnessed(len(some), 0.0, "mass")
     for name, scale in scales(own, v[some]).items():

@@ -4,6 +4,9 @@ A driven joint gets a flywheel so heavy that nothing in the model can disturb it
 step the torque that gives it the law's mean acceleration over that step.  What the joint really
 did is returned beside the curves, so that a comparison can be made at the actual drive state.
 
+A control that changes in time has in each step the value of the middle of the step: MuJoCo holds it
+over all stages of a step, so that its law is met to the second order, also by RK4.
+
 `passive` steps any MJCF as it is, with contacts, tendons and whatever it holds, and without drives.
 Loops are neither closed nor checked and no motion is prescribed.
 """
@@ -11,6 +14,7 @@ Loops are neither closed nor checked and no motion is prescribed.
 import re
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import cast
 
 import mujoco
@@ -101,8 +105,9 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     data.time = run.x[0]
     began = time.perf_counter()
     torque = torque.reshape(run.x.size - 1, count, dofs.size)
+    controls = HeldControls.of(model, run, times, count)
     with collected_warnings() as said:
-        step_through(model, data, record, torque, instant[::count], dofs)
+        step_through(model, data, record, torque, instant[::count], dofs, controls)
     seconds = time.perf_counter() - began
     state, channels, rows = None, record.curves(), record.rows
     if run.drives:
@@ -124,6 +129,35 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     )
     check(model, data, record, curves, said)
     return curves
+
+
+@dataclass(frozen=True)
+class HeldControls:
+    """Controls that change in a run.
+
+    Attributes
+    ----------
+    places : ndarray (loads,)
+        Where they stand in ``ctrl``.
+    held : ndarray (intervals, steps, loads)
+        What each step holds, the value of its middle [its unit].
+    instant : ndarray (samples, loads)
+        Those of the samples [its unit].
+    """
+
+    places: NDArray[np.int32]
+    held: Array
+    instant: Array
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, run: Run, times: Array, count: int) -> "HeldControls | None":
+        """Those of a run with steps between some times; None if it has none."""
+        if not run.loads:
+            return None
+        places = [model.actuator_ctrladr[model.actuator(one.actuator).id] for one in run.loads]
+        held = run.controls(0.5 * (times[:-1] + times[1:]))[0].T
+        instant = run.controls(times[::count])[0].T
+        return cls(np.array(places), held.reshape(-1, count, len(places)), instant)
 
 
 def moments_of_drives(
@@ -149,11 +183,12 @@ def step_through(
     torque: Array,
     instant: Array,
     dofs: NDArray[np.int32],
+    controls: HeldControls | None = None,
 ) -> None:
     """Step over all samples; `torque` (intervals, steps, drives) has what each step applies.
 
     A forward pass at a sample applies the `instant` torque, which is the law's own there; a step
-    applies its mean.
+    applies its mean.  Controls that change are set alike.
     """
     applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
     ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
@@ -163,18 +198,29 @@ def step_through(
     if dofs.size < 2:  # plain numbers are written three times as fast
         where = slice(dofs[0], dofs[0] + 1) if dofs.size else slice(0, 0)
         torque, instant = torque.sum(axis=-1).tolist(), instant.sum(axis=-1).tolist()
+    ctrl, places, held = data.ctrl, None, None
+    if controls:
+        places, held = controls.places, controls.held
     for k, forces in enumerate(torque):
         if ahead:
             applied[where] = instant[k]
+            if controls:
+                ctrl[places] = controls.instant[k]
             forward(model, data)
             record.sample(k)
         else:
             record.sample_state(k)
         applied[where] = forces[0]
+        if held is not None:
+            ctrl[places] = held[k, 0]
         mj_step(model, data)
         if not ahead:
             record.sample_shown(k)
-        if rest and steady[k]:
+        if held is not None:
+            for force, control in zip(forces[1:], held[k, 1:], strict=True):
+                applied[where], ctrl[places] = force, control
+                mj_step(model, data)
+        elif rest and steady[k]:
             applied[where] = forces[1]
             mj_step(model, data, rest)
         else:
@@ -182,6 +228,8 @@ def step_through(
                 applied[where] = force
                 mj_step(model, data)
     applied[where] = instant[-1]
+    if controls:
+        ctrl[places] = controls.instant[-1]
     forward(model, data)
     record.sample(len(torque))
 

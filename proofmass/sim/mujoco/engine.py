@@ -31,7 +31,9 @@ from proofmass.sim.mujoco.settings import (
 )
 from proofmass.sim.protocol import (
     BadModel,
+    ChangingLoad,
     Curves,
+    Drive,
     Engine,
     Imposed,
     OwnMotion,
@@ -229,11 +231,18 @@ class Mujoco(Engine):
         return simulate(model, run)
 
     def own_motion(
-        self, model: Path, until: float, samples: int, seconds: float, start: str = "start"
+        self,
+        model: Path,
+        until: float,
+        samples: int,
+        seconds: float,
+        start: str = "start",
+        drives: tuple[Drive, ...] = (),
+        loads: tuple[ChangingLoad, ...] = (),
     ) -> OwnMotion:
         """See `proofmass.sim.mujoco.own_motion`."""
         with refusing():
-            return solve_own_motion(model, until, samples, seconds, start)
+            return solve_own_motion(model, until, samples, seconds, start, drives, loads)
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
         """See `proofmass.sim.mujoco.own_motion`."""
@@ -274,9 +283,17 @@ class Mujoco(Engine):
         """The model with the snippet in it; it says all but how poses are found."""
         return pasted(model, snippet(parameters, model)), {*PLACES, "defaults"}
 
-    def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
+    def write_program(
+        self,
+        model: Path,
+        run: Run,
+        motion: str,
+        head: str,
+        drive: Imposed,
+        controls: str = "",
+    ) -> str:
         """See `proofmass.sim.mujoco.program`."""
-        return write_program(model, run, motion, head, drive)
+        return write_program(model, run, motion, head, drive, controls)
 
     def scheme_of(self, parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
         """The scheme of the integrator."""

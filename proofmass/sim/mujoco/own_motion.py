@@ -10,6 +10,11 @@ limits as they are.  They are solved
 * once more with a start pose that differs by 1e-9 of the model's size;
 * with settings that somebody would try: RK4, and contacts and loops that are four times as stiff.
 
+Joints may be driven.  As in a run (`proofmass.sim.mujoco.dynamics`) they have flywheels, which the
+equations have as well: 1e9 times the inertia that the drive feels at the start, so that a motion
+that is prescribed exactly differs by a share of 1e-9.  Without steps the driven joints are where
+their laws have them; in steps each gets the mean acceleration of its law over the step.
+
 `proofmass.ladder` judges what came of it.
 """
 
@@ -22,15 +27,24 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from proofmass.analytic.controls import breaks_of, smooth_pieces
 from proofmass.analytic.numerics import Array
 from proofmass.sim.mjcf import collected_warnings
+from proofmass.sim.mujoco.dynamics import FLYWHEEL, moments_of_drives
+from proofmass.sim.mujoco.dynamics import start as begin
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, load
-from proofmass.sim.mujoco.sensors import withhold_interactions
+from proofmass.sim.mujoco.sensors import (
+    drive_moments,
+    drive_sensors,
+    withhold_drives,
+    withhold_interactions,
+)
 from proofmass.sim.mujoco.settings import spelled
 from proofmass.sim.mujoco.settling import lost
-from proofmass.sim.protocol import Curves, NotSolved, OwnMotion, OwnRun, Run, Unsupported
+from proofmass.sim.protocol import ChangingLoad, Curves, Drive, NotSolved, OwnMotion, OwnRun, Run
 
 HALVINGS, FEWEST = 6, 3
 SHORT = 1.0  # s
@@ -57,6 +71,7 @@ class Watched:
     """What is written down of a run at each of its samples."""
 
     points: Callable[[mujoco.MjData], Array]
+    inputs: "InputsInTime"
     rows: list[Array] = field(default_factory=list)
     energy: list[float] = field(default_factory=list)
     depth: list[float] = field(default_factory=list)
@@ -80,7 +95,7 @@ class Watched:
             raise FloatingPointError("not finite")
         loops = data.efc_pos[: data.ne]
         self.rows.append(row)
-        self.energy.append(float(data.energy.sum()))
+        self.energy.append(float(data.energy.sum()) - self.inputs.energy(data))
         self.depth.append(max(0.0, -float(data.contact.dist.min(initial=0.0))))
         self.gap.append(float(np.abs(loops).max(initial=0.0)))
 
@@ -99,8 +114,87 @@ class Watched:
         )
 
 
+@dataclass(frozen=True)
+class InputsInTime:
+    """What is done to a model in time: joints that are driven, and controls that change.
+
+    Attributes
+    ----------
+    run : Run
+        Its drives and loads.
+    adr, dofs : ndarray (drives,)
+        Where the driven joints stand in ``qpos`` and in ``qvel``.
+    flywheels : ndarray (drives,)
+        What their armatures got [kg m^2 or kg].
+    places : ndarray (loads,)
+        Where the controls that change stand in ``ctrl``.
+    """
+
+    run: Run
+    adr: NDArray[np.int32]
+    dofs: NDArray[np.int32]
+    flywheels: Array
+    places: NDArray[np.int32]
+
+    @classmethod
+    def begun(cls, model: mujoco.MjModel, run: Run, linkage: Linkage | None) -> "InputsInTime":
+        """Those of a run, with the model in the first pose of its drives and with flywheels.
+
+        Without drives, and so without a linkage of them, the model stays as it is.
+        """
+        names = [one.actuator for one in run.loads]
+        places = [model.actuator_ctrladr[model.actuator(name).id] for name in names]
+        loads = np.array(places, np.int32)
+        if linkage is None:
+            none = np.zeros(0, np.int32)
+            return cls(run, none, none, np.zeros(0), loads)
+        before = model.dof_armature[linkage.dofs].copy()
+        begin(linkage, run, run.x)
+        wheels = model.dof_armature[linkage.dofs] - before
+        return cls(run, linkage.adr, linkage.dofs, wheels, loads)
+
+    @property
+    def any(self) -> bool:
+        """Whether there are any."""
+        return bool(self.dofs.size or self.places.size)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times at which a derivative of a law jumps [s]."""
+        drives, loads = self.run.drives, self.run.loads
+        return breaks_of([*(one.law for one in drives), *(one.law for one in loads)])
+
+    def energy(self, data: mujoco.MjData) -> float:
+        """That of the flywheels [J]."""
+        return float(0.5 * self.flywheels @ data.qvel[self.dofs] ** 2)
+
+    def apply(self, data: mujoco.MjData, t: float) -> None:
+        """Put the driven joints where their laws have them at a time [s], and set the controls."""
+        if self.dofs.size:
+            value, rate, acceleration = (p[:, 0] for p in self.run.motion(np.array([t])))
+            data.qpos[self.adr], data.qvel[self.dofs] = value, rate
+            data.qfrc_applied[self.dofs] = self.flywheels * acceleration
+        if self.places.size:
+            data.ctrl[self.places] = self.run.controls(np.array([t]))[0][:, 0]
+
+    def step(self, model: mujoco.MjModel, data: mujoco.MjData, count: int) -> None:
+        """Take some steps."""
+        h = float(model.opt.timestep)
+        times = data.time + h * np.arange(count + 1)
+        torque = self.flywheels * np.diff(self.run.motion(times)[1].T, axis=0) / h
+        for push, control in zip(torque, self.run.controls(times[:-1] + h / 2)[0].T, strict=True):
+            data.qfrc_applied[self.dofs], data.ctrl[self.places] = push, control
+            mujoco.mj_step(model, data)
+
+
 def solve_own_motion(
-    path: Path, until: float, samples: int, seconds: float, start: str = "start"
+    path: Path,
+    until: float,
+    samples: int,
+    seconds: float,
+    start: str = "start",
+    drives: tuple[Drive, ...] = (),
+    loads: tuple[ChangingLoad, ...] = (),
 ) -> OwnMotion:
     """Solve the motion of a model by itself in several ways; see the module.
 
@@ -114,13 +208,18 @@ def solve_own_motion(
         Processor time that all of it may take, about [s].
     start : str
         Key that it starts from, or else the first one.
+    drives, loads : tuple
+        Joints that are driven, and controls that change.
 
     Raises
     ------
     BadModel
         The model does not compile.
     """
-    model, data = load(path, Run("passive", np.zeros(0), (), start=start))
+    asked = Run("passive", np.array([0.0, until]), (), drives, start, loads=loads)
+    model, data = load(path, asked)
+    led = Linkage(model, data, tuple(one.joint for one in drives)) if drives else None
+    inputs = InputsInTime.begun(model, asked, led)
     step, own = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
     count = max(1, round(until / (samples - 1) / step))
     most = max(1, round(until / (count * step)))
@@ -132,8 +231,8 @@ def solve_own_motion(
     ) -> OwnRun:
         return by_steps(
             changed_copy(model, step / parts, **changed),
-            disturbed_start(model, data, disturbed),
-            Watched(points),
+            disturbed_start(model, data, disturbed, inputs.dofs),
+            Watched(points, inputs),
             n,
             count * parts,
             name,
@@ -148,7 +247,7 @@ def solve_own_motion(
     for k in range(1, halvings + 1):
         runs.append(stepped(spoken(own, step / 2**k), 2**k, limit["steps"], n))
     close, rough = (
-        without_steps(model, data, Watched(points), times[:n], allowed, limit[way])
+        without_steps(model, data, Watched(points, inputs), times[:n], allowed, limit[way])
         for way, allowed in (("close", CLOSE), ("rough", ROUGH))
     )
     k = max((k for k, one in enumerate(runs) if one.seconds < limit["disturbed"]), default=0)
@@ -221,8 +320,10 @@ def changed_copy(
     return changed
 
 
-def disturbed_start(model: mujoco.MjModel, data: mujoco.MjData, size: float) -> mujoco.MjData:
-    """A copy of the start, with all coordinates moved by random shares of a size."""
+def disturbed_start(
+    model: mujoco.MjModel, data: mujoco.MjData, size: float, driven: NDArray[np.int32]
+) -> mujoco.MjData:
+    """A copy of the start, all coordinates but driven ones moved by random shares of a size."""
     start = copy.copy(data)
     if size and model.nv:
         shares = np.random.default_rng(20).uniform(-1.0, 1.0, model.nv)
@@ -231,6 +332,7 @@ def disturbed_start(model: mujoco.MjModel, data: mujoco.MjData, size: float) -> 
             first = model.jnt_dofadr[joint]
             last = first + (3 if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE else 1)
             shares[first:last] *= model.stat.extent
+        shares[driven] = 0.0
         mujoco.mj_integratePos(model, start.qpos, shares, size)
     return start
 
@@ -273,13 +375,17 @@ def by_steps(
     stopped: Exception | None = None
     stride = max(1, min(count, 100))
     with collected_warnings():
+        kept.inputs.apply(data, float(data.time))
         mujoco.mj_forward(model, data)
         try:
             kept.sample(model, data)
             for _ in range(samples - 1):
                 left = count
                 while left:
-                    mujoco.mj_step(model, data, min(left, stride))
+                    if kept.inputs.any:
+                        kept.inputs.step(model, data, min(left, stride))
+                    else:
+                        mujoco.mj_step(model, data, min(left, stride))
                     left -= min(left, stride)
                     if time.process_time() - began > limit:
                         raise OutOfTime(f"{limit:.3g} s of processor time were over")
@@ -300,15 +406,16 @@ def without_steps(
     limit: float,
 ) -> OwnRun:
     """Integrate the accelerations of ``mj_forward`` by DOP853, until its time is over [s]."""
-    model, data = copy.copy(model), copy.copy(data)
-    free_of_steps(model)
+    model, data, inputs = copy.copy(model), copy.copy(data), kept.inputs
+    free_of_steps(model, inputs)
     began = time.process_time()
     stopped: Exception | None = None
     with collected_warnings(), np.errstate(all="ignore"):  # what is not finite is told
         mujoco.mj_forward(model, data)
         try:
-            for t, state in integrated(model, data, times, allowed, began + limit):
+            for t, state in integrated(model, data, times, allowed, began + limit, inputs):
                 put(model, data, t, state)
+                inputs.apply(data, t)
                 mujoco.mj_forward(model, data)
                 kept.sample(model, data)
         except (OutOfTime, FloatingPointError) as error:
@@ -321,15 +428,18 @@ def stay_awake(model: mujoco.MjModel) -> None:
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
-def free_of_steps(model: mujoco.MjModel) -> None:
-    """Let accelerations depend on the state alone, and solve for them to rounding."""
+def free_of_steps(model: mujoco.MjModel, inputs: "InputsInTime | None" = None) -> None:
+    """Let accelerations depend on the state alone, and solve for them to rounding.
+
+    MuJoCo measures what its solver gains by the mean inertia, of which flywheels make the most.
+    """
     stay_awake(model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # which depends on the step
-    model.opt.tolerance = 1e-14
+    model.opt.tolerance = 1e-14 / (FLYWHEEL if inputs and inputs.dofs.size else 1.0)
 
 
 def solve_closely(path: Path, run: Run) -> Curves:
-    """Do a free motion by DOP853 with an allowance of 1e-9, and read every sensor at every sample.
+    """Do a motion by DOP853 with an allowance of 1e-9, and read every sensor at every sample.
 
     Loops are closed at the start as in a run with steps, see `proofmass.sim.mujoco.dynamics`.
 
@@ -338,42 +448,58 @@ def solve_closely(path: Path, run: Run) -> Curves:
     BadModel
         The model does not compile, or lacks a named element.
     Unsupported
-        Joints are driven.
+        Equalities beside drives are others than connect and joint.
     NotSolved
         A value is not finite, or the processor time is over.
     """
-    if run.drives:
-        raise Unsupported("drives: the motion of a model by itself has none")
     model, data = load(path, run)
+    linkage = Linkage(model, data, tuple(one.joint for one in run.drives))
     record = Recorder(model, data, run.channels, run.x.size)
-    missing = withhold_interactions(record)
-    Linkage(model, data, ()).release()
-    free_of_steps(model)
+    missing = withhold_interactions(record) | withhold_drives(model, linkage, record)
+    if drive_sensors(model, linkage, record):
+        record.keep_forces()
+    own = model.dof_armature[linkage.dofs].copy(), model.dof_damping[linkage.dofs].copy()
+    if not run.drives:
+        linkage.release()
+    inputs = InputsInTime.begun(model, run, linkage if run.drives else None)
+    free_of_steps(model, inputs)
     began = time.process_time()
     with collected_warnings(), np.errstate(all="ignore"):
         try:
-            for k, (t, state) in enumerate(integrated(model, data, run.x, CLOSE, began + LONGEST)):
+            late = began + LONGEST
+            for k, (t, state) in enumerate(integrated(model, data, run.x, CLOSE, late, inputs)):
                 put(model, data, t, state)
+                inputs.apply(data, t)
                 for _ in range(2):  # the first one shows the kinetic energy of the state before
                     mujoco.mj_forward(model, data)
                 record.sample(k)
         except (OutOfTime, FloatingPointError) as error:
             raise NotSolved(str(error)) from None
-    return Curves(run.x, record.curves(), missing, seconds=time.process_time() - began)
+    curves = record.curves()
+    if "qfrc_inverse" in record.rows:
+        moments = moments_of_drives(record.rows, linkage.dofs, *own)
+        curves |= drive_moments(model, linkage, record, moments)
+    return Curves(run.x, curves, missing, seconds=time.process_time() - began)
 
 
 def integrated(
-    model: mujoco.MjModel, data: mujoco.MjData, times: Array, allowed: float, until: float
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    times: Array,
+    allowed: float,
+    until: float,
+    inputs: InputsInTime,
 ) -> Iterator[tuple[float, Array]]:
-    """Time and state (poses, rates, activations) at each sample."""
+    """Time and state (poses, rates, activations) at each sample; anew from break to break."""
     from scipy.integrate import DOP853  # slow to load
 
-    turn = Turning(model)
+    turn, last = Turning(model), np.inf
 
     def slope(t: float, state: Array) -> Array:
         if time.process_time() > until:
             raise OutOfTime("its processor time was over")
         put(model, data, t, state)
+        inputs.apply(data, min(t, last))
         mujoco.mj_forward(model, data)
         return np.concatenate([turn.rates(data.qpos, data.qvel), data.qacc, data.act_dot])
 
@@ -382,18 +508,20 @@ def integrated(
         yield from ((float(t), state) for t in times)
         return
     yield float(times[0]), state
-    solver = DOP853(slope, float(times[0]), state, float(times[-1]), rtol=allowed, atol=allowed)
     k = 1
-    while k < times.size:
-        words = solver.step()
-        if solver.status == "failed":
-            raise FloatingPointError(str(words))
-        if times[k] > solver.t:
-            continue
-        inside = solver.dense_output()
-        while k < times.size and times[k] <= solver.t:
-            yield float(times[k]), inside(times[k])
-            k += 1
+    for start, end, before in smooth_pieces(float(times[0]), float(times[-1]), inputs.breaks):
+        last = before
+        solver = DOP853(slope, start, state, end, rtol=allowed, atol=allowed)
+        while solver.status == "running":
+            words = solver.step()
+            if solver.status == "failed":
+                raise FloatingPointError(str(words))
+            if k < times.size and times[k] <= solver.t:
+                inside = solver.dense_output()
+                while k < times.size and times[k] <= solver.t:
+                    yield float(times[k]), inside(times[k])
+                    k += 1
+        state = solver.y
 
 
 def put(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> None:

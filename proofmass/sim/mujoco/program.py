@@ -70,7 +70,14 @@ ACTUATORS = (
 )
 
 
-def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]) -> str:
+def write_program(
+    path: Path,
+    run: Run,
+    motion: str,
+    head: str,
+    drive: Imposed = IMPOSED[0],
+    controls: str = "",
+) -> str:
     """Write a run in time as a program.
 
     Parameters
@@ -87,6 +94,8 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
     drive : Imposed, optional
         How it moves the driven joints, one of `IMPOSED`: with a servo kp is I (gain / step)^2 and
         kv is 2 I gain / step, I being the inertia that the drive feels in the start pose.
+    controls : str, optional
+        Source of ``controls(t)``: controls (loads, n) of the loads of the run at times (n,) [s].
 
     Returns
     -------
@@ -139,6 +148,8 @@ def write_program(path: Path, run: Run, motion: str, head: str, drive: Imposed =
         qpos=listed(data.qpos),
         qvel=listed(data.qvel),
         ctrl=ctrl.tolist(),
+        controls=controls.strip(),
+        loads=[int(model.actuator_ctrladr[model.actuator(one.actuator).id]) for one in run.loads],
         more={
             name: listed(getattr(data, name).ravel())
             for name in MORE

@@ -152,7 +152,9 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
 def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     """Of the step."""
     fourth = scan.settings[0]["integrator"] == "RK4"
-    own = (4.0,) if fourth else (1.0, 2.0) if j == 1 and not about.held_to_drive else (1.0,)
+    own = (1.0, 2.0) if j == 1 and not about.held_to_drive else (1.0,)
+    if fourth:  # a control is held over all stages of a step
+        own = (2.0, 4.0) if about.controlled else (4.0,)
     scaled = len({each.get("solref") for each in scan.settings}) > 1
     if not (is_soft(about) and scaled):
         return own

@@ -6,6 +6,7 @@ fast Chipmunk's solver converges.
 """
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pymunk
@@ -28,6 +29,7 @@ from proofmass.sim.pymunk.kinematics import (
     values,
 )
 from proofmass.sim.pymunk.links import Links
+from proofmass.sim.pymunk.loads import Loaded, add_loads, at_start, changes
 from proofmass.sim.pymunk.reactions import SampledMotion
 from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, moving, unwrapped
 from proofmass.sim.pymunk.space import (
@@ -205,11 +207,15 @@ States = tuple[Array, Array, Array]
 def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
     """Step through a run with `per` steps from sample to sample."""
     space, drives, targets, back = prepared(links, run, per, settings)
+    feed = None
+    if run.loads:
+        times = run.x[0] + settings["timestep"] * np.arange(len(targets))
+        feed = add_loads(space, links, run), changes(run, times).tolist()
     record = np.zeros(len(targets), bool)
     record[::per] = record[per - 1 :: per] = True
     buffer = empty_buffer()
     first = max(SURE, 10 * settings["iterations"])
-    step_through(space, settings["timestep"], drives, targets, record, buffer, first)
+    step_through(space, settings["timestep"], drives, targets, record, buffer, first, feed)
     return at_samples(*taken(buffer, links), record, per, back)
 
 
@@ -252,6 +258,10 @@ def _one_more(value: Array, acc: Array, dt: float) -> Array:
     return np.vstack([first, value, last])
 
 
+Feed = tuple[Callable[[list[float]], None], list[list[float]]]
+"""What sets the changes of controls, and these for each step."""
+
+
 def step_through(
     space: pymunk.Space,
     dt: float,
@@ -260,6 +270,7 @@ def step_through(
     record: Array,
     buffer: batch.Buffer,
     first: int,
+    feed: Feed | None = None,
 ) -> None:
     """Step once for each row of targets, and append all bodies' state after the marked steps.
 
@@ -267,8 +278,11 @@ def step_through(
     """
     step, read = space.step, batch.get_space_bodies
     usual, space.iterations = space.iterations, first
-    for target, wanted in zip(targets.tolist(), record.tolist(), strict=True):
+    set_loads, rows = feed or (None, [])
+    for k, (target, wanted) in enumerate(zip(targets.tolist(), record.tolist(), strict=True)):
         aim(drives, target)
+        if set_loads:
+            set_loads(rows[k])
         step(dt)
         if wanted:
             read(space, FIELDS, buffer)
@@ -299,7 +313,7 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
 
     Without a given number of iterations the run is repeated with what its poses need.
     """
-    began = time.perf_counter()
+    began, links = time.perf_counter(), at_start(links, run)
     per, dt = run.steps(settings["timestep"])
     used = {**settings, "timestep": dt, "iterations": settings["iterations"] or USUAL}
     states = stepped(links, run, per, used)
@@ -312,7 +326,10 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
         found = {n: unwrapped(n, _curve(links, c, states, dt)) for n, c in shown.items()}
         pose, before, after = states
         motion = SampledMotion(pose, 0.5 * (before + after), (after - before) / dt)
-        found |= force_curves(links, channels, motion)
+        if run.loads:
+            found |= Loaded.of(links, run).curves(channels, motion, drives=True)
+        else:
+            found |= force_curves(links, channels, motion)
         drive = _drive_state(links, states, dt)
     steps = (len(run.x) - 1) * per + 1
     curves = Curves(

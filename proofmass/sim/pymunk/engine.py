@@ -37,7 +37,8 @@ def simulate(model: Path, run: Run) -> Curves:
     """Run a planar mechanism in pymunk.
 
     Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
-    joints act with the constant force of their ``ctrl`` in the start key.  Joint springs may be
+    joints act with the constant force of their ``ctrl`` in the start key, or with one that changes
+    along the run, see `proofmass.sim.pymunk.loads`.  Joint springs may be
     polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in dynamics.
 
     Loads are motors on sites, constant in the frame of a refsite on the ground, or without one in
@@ -150,9 +151,17 @@ class Pymunk(Engine):
         """Python; see `snippet`."""
         return snippet(parameters, steps)
 
-    def write_program(self, model: Path, run: Run, motion: str, head: str, drive: Imposed) -> str:
+    def write_program(
+        self,
+        model: Path,
+        run: Run,
+        motion: str,
+        head: str,
+        drive: Imposed,
+        controls: str = "",
+    ) -> str:
         """See `proofmass.sim.pymunk.program`."""
-        return write_program(model, run, motion, head, drive)
+        return write_program(model, run, motion, head, drive, controls)
 
 
 ENGINE = Pymunk()

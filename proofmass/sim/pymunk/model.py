@@ -493,30 +493,43 @@ def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
     return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
 
 
+def pull_of(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    a: int,
+    force: float,
+    plane: MotionPlane,
+    of_body: Array,
+    centre: Array,
+) -> Pull | None:
+    """The load of actuator number a on a site, with some force [N]; None on the ground."""
+    site, frame = model.actuator_trnid[a]
+    follows, frame = frame < 0, site if frame < 0 else frame
+    turn = data.site_xmat[frame].reshape(3, 3).T
+    wrench = force * (gear_of(model, a).reshape(2, 3) @ turn)
+    refuse_wrench(model, a, wrench, plane)
+    link = of_body[model.site_bodyid[site]]
+    if link == len(centre) - 1:
+        return None
+    return Pull(
+        int(model.site_bodyid[site]),
+        link,
+        plane.flat(data.site_xpos[site]) - centre[link],
+        plane.flat(wrench[0]),
+        float(plane.normal @ wrench[1]),
+        bool(follows),
+        a,
+    )
+
+
 def _pulls(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
 ) -> tuple[Pull, ...]:
     pulls = []
     for a in filter(partial(load_on_site, model), range(model.nactuator)):
-        site, frame = model.actuator_trnid[a]
-        follows, frame = frame < 0, site if frame < 0 else frame
-        wrench = data.actuator_force[model.actuator_outadr[a]] * (
-            gear_of(model, a).reshape(2, 3) @ data.site_xmat[frame].reshape(3, 3).T
-        )
-        refuse_wrench(model, a, wrench, plane)
-        link = of_body[model.site_bodyid[site]]
-        if link < len(centre) - 1:
-            pulls.append(
-                Pull(
-                    int(model.site_bodyid[site]),
-                    link,
-                    plane.flat(data.site_xpos[site]) - centre[link],
-                    plane.flat(wrench[0]),
-                    float(plane.normal @ wrench[1]),
-                    bool(follows),
-                    a,
-                )
-            )
+        force = float(data.actuator_force[model.actuator_outadr[a]])
+        if pull := pull_of(model, data, a, force, plane, of_body, centre):
+            pulls.append(pull)
     return tuple(pulls)
 
 

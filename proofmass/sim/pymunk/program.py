@@ -3,8 +3,8 @@
 import ast
 import keyword
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -17,7 +17,8 @@ from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_
 from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring
-from proofmass.sim.pymunk.model import find_channels, read_model
+from proofmass.sim.pymunk.loads import at_start, efforts_of_loads, names_of
+from proofmass.sim.pymunk.model import find_channels, read_model, with_controls
 from proofmass.sim.pymunk.read import (
     Direction,
     Length,
@@ -29,6 +30,7 @@ from proofmass.sim.pymunk.read import (
     Value,
     weights,
 )
+from proofmass.sim.pymunk.read import channel as channel_of
 from proofmass.sim.pymunk.space import (
     REACH,
     STOPS,
@@ -56,7 +58,12 @@ UNIT = {True: ("rad", "N m"), False: ("m", "N")}
 
 
 def write_program(
-    model: Path, run: Run, motion: str, head: str, drive: Imposed = IMPOSED[0]
+    model: Path,
+    run: Run,
+    motion: str,
+    head: str,
+    drive: Imposed = IMPOSED[0],
+    controls: str = "",
 ) -> str:
     """Write a program that does in pymunk what `proofmass.sim.pymunk.engine.simulate` does.
 
@@ -73,6 +80,8 @@ def write_program(
         Docstring of the program.
     drive : Imposed, optional
         How it moves driven hinges, one of `IMPOSED`.
+    controls : str, optional
+        Source of ``controls(t)``: controls (loads, n) of the loads of the run at times (n,) [s].
 
     Returns
     -------
@@ -97,6 +106,7 @@ def write_program(
     if run.kind != "dynamics":
         raise Unsupported(f"a program in pymunk of another run than dynamics, such as {run.kind}")
     links, settings = read_model(model, run)
+    links = at_start(links, run)
     if settings["iterations"] is None:
         raise BadSetting("iterations", "missing; a program needs their number")
     if drive.kind == "motor":
@@ -108,10 +118,11 @@ def write_program(
                 )
     plain = [f"body_{k}_of_{len(links.mass)}" for k in range(len(links.mass) + 1)]
     taken = {
-        *names_in(_rendered(links, run, settings, motion, head, drive.kind, plain)),
+        *names_in(_rendered(links, run, settings, motion, head, drive.kind, plain, controls)),
         *keyword.kwlist,
     } - set(plain)
-    return _rendered(links, run, settings, motion, head, drive.kind, body_names(links, taken))
+    names = body_names(links, taken)
+    return _rendered(links, run, settings, motion, head, drive.kind, names, controls)
 
 
 def names_in(program: str) -> set[str]:
@@ -242,8 +253,9 @@ def _rendered(
     head: str,
     drive: str,
     names: Sequence[str],
+    controls: str,
 ) -> str:
-    writer = Writer(links, tuple(names))
+    writer = Writer(links, tuple(names), levels_of(links, run))
     per, dt = run.steps(settings["timestep"])
     pose, velocity, _ = start_state(links, run, per, dt)
     space = build(links, settings["iterations"], settings["error_bias"])
@@ -285,8 +297,10 @@ def _rendered(
         if re.search(rf"\b{word}\(", written)
     }
     efforts = writer.efforts() if "effort" in needs else None
+    changing = writer.changing(run, controls) if run.loads else None
     if efforts:
-        asked = "\n".join([*efforts["driven"], *(row["value"] for row in efforts["springs"])])
+        rows = [*efforts["springs"], *(changing["efforts"] if changing else ())]
+        asked = "\n".join([*efforts["driven"], *(row["value"] for row in rows)])
         needs |= {word for word in ("slid", "apart", "beyond") if f"{word}(" in asked}
         needs |= {"along"} | ({"spring_force"} if efforts["springs"] else set())
     needs |= {"along"} if needs & {"rate", "acceleration"} else set()
@@ -316,9 +330,37 @@ def _rendered(
         channels=channels,
         potential=potential,
         efforts=efforts,
+        changing=changing,
         lost=LOST,
         contacts=writer.contacts(settings) if links.contacts else None,
     )
+
+
+def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
+    """What channels that show forces of loads change by with a unit of each control."""
+    found = dict[str, tuple[float, ...]]()
+    if not run.loads:
+        return found
+    values = run.controls(run.x)[0]
+    ends = np.array([values.min(axis=1), values.max(axis=1)])  # all are within their ranges
+    for name in run.channels:
+        first = channel_of(links, name)
+        if not isinstance(first, Sensor) or first.order or not isinstance(first.function, Level):
+            continue
+        shares = []
+        for k in range(len(values)):
+            level = list[float]()
+            for end in ends[:, k]:
+                controls = values[:, 0].copy()
+                controls[k] = end
+                shown = channel_of(with_controls(links, names_of(run), controls), name)
+                assert isinstance(shown, Sensor)
+                assert isinstance(shown.function, Level)
+                level.append(shown.function.value)
+            width = float(np.ptp(ends[:, k]))
+            shares.append((level[1] - level[0]) / width if width else 0.0)
+        found[name] = tuple(shares)
+    return found
 
 
 def drive_channels(links: Links) -> Iterator[tuple[str, Sensor]]:
@@ -330,10 +372,14 @@ def drive_channels(links: Links) -> Iterator[tuple[str, Sensor]]:
 
 @dataclass(frozen=True)
 class Writer:
-    """Writes the parts of a program; `names` are the variables of all links and of the ground."""
+    """Writes the parts of a program; `names` are the variables of all links and of the ground.
+
+    `levels` are what channels change by with a unit of the control of each load.
+    """
 
     links: Links
     names: tuple[str, ...]
+    levels: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def bodies(self) -> list[dict[str, Any]]:
         """Mass, moment and centre of every link."""
@@ -571,6 +617,9 @@ class Writer:
         if channel.order == EFFORT:
             return summed([(channel.factor, f"effort({channel.drive})")])
         if isinstance(function, Level):
+            shares = [(s, f"more[{k}]") for k, s in enumerate(self.levels.get(name, ())) if s]
+            if shares:
+                return summed(shares, function.value)
             return f"np.full(SAMPLES, {digits(function.value)})"
         text = (
             "potential"
@@ -652,6 +701,50 @@ class Writer:
                 "1.0" if joint.hold.axis is None else "EXTENT" for joint in self.links.drives
             ),
             "springs": springs,
+            "pulls": pulls,
+        }
+
+    def changing(self, run: Run, source: str) -> dict[str, Any]:
+        """How controls change, and what they do."""
+        lines, efforts, pulls = list[str](), list[dict[str, Any]](), list[dict[str, Any]]()
+        bodies = [*self.names[:-1], self.names[-1]]
+        for k, one in enumerate(efforts_of_loads(self.links, run)):
+            if one.joint >= 0:
+                joint = self.links.joints[one.joint]
+                unit, hold = digits(one.effort), joint.hold
+                a, b = bodies[hold.a], bodies[hold.b]
+                row = {"k": k, "unit": unit, "value": f"lambda pose: {self._value(joint)}"}
+                efforts.append(row)
+                if hold.axis is None:
+                    make, setter = "DampedRotarySpring", "torque_func"
+                    ends, unit = "0.0", digits(joint.sign * one.effort)
+                else:
+                    make, setter, far = "DampedSpring", "force_func", REACH * self.links.extent
+                    places = (hold.a, hold.on_a - far * hold.axis), (hold.b, hold.on_b)
+                    anchors = ", ".join(tupled(at(self.links, *place)) for place in places)
+                    ends = f"{anchors}, {digits(far)}"
+                made = wrapped(f"pymunk.{make}({a}, {b}, {ends}, 0.0, 0.0)")
+                lines += [f"load = add({made})", f"load.{setter} = lambda *_: {unit} * change[{k}]"]
+            elif one.pull:
+                if one.pull.follows:
+                    raise Unsupported("a program with a load that turns with its body")
+                row = {
+                    "k": k,
+                    "body": self.names[one.pull.link],
+                    "at": tupled(one.pull.at),
+                    "force": tupled(one.pull.force),
+                    "moment": digits(one.pull.moment),
+                }
+                pulls.append(row)
+                lines.append(
+                    wrapped("pull_more({body}, {k}, {at}, {force}, {moment})".format(**row))
+                )
+        return {
+            "source": source.strip(),
+            "first": run.controls(run.x[:1])[0][:, 0].tolist(),
+            "names": ", ".join(map(spoken, names_of(run))),
+            "lines": lines,
+            "efforts": efforts,
             "pulls": pulls,
         }
 

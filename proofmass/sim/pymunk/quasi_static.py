@@ -59,9 +59,9 @@ from proofmass.sim.pymunk.kinematics import (
     values,
 )
 from proofmass.sim.pymunk.links import HAIR, LinkJoint, Links
-from proofmass.sim.pymunk.model import with_controls
+from proofmass.sim.pymunk.loads import Loaded
 from proofmass.sim.pymunk.reactions import SampledMotion
-from proofmass.sim.pymunk.read import Level, Sensor, channel, force_curves, kinetic, unwrapped
+from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, unwrapped
 from proofmass.sim.pymunk.space import (
     STOPS,
     Friction,
@@ -708,7 +708,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         [[curve * np.ones(len(run.x)) for curve in drive.law(run.x)] for drive in run.drives]
     )  # drives, (value, rate, acceleration), samples
     held = hold(links, settings)
-    loaded = Loaded(links, tuple(load.actuator for load in run.loads), run.controls(run.x)[0].T)
+    loaded = Loaded.of(links, run)
     missing = {name: NO_ACC for name, c in channels.items() if c.order == 2}
     if held.free:
         missing |= {name: NO_RATE for name, c in channels.items() if c.order in (1, -1)}
@@ -729,7 +729,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     taken = np.zeros((n, len(links.joints)))
     taken[:, links.rubbing] = rub
     if run.loads:
-        curves |= loaded.curves(wanted, pose, taken)
+        curves |= loaded.curves(wanted, SampledMotion.at_rest(pose, taken))
     else:
         curves |= force_curves(links, between, SampledMotion.at_rest(pose, taken))
     state = (values(links.drives, pose).T, laws[:, 1, :n], laws[:, 2, :n])
@@ -745,44 +745,6 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         stopped,
         derivatives=0 if held.free else 1,
     )
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """Links whose loads change from sample to sample.
-
-    Attributes
-    ----------
-    links : Links
-        With the loads of the key.
-    loads : tuple of str
-        The actuators.
-    controls : ndarray (n, loads)
-        Their controls at the samples [SI].
-    """
-
-    links: Links
-    loads: tuple[str, ...]
-    controls: Array
-
-    def at(self, controls: Array) -> Links:
-        """The links with other controls."""
-        return with_controls(self.links, self.loads, controls)
-
-    def curves(self, channels: dict[str, Sensor], pose: Array, rub: Array) -> dict[str, Array]:
-        """Channels that show the loads, or forces between bodies, with the loads of each sample."""
-        changing = {name for name, c in channels.items() if isinstance(c.function, Level)}
-        between = {name: c for name, c in channels.items() if c.order == -3}
-        found = {name: np.empty(len(pose)) for name in changing if channels[name].order in (0, -3)}
-        for k in range(len(pose)):
-            links, motion = self.at(self.controls[k]), SampledMotion.at_rest(pose[[k]], rub[[k]])
-            for name, curve in force_curves(links, between, motion).items():
-                found[name][k] = curve[0]
-            for name in found.keys() - between.keys():
-                sensor = channel(links, name)
-                assert isinstance(sensor, Sensor)
-                found[name][k] = sensor.function(pose[k])
-        return found
 
 
 def _follow(

@@ -53,6 +53,11 @@ class SampledMotion:
         """Poses in which nothing moves."""
         return cls(pose, np.zeros_like(pose), np.zeros_like(pose), rub)
 
+    def at(self, k: int) -> "SampledMotion":
+        """Sample k alone."""
+        rub = self.rub[[k]] if isinstance(self.rub, np.ndarray) else self.rub
+        return SampledMotion(self.pose[[k]], self.velocity[[k]], self.acceleration[[k]], rub)
+
 
 def solve_forces(links: Links, motion: SampledMotion) -> Array:
     """Forces in holds and gears, of drives and of stops (n, rows + drives + limited joints).

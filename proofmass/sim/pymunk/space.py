@@ -103,6 +103,31 @@ def _pull(pull: Pull, body: pymunk.Body) -> None:
     body.velocity_func = pulled
 
 
+def add_changing_pull(space: pymunk.Space, unit: Pull, k: int, now: list[float]) -> None:
+    """Let a load act on its body in every step that is number k of `now` times a unit."""
+    body = list(space.bodies)[unit.link]
+    before, (x, y) = body.velocity_func, unit.force.tolist()
+
+    def pulled(body: pymunk.Body, gravity: pymunk.Vec2d, damping: float, dt: float) -> None:
+        force = (now[k] * x, now[k] * y)
+        if unit.follows:
+            body.apply_force_at_local_point(force, tuple(unit.at))
+        else:
+            body.apply_force_at_world_point(force, body.local_to_world(tuple(unit.at)))
+        body.torque += now[k] * unit.moment
+        before(body, gravity, damping, dt)
+
+    body.velocity_func = pulled
+
+
+def add_changing_spring(
+    space: pymunk.Space, links: Links, joint: LinkJoint, k: int, unit: float, now: list[float]
+) -> None:
+    """Let an effort act on a joint in every step that is number k of `now` times a unit."""
+    bodies = [*space.bodies, space.static_body]
+    space.add(_spring(joint, links, bodies, lambda _: unit * now[k], 0.0))
+
+
 def at(links: Links, link: int, local: Array) -> tuple[float, float]:
     """An anchor in the body's own coordinates; the static body's are the world's."""
     return tuple(local + (links.centre[link] if link == len(links.mass) else 0.0))

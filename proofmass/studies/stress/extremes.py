@@ -467,6 +467,7 @@ def long(stressed: StressedCase) -> Iterator[LimitSearch]:
         "long run: nothing is stepped, or a recorded curve ends",
     )
     require(not case.drive or case.drive[0].to is not None, "long run: the drive's law ends")
+    require(not any(load.profile for load in case.load), "long run: the rows of a load end")
     own = stressed.seconds / stressed.step
     yield stressed.search(
         "steps",

@@ -22,6 +22,7 @@ from proofmass.drive import motion_source
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_whole
+from proofmass.profile import controls_source
 from proofmass.sim.protocol import Curves, Imposed, Run, drive_columns
 from proofmass.studies.bounded import limited
 from proofmass.studies.measure import own_core, pinned, relative_errors
@@ -102,7 +103,11 @@ def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
     """The same, in this process."""
     case, run = setting.applied(case, "dynamics")
     motion = motion_source([each.law for each in run.drives], run.x)
-    return engine_of(setting.engine).write_program(case.model_path, run, motion, head, drive)
+    given = {}
+    if run.loads:
+        given = {"controls": controls_source([each.law for each in run.loads], run.x)}
+    engine = engine_of(setting.engine)
+    return engine.write_program(case.model_path, run, motion, head, drive, **given)
 
 
 def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float) -> ProgramRun:

@@ -103,6 +103,7 @@ def studied(case: Case) -> Studied:
         driven,
         driven and not case.recorded,
         lambda: jolted(case),
+        bool(case.load),
     )
 
 

@@ -14,7 +14,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import FAILURES
-from proofmass.reference import compiled, evaluate
+from proofmass.reference import compiled, control_laws, evaluate
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import simulate
@@ -399,7 +399,12 @@ def state_at(case: Case, time: float) -> tuple[Array, Array]:
                 objtype=mujoco.mjtObj.mjOBJ_JOINT,
             )
     try:
-        found = planar.solve(np.array([0.0, time]), model=spec.compile(), start=case.start)
+        found = planar.solve(
+            np.array([0.0, time]),
+            model=spec.compile(),
+            start=case.start,
+            control_laws=control_laws(case, "dynamics"),
+        )
     except (TypeError, ValueError) as error:
         raise Unsupported(f"nothing tells another start of this free motion: {error}") from None
     position, rate = (

@@ -143,9 +143,8 @@ def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Pa
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        ('forcerange="-1 1"', "servo 'hold' has a range of forces"),
-        ('forcelimited="true" forcerange="0 1"', "servo 'hold' has a range of forces"),
         ('damping="1"', "servo 'hold' has armature or damping"),
+        ('armature="1"', "servo 'hold' has armature or damping"),
     ],
 )
 def test_what_a_servo_may_not_have_is_named(more: str, why: str, tmp_path: Path):
@@ -153,9 +152,21 @@ def test_what_a_servo_may_not_have_is_named(more: str, why: str, tmp_path: Path)
     model = mujoco.MjModel.from_xml_path(str(file))
     with pytest.raises(NotCovered, match=why):
         planar.solve(ANGLE, model=model, joints=("crank",))
-    if "range" in more:
-        with pytest.raises(Unsupported, match="range of forces of actuator 'hold'"):
-            in_pymunk(file, swept(file, ANGLE))
+
+
+def test_a_range_of_forces_is_for_the_reference_and_mujoco(tmp_path: Path):
+    """See `tests/analytic/test_controls.py`; in pymunk a servo has none."""
+    more = SERVO.replace("/>", ' forcerange="-140 5"/>')
+    file = four_bar(tmp_path, MOTOR + more, "0 0")
+    known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
+    wide = four_bar(tmp_path, MOTOR + SERVO, "0 0")
+    free = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(wide)), joints=("crank",))
+    assert np.abs(known["holding_moment"] - free["holding_moment"]).max() > 1.0
+    file = four_bar(tmp_path, MOTOR + more, "0 0")
+    found = in_mujoco(file, swept(file, ANGLE)).channels
+    assert np.abs(found["holding_moment"] - known["holding_moment"]).max() < 1e-9
+    with pytest.raises(Unsupported, match="range of forces of actuator 'hold'"):
+        in_pymunk(file, swept(file, ANGLE))
 
 
 def test_a_wrong_gain_in_the_engine_turns_the_verdict(tmp_path: Path):

@@ -140,9 +140,9 @@ class Changed(SmoothTerms):
         super().__init__(model)
         self.changes = changes
 
-    def terms(self, q: np.ndarray, v: np.ndarray) -> Terms:
+    def terms(self, q: np.ndarray, v: np.ndarray, ctrl: np.ndarray | None = None) -> Terms:
         """The changed terms."""
-        found = super().terms(q, v)
+        found = super().terms(q, v, ctrl)
         return replace(found, **{name: change(self, q, v) for name, change in self.changes.items()})
 
 

@@ -1,5 +1,7 @@
 """The reference of a model's own equations: against other references, and what it refuses."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from proofmass.errors import InputError
 from proofmass.ladder import Rung
 from proofmass.reference import evaluate, grid
 from proofmass.sidecar import load_case
-from proofmass.solve import solve
+from proofmass.sim.mujoco.engine import simulate as in_mujoco
+from proofmass.solve import prescribed_run, solve
 from tests.shipped import shipped
 
 BOX = shipped("tumbling_box.toml")
@@ -78,11 +81,57 @@ def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
     reference.closely_once.cache_clear()
 
 
-def test_drives_are_refused():
-    case = load_case(shipped("universal_joint.toml"))
-    driven = case.model_copy(update={"reference": "refined"})
-    with pytest.raises(InputError, match="drives and rods; the model must move by itself"):
-        evaluate(driven, "dynamics", grid(driven, "dynamics"), None)
+def test_a_sweep_and_rods_are_refused():
+    case = load_case(shipped("universal_joint.toml")).model_copy(update={"reference": "refined"})
+    run = prescribed_run(case, "sweep")
+    with pytest.raises(InputError, match="a run of sweep; it is a motion in time"):
+        evaluate(case, "sweep", run.x, run.motion(run.x))
+    case = load_case(shipped("rod_released.toml")).model_copy(update={"reference": "refined"})
+    with pytest.raises(InputError, match="does not cover it: rods"):
+        evaluate(case.model_copy(update={"parameters": {}}), "dynamics", np.linspace(0, 1, 3), None)
+
+
+def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
+    """Whose drive is exact: a flywheel of 1e9 and an allowance of 1e-9 are within 1e-7."""
+    case = refined("driven_cart", n=41, until=1.0)
+    run = prescribed_run(case, "dynamics")
+    found = evaluate(case, "dynamics", run.x, run.motion(run.x)).channels
+    other = case.model_copy(update={"reference": "planar"})
+    true = evaluate(other, "dynamics", run.x, run.motion(run.x)).channels
+    for channel, curve in true.items():
+        assert np.abs(found[channel] - curve).max() < 1e-7 * max(1.0, np.ptp(curve)), channel
+    assert max(np.ptp(curve) for curve in true.values()) > 1.0
+
+
+def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
+    """The four-bar's loops are soft: steps come to this reference, and not to the rigid one."""
+    case = refined("fourbar", n=31)
+    leader = case.drive[0].model_copy(update={"to": 1.5, "rate": 5.0})
+    names = ("rocker", "holding_moment")
+    kept = {name: case.channels[name].model_copy(update={"equals": name}) for name in names}
+    update = {"drive": (leader,), "parameters": {}, "channels": kept, "tolerance": ()}
+    case = case.model_copy(update=update)
+    run = prescribed_run(case, "dynamics")
+    true = evaluate(case, "dynamics", run.x, run.motion(run.x)).channels
+    rigid = case.model_copy(update={"reference": "planar"})
+    rigid = evaluate(rigid, "dynamics", run.x, run.motion(run.x)).channels
+    off, far = [], []
+    for step in (5e-4, 2.5e-4):
+        given = {"timestep": step, "integrator": "RK4"}
+        found = in_mujoco(case.model_path, replace(run, settings=given)).channels
+        off.append(max(np.abs(found[name] - true[name]).max() for name in names))
+        far.append(max(np.abs(found[name] - rigid[name]).max() for name in names))
+    assert off[0] / off[1] > 3.5
+    assert off[1] < 0.1 * far[1]
+
+
+def test_controls_that_change_are_those_of_the_planar_reference():
+    case = refined("axes_controlled", n=41)
+    x = grid(case, "dynamics")
+    found = evaluate(case, "dynamics", x, None).channels
+    true = evaluate(case.model_copy(update={"reference": "planar"}), "dynamics", x, None).channels
+    for channel, curve in true.items():
+        assert np.abs(found[channel] - curve).max() < 1e-7 * max(1.0, np.ptp(curve)), channel
 
 
 def test_the_page_says_why_the_motion_is_known():

@@ -1,0 +1,147 @@
+"""Loads that change along a run: motors and servos whose controls are not those of the key.
+
+In time Chipmunk moves the bodies with the velocities that it has, and then finds new ones with the
+forces of where they are.  So the control of a step is that of its end, the middle of the interval
+that the new velocities belong to, and its law is met to the second order.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pymunk
+
+from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import gear_of, joint_of
+from proofmass.sim.protocol import Run, Unsupported
+from proofmass.sim.pymunk.links import Links, Pull
+from proofmass.sim.pymunk.model import pull_of, with_controls
+from proofmass.sim.pymunk.reactions import SampledMotion
+from proofmass.sim.pymunk.read import Level, Sensor, channel, force_curves
+from proofmass.sim.pymunk.space import add_changing_pull, add_changing_spring
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """Links whose loads change from sample to sample.
+
+    Attributes
+    ----------
+    links : Links
+        With other controls of them.
+    loads : tuple of str
+        The actuators.
+    controls : ndarray (n, loads)
+        Their controls at the samples [SI].
+    """
+
+    links: Links
+    loads: tuple[str, ...]
+    controls: Array
+
+    @classmethod
+    def of(cls, links: Links, run: Run) -> "Loaded":
+        """Those of a run."""
+        return cls(links, names_of(run), run.controls(run.x)[0].T)
+
+    def at(self, controls: Array) -> Links:
+        """The links with other controls."""
+        return with_controls(self.links, self.loads, controls)
+
+    def curves(
+        self, channels: dict[str, Sensor], motion: SampledMotion, drives: bool = False
+    ) -> dict[str, Array]:
+        """Channels that show the loads, or forces between bodies, with the loads of each sample.
+
+        And of `drives`, what these must do.
+        """
+        changing = {name for name, c in channels.items() if isinstance(c.function, Level)}
+        changing = {name for name in changing if channels[name].order == 0}
+        orders = (-2, -3) if drives else (-3,)
+        between = {name: c for name, c in channels.items() if c.order in orders}
+        found = {name: np.empty(len(motion.pose)) for name in (*changing, *between)}
+        for k in range(len(motion.pose) if found else 0):
+            links = self.at(self.controls[k])
+            for name, curve in force_curves(links, between, motion.at(k)).items():
+                found[name][k] = curve[0]
+            for name in changing:
+                sensor = channel(links, name)
+                assert isinstance(sensor, Sensor)
+                found[name][k] = sensor.function(motion.pose[k])
+        return found
+
+
+@dataclass(frozen=True)
+class ChangingEffort:
+    """What a unit of a control does: an effort on a joint [N m or N], or a load on a link.
+
+    It does nothing if neither is there, as a load on the ground.
+    """
+
+    joint: int = -1
+    effort: float = 0.0
+    pull: Pull | None = None
+
+
+def names_of(run: Run) -> tuple[str, ...]:
+    """The actuators of a run whose controls change."""
+    return tuple(load.actuator for load in run.loads)
+
+
+def at_start(links: Links, run: Run) -> Links:
+    """The links with the controls of the first sample of a run.
+
+    Raises
+    ------
+    Unsupported
+        A control changes whose force has a range.
+    """
+    if not run.loads:
+        return links
+    model = links.model
+    for name in names_of(run):
+        a = model.actuator(name).id
+        joint = joint_of(model, a)
+        if model.actuator_forcelimited[a] or (joint >= 0 and model.jnt_actfrclimited[joint]):
+            raise Unsupported(f"the range of forces of actuator '{name}', whose control changes")
+    return with_controls(links, names_of(run), run.controls(run.x[:1])[0][:, 0])
+
+
+def efforts_of_loads(links: Links, run: Run) -> tuple[ChangingEffort, ...]:
+    """What a unit of the control of each load does."""
+    model, found = links.model, list[ChangingEffort]()
+    for name in names_of(run):
+        a = model.actuator(name).id
+        gain, joint = float(model.actuator_gainprm[a, 0]), joint_of(model, a)
+        if joint >= 0:
+            found.append(ChangingEffort(joint, gain * float(gear_of(model, a)[0])))
+        else:
+            pull = pull_of(model, links.data, a, gain, links.plane, links.of_body, links.centre)
+            found.append(ChangingEffort(pull=pull))
+    return tuple(found)
+
+
+def changes(run: Run, times: Array) -> Array:
+    """Controls of the loads (n, loads) at times, less those of the first sample."""
+    return run.controls(times)[0].T - run.controls(run.x[:1])[0].T
+
+
+def add_loads(space: pymunk.Space, links: Links, run: Run) -> Callable[[list[float]], None]:
+    """Let the loads of a run act beside those of its first sample.
+
+    Returns
+    -------
+    callable
+        Sets the `changes` of the controls.
+    """
+    now = [0.0] * len(run.loads)
+    for k, one in enumerate(efforts_of_loads(links, run)):
+        if one.joint >= 0:
+            add_changing_spring(space, links, links.joints[one.joint], k, one.effort, now)
+        elif one.pull:
+            add_changing_pull(space, one.pull, k, now)
+
+    def set_changes(values: list[float]) -> None:
+        now[:] = values
+
+    return set_changes

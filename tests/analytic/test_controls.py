@@ -1,0 +1,310 @@
+"""Controls that change in time, and forces with a range, in the references for any mechanism."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline, PPoly
+from scipy.linalg import expm
+
+from proofmass.analytic import planar, spatial
+from proofmass.analytic.controls import ControlsInTime, smooth_pieces
+from proofmass.analytic.numerics import NotCovered
+from proofmass.reference import control_laws
+from proofmass.sidecar import load_case
+from proofmass.sim.smooth import SmoothTerms
+from tests.shipped import shipped
+
+AXES = load_case(shipped("axes_controlled.toml"))
+T = np.linspace(0.0, 2.0, 201)
+HEAD = (
+    '<mujoco><compiler angle="radian"/><option gravity="0 0 {g}"><flag contact="disable"/></option>'
+)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A control that is straight between rows: a law that knows nothing of `proofmass.profile`."""
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    @property
+    def breaks(self) -> np.ndarray:
+        return np.array(self.times)
+
+    def __call__(self, t):
+        value = np.interp(t, self.times, self.values)
+        return value, np.zeros_like(value), np.zeros_like(value)
+
+
+def straight(times, values) -> PPoly:
+    """A polyline."""
+    times, values = np.array(times, float), np.array(values, float)
+    return PPoly(np.array([np.diff(values) / np.diff(times), values[:-1]]), times)
+
+
+def answer(m, c, k, force: PPoly, x0, v0, t):
+    """m x'' + c x' + k x = force(t), a piecewise polynomial: matrix exponentials, piece by piece.
+
+    The force and its derivatives, the last of which does not change in a piece, are part of the
+    state.
+    """
+    order = len(force.c)
+    a = np.zeros((2 + order, 2 + order))
+    a[0, 1], a[1, :3] = 1.0, [-k / m, -c / m, 1.0 / m]
+    a[np.arange(2, 1 + order), np.arange(3, 2 + order)] = 1.0
+    derivatives = [force.derivative(n) if n else force for n in range(order)]
+    found, at, state = np.empty((2, len(t))), float(t[0]), np.array([x0, v0])
+    for start, end in zip(force.x[:-1], force.x[1:], strict=True):
+        inside = (t >= start) & ((t < end) | ((t == end) & (end == force.x[-1])))
+        middle = 0.5 * (start + end)  # where the derivatives are those of this piece
+        pushes = np.array([d(middle) for d in derivatives])
+        back = expm(a * (at - middle))
+        begin = np.concatenate([state, (back[2:, 2:] @ pushes)])
+        for n in np.flatnonzero(inside):
+            found[:, n] = (expm(a * (t[n] - at)) @ begin)[:2]
+        state, at = (expm(a * (end - at)) @ begin)[:2], float(end)
+    return found
+
+
+def axes() -> dict[str, np.ndarray]:
+    """The closed forms of the case's three axes."""
+    model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
+    rows = np.loadtxt(shipped("axes_controlled.csv"), delimiter=",", comments=("#", "t"))
+    push = straight(rows[:, 0], rows[:, 1])
+    wind = straight([0.0, 0.3, 1.2, 2.0], 0.3 + np.array([0.0, 0.6, 0.6, -0.2]))  # and 3 * 0.1
+    target = CubicSpline([0.0, 0.5, 1.0, 1.5, 2.0], [0.1, 0.15, 0.35, 0.5, 0.5])
+    lift = PPoly(900.0 * target.c, target.x)
+    lift.c[-1] -= 4.0 * 9.81
+    moment = float(model.body_inertia[2][2])  # of the cylinder about its axis
+    assert moment == pytest.approx(1.5 * 0.2**2 / 2, rel=1e-12)
+    found = {}
+    for name, one in {
+        "slide": answer(2.0, 0.0, 0.0, push, 0.1, 0.2, T),
+        "wheel": answer(moment, 0.1, 3.0, wind, 0.3, 0.0, T),
+        "lift": answer(4.0, 60.0, 900.0, lift, 0.05, 0.0, T),
+    }.items():
+        found[name], found[f"{name}_rate"] = one
+    return found
+
+
+def solved(name: str, model, laws, t=T, **more):
+    """A free motion by one of the references, with MuJoCo's terms in space."""
+    if name == "planar":
+        return planar.solve(t, model=model, control_laws=laws, **more)
+    return spatial.solve(t, model=model, control_laws=laws, terms=SmoothTerms(model), **more)
+
+
+BOTH = pytest.mark.parametrize("reference", ["planar", "spatial"])
+
+
+@BOTH
+def test_three_axes_move_as_their_linear_equations_have_it(reference):
+    model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
+    found = solved(reference, model, control_laws(AXES, "dynamics"))
+    for name, curve in axes().items():
+        assert np.abs(found[name] - curve).max() < 1e-12, name  # of 1: some 20 pieces at 3e-14
+
+
+def test_the_force_of_a_control_is_that_of_its_rows():
+    model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
+    found = solved("planar", model, control_laws(AXES, "dynamics"))
+    rows = np.loadtxt(shipped("axes_controlled.csv"), delimiter=",", comments=("#", "t"))
+    assert np.abs(found["pushing"] - np.interp(T, *rows.T)).max() < 1e-14
+
+
+@BOTH
+def test_a_control_that_stays_is_that_of_the_key(reference):
+    """A law without changes and a key that has its value give one motion."""
+    model = mujoco.MjModel.from_xml_path(str(shipped("arm_servos.xml")))
+    t = np.linspace(0.0, 0.3, 7)
+    changed = {"lift": Rows((0.0, 1.0), (0.4, 0.4)), "turn": Rows((0.0, 1.0), (-2.0, -2.0))}
+    found = solved(reference, model, changed, t)
+    other = solved(reference, model, {}, t)
+    model.key_ctrl[0, :2] = 0.4, -2.0
+    other_start = planar.read(model, "start")[0]
+    assert other_start.ctrl.tolist() == [0.4, -2.0, 0.05]
+    fixed = mujoco.MjModel.from_xml_string(
+        shipped("arm_servos.xml").read_text().replace('ctrl="0.9 1.5 0.05"', 'ctrl="0.4 -2 0.05"')
+    )
+    wanted = solved(reference, fixed, {}, t)
+    for name in ("shoulder", "elbow", "reach", "tip_velocity.x"):
+        assert np.abs(found[name] - wanted[name]).max() < 1e-11, name
+        assert np.abs(found[name] - other[name]).max() > 1e-4, name
+
+
+def test_both_references_have_one_motion_of_an_arm_under_controls():
+    model = mujoco.MjModel.from_xml_path(str(shipped("arm_servos.xml")))
+    laws = {
+        "lift": Rows((0.0, 0.11, 0.23, 0.5), (0.9, 0.2, 1.4, 1.4)),
+        "turn": Rows((0.0, 0.3, 0.5), (1.5, -3.0, 0.0)),
+        "push": Rows((0.0, 0.05, 0.5), (0.05, 0.3, -0.1)),
+    }
+    t = np.linspace(0.0, 0.5, 251)
+    one, two = solved("planar", model, laws, t), solved("spatial", model, laws, t)
+    shared = one.keys() & two.keys()
+    assert {"shoulder", "elbow", "reach", "tip.x", "kinetic", "potential"} <= shared
+    assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
+    rate = np.gradient(one["elbow"], t, edge_order=2)
+    asked = 0.8 * (laws["turn"](t)[0] - rate)
+    assert np.abs(one["turning"] - asked)[20:-2].max() < 0.02  # rates are differences of values
+
+
+def test_steps_end_at_the_kinks_and_are_fewer_for_it(monkeypatch):
+    """Steps over kinks are refused until they are short: the order is lost there."""
+    model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
+    tree = spatial.read_tree(model, "start")
+    laws, times = control_laws(AXES, "dynamics"), np.linspace(0.0, 2.0, 3)
+    places = {k: laws[name] for k, name in enumerate(("push", "wind", "lift"))}
+    controls = ControlsInTime(tree.ctrl, places)
+    few = spatial.held_motion(tree, SmoothTerms(model), times, controls=controls).evaluations
+    monkeypatch.setattr(ControlsInTime, "breaks", ())
+    many = spatial.held_motion(tree, SmoothTerms(model), times, controls=controls).evaluations
+    assert few < 0.6 * many
+
+
+def test_the_pieces_of_a_motion_are_those_between_breaks():
+    pieces = list(smooth_pieces(0.0, 1.0, (-1.0, 0.0, 1e-14, 0.25, 1.0, 7.0)))
+    assert [(a, b) for a, b, _ in pieces] == [(0.0, 0.25), (0.25, 1.0)]
+    assert pieces[0][2] < 0.25
+    assert pieces[1][2] < 1.0
+    assert list(smooth_pieces(0.0, 1.0, (2.0,))) == [(0.0, 1.0, np.inf)]
+
+
+@dataclass(frozen=True)
+class Stair:
+    """A drive whose acceleration is a stair, and so its rate straight between rows."""
+
+    times: tuple[float, ...]
+    steps: tuple[float, ...]
+
+    @property
+    def breaks(self) -> np.ndarray:
+        return np.array(self.times)
+
+    def __call__(self, t):
+        t = np.asarray(t, float)
+        bend = PPoly(np.array([self.steps]), np.array(self.times))
+        return bend.antiderivative(2)(t), bend.antiderivative(1)(t), bend(t)
+
+
+def test_a_mass_beside_a_drive_whose_acceleration_jumps():
+    """On a spring on a driven cart: m x'' + k x = -m a(t), the stair's own jumps at its rows."""
+    model = mujoco.MjModel.from_xml_string(f"""{HEAD.format(g=0)}<worldbody>
+      <body><joint name="cart" type="slide" axis="1 0 0"/><geom size=".1" mass="3"/>
+        <body><joint name="x" type="slide" axis="1 0 0" stiffness="40"/><geom size=".1" mass="0.5"/>
+        </body></body>
+      <body pos="0 0 1"><joint name="h" axis="0 1 0"/><geom size=".1" mass="1"/></body></worldbody>
+      <sensor><jointpos name="x" joint="x"/><jointvel name="rate" joint="x"/></sensor></mujoco>""")
+    law = Stair((0.0, 0.31, 0.5, 1.0), (2.0, -3.0, 1.0))
+    t = np.linspace(0.0, 1.0, 51)
+    found = planar.solve(*law(t), model=model, joints=("cart",), in_time=(t, (law,)))
+    force = PPoly(-0.5 * np.array([law.steps]), np.array(law.times))
+    x, rate = answer(0.5, 0.0, 40.0, force, 0.0, 0.0, t)
+    assert np.abs(found["x"] - x).max() < 1e-13
+    assert np.abs(found["rate"] - rate).max() < 1e-12
+
+
+SERVO = """<worldbody>
+  <body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1" mass="2"/></body>
+  <body pos="0 0 1"><joint name="h" axis="0 1 0"/><geom size=".1" mass="1"/></body></worldbody>
+  <actuator><position name="hold" joint="x" kp="50" {more}/></actuator>
+  <sensor><jointpos name="x" joint="x"/><jointvel name="rate" joint="x"/>
+    <actuatorfrc name="push" actuator="hold"/></sensor>
+  <keyframe><key name="start" qpos="0 0" ctrl="1"/></keyframe></mujoco>"""
+
+
+def saturated(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A mass of 2 kg that a servo of 50 N/m and at most 8 N pulls from 0 to 1 m, and its rate.
+
+    At first the force is 8 N: a parabola, up to 8 / 50 m before the target. Then it swings, up to
+    as far behind the target, where the force is -8 N; and all that is symmetric to where it turns.
+    """
+    m, k, most = 2.0, 50.0, 8.0
+    near, w = most / k, np.sqrt(k / m)
+    first = np.sqrt(2.0 * m * (1.0 - near) / most)
+    speed = most / m * first
+    size, phase = np.hypot(near, speed / w), np.arctan2(near, speed / w)
+    second = first + 2.0 * phase / w
+    turn = second + first
+    mirrored = np.minimum(t, 2.0 * turn - t)  # the way back is that there
+    swing = w * (mirrored - first) - phase
+    late = mirrored - second
+    x = np.select(
+        [mirrored < first, mirrored < second],
+        [0.5 * most / m * mirrored**2, 1.0 + size * np.sin(swing)],
+        1.0 + near + speed * late - 0.5 * most / m * late**2,
+    )
+    rate = np.select(
+        [mirrored < first, mirrored < second],
+        [most / m * mirrored, size * w * np.cos(swing)],
+        speed - most / m * late,
+    )
+    return x, np.where(t < turn, rate, -rate)
+
+
+@BOTH
+def test_a_servo_with_a_range_of_forces_saturates(reference):
+    """Over four of its kinks, to and fro."""
+    model = mujoco.MjModel.from_xml_string(
+        HEAD.format(g=0) + SERVO.format(more='forcerange="-8 8" forcelimited="true"')
+    )
+    t = np.linspace(0.0, 2.8, 141)
+    x, rate = saturated(t)
+    assert x.max() == pytest.approx(2.0, abs=1e-3)
+    assert x[-20:].min() < 0.2
+    found = solved(reference, model, {}, t)
+    assert np.abs(found["x"] - x).max() < 1e-11
+    assert np.abs(found["rate"] - rate).max() < 1e-11
+    if reference == "planar":
+        assert np.abs(found["push"] - np.clip(50.0 * (1.0 - x), -8.0, 8.0)).max() < 1e-9
+
+
+def test_an_arm_whose_servos_saturate_is_one_in_both_references():
+    text = shipped("arm_servos.xml").read_text()
+    for old, new in (
+        ('kp="120"', 'kp="120" forcerange="-15 20"'),
+        ('kv="0.8"', 'kv="0.8" forcerange="-0.6 0.6"'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    model, t = mujoco.MjModel.from_xml_string(text), np.linspace(0.0, 0.5, 51)
+    laws = {"lift": Rows((0.0, 0.2, 0.5), (0.9, 0.3, 1.1))}
+    for given in ({}, laws):
+        one, two = solved("planar", model, given, t), solved("spatial", model, given, t)
+        shared = one.keys() & two.keys() - {"turning", "pushing"}
+        assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
+        wide = mujoco.MjModel.from_xml_path(str(shipped("arm_servos.xml")))
+        assert np.abs(solved("planar", wide, given, t)["elbow"] - one["elbow"]).max() > 1e-2
+
+
+def test_at_rest_a_saturated_servo_asks_no_more_of_a_drive():
+    """A four-bar with a servo on its rocker: by virtual work of the clipped moment."""
+    text = shipped("fourbar.xml").read_text()
+    servo = '<position name="hold" joint="rocker" kp="30" gear="2" forcerange="-140 5"/>'
+    text = text.replace("</actuator>", f"{servo}</actuator>")
+    model, plain = mujoco.MjModel.from_xml_string(text), shipped("fourbar.xml")
+    angle = np.linspace(0.0, 6.0, 61)
+    found = planar.solve(angle, model=model, joints=("crank",))
+    free = planar.solve(angle, model=mujoco.MjModel.from_xml_path(str(plain)), joints=("crank",))
+    force = np.clip(30.0 * (0.0 - 2.0 * found["rocker"]), -140.0, 5.0)
+    assert 5 < (force == -140.0).sum() < 56
+    more = -2.0 * force * found["rocker_rate"]
+    assert np.abs(found["holding_moment"] - free["holding_moment"] - more).max() < 1e-11
+
+
+def test_what_may_not_change_is_named():
+    text = (
+        (HEAD.format(g=0) + SERVO.format(more=""))
+        .replace("<position", "<motor")
+        .replace(' kp="50"', "")
+    )
+    limited = text.replace('name="x" type', 'name="x" actuatorfrcrange="-1 1" type', 1)
+    laws = {"hold": Rows((0.0, 1.0), (0.0, 1.0))}
+    with pytest.raises(NotCovered, match="'hold' changes, and its joint 'x' has a range of"):
+        solved("planar", mujoco.MjModel.from_xml_string(limited), laws, T[:3])
+    model = mujoco.MjModel.from_xml_string(text)
+    with pytest.raises(ValueError, match="no actuator 'hodl'; there are: hold"):
+        solved("planar", model, {"hodl": laws["hold"]}, T[:3])

@@ -1,0 +1,462 @@
+"""Controls that change in time: both engines, their programs, sidecars, and bad input."""
+
+import csv
+import re
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofmass.case import ProfileTable
+from proofmass.check import check
+from proofmass.drive import InProportion, Steady, Swing, motion_source
+from proofmass.profile import controls_source, law_of_profile
+from proofmass.reference import evaluate, grid, load_laws
+from proofmass.report import write_report
+from proofmass.sidecar import as_toml, load_case
+from proofmass.sim.mujoco import dynamics as mujoco_dynamics
+from proofmass.sim.mujoco import program as mujoco_program
+from proofmass.sim.mujoco.engine import simulate as in_mujoco
+from proofmass.sim.protocol import ChangingLoad, Drive, Run, Unsupported
+from proofmass.sim.pymunk import program as pymunk_program
+from proofmass.sim.pymunk.engine import simulate as in_pymunk
+from proofmass.solve import prescribed_run
+from tests.shipped import shipped
+from tests.verdicts import verdicts
+
+AXES = shipped("axes_controlled.toml")
+TIMES, FORCES = (0.0, 0.4, 0.6, 1.0), (1.0, 3.0, 3.0, -2.0)
+"""A polyline [s, N] that ends elsewhere than it begins."""
+T = np.linspace(0.0, 1.0, 6)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A control that is straight between rows."""
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __call__(self, t):
+        value = np.interp(t, self.times, self.values)
+        return value, np.zeros_like(value), np.zeros_like(value)
+
+
+def pushed(folder: Path, actuator: str) -> Path:
+    """A mass of 2 kg on a slide, pushed at 2 N for a unit of the control."""
+    file = folder / "slide.xml"
+    file.write_text(f"""<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="1e-3">
+      <flag contact="disable"/></option><worldbody><site name="ground"/>
+      <body name="slide"><joint name="x" type="slide" axis="1 0 0"/>
+        <geom type="box" size="0.1 0.05 0.05" mass="2"/><site name="middle"/></body>
+      <body pos="0 0 1"><joint name="h" axis="0 -1 0"/><geom size="0.1" mass="1"/></body>
+      </worldbody>
+      <actuator>{actuator}</actuator>
+      <sensor><jointpos name="x" joint="x"/><jointvel name="rate" joint="x"/>
+      <actuatorfrc name="push" actuator="push"/></sensor>
+      <keyframe><key name="start" qpos="0.1 0" qvel="0.3 0"/></keyframe></mujoco>""")
+    return file
+
+
+ON_JOINT = '<motor name="push" joint="x" gear="2"/>'
+ON_SITE = '<motor name="push" site="middle" refsite="ground" gear="2 0 0 0 0 0"/>'
+BOTH = pytest.mark.parametrize("actuator", [ON_JOINT, ON_SITE], ids=["joint", "site"])
+
+
+def exact(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Place and speed of that mass: the polyline integrated once and twice, exactly."""
+    x, v, place, speed = 0.1, 0.3, [], []
+    for one in t:
+        x, v, last = 0.1, 0.3, 0.0
+        for a, b, f, g in zip(TIMES[:-1], TIMES[1:], FORCES[:-1], FORCES[1:], strict=True):
+            h, slope = min(one, b) - a, (g - f) / (b - a)  # times 2 N over 2 kg
+            if h > 0:
+                x += h * v + f * h**2 / 2 + slope * h**3 / 6
+                v += f * h + slope * h**2 / 2
+                last = b
+        assert last or one == 0.0
+        place.append(x)
+        speed.append(v)
+    return np.array(place), np.array(speed)
+
+
+def run(step: float, **settings) -> Run:
+    """A second of it."""
+    loads = (ChangingLoad("push", Rows(TIMES, FORCES)),)
+    return Run(
+        "dynamics", T, ("x", "rate", "push"), settings={"timestep": step, **settings}, loads=loads
+    )
+
+
+@BOTH
+def test_mujoco_holds_a_control_over_a_step_to_the_second_order(actuator, tmp_path):
+    """With RK4 the speed is exact, and the place is off by h^2/12 of what the force rose by.
+
+    In a step the speed rises along a line instead of a parabola: by h^3/12 of the slope more.
+    """
+    file, (place, speed) = pushed(tmp_path, actuator), exact(T)
+    for step in (2e-2, 1e-2):
+        found = in_mujoco(file, run(step, integrator="RK4")).channels
+        rose = np.interp(T, TIMES, FORCES) - FORCES[0]
+        assert np.abs(found["x"] - place - step**2 / 12 * rose).max() < 1e-13
+        assert np.abs(found["rate"] - speed).max() < 1e-13
+        assert np.abs(found["push"] - np.interp(T, TIMES, FORCES)).max() < 1e-13
+
+
+def test_kinks_between_steps_keep_the_second_order(tmp_path):
+    file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
+    off = []
+    for steps in (7, 14, 28, 56):  # from sample to sample: kinks lie on none of them
+        found = in_mujoco(file, run(0.2 / steps - 1e-12, integrator="RK4"))
+        off.append(np.abs(found.channels["x"] - place).max())
+    assert np.log2(off[0] / off[-1]) / 3 == pytest.approx(2.0, abs=0.2)
+
+
+def test_steps_of_first_order_stay_of_first_order(tmp_path):
+    file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
+    for integrator in ("Euler", "implicitfast"):
+        off = [
+            np.abs(in_mujoco(file, run(h, integrator=integrator)).channels["x"] - place).max()
+            for h in (2e-2, 1e-2)
+        ]
+        assert off[0] / off[1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_value_at_the_beginning_of_a_step_would_be_of_first_order(tmp_path, monkeypatch):
+    """Mutation."""
+    file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
+    own = mujoco_dynamics.HeldControls.of
+
+    def early(model, run, times, count):
+        half = 0.5 * (times[1] - times[0])
+        return own(model, run, np.append(times[:-1] - half, times[-1] - half), count)
+
+    monkeypatch.setattr(mujoco_dynamics.HeldControls, "of", early)
+    off = [
+        np.abs(in_mujoco(file, run(h, integrator="RK4")).channels["x"] - place).max()
+        for h in (2e-2, 1e-2)
+    ]
+    assert off[0] / off[1] == pytest.approx(2.0, abs=0.2)
+
+
+@BOTH
+def test_pymunk_takes_a_control_to_the_second_order(actuator, tmp_path):
+    file, (place, speed) = pushed(tmp_path, actuator), exact(T)
+    off = []
+    for step in (2e-2, 1e-2):
+        found = in_pymunk(file, run(step)).channels
+        off.append(np.abs(found["x"] - place).max())
+        assert np.abs(found["rate"] - speed).max() < 1e-12  # the mean of two half steps
+        assert np.abs(found["push"] - np.interp(T, TIMES, FORCES)).max() < 1e-13
+    assert off[1] < 3e-4
+    assert off[0] / off[1] == pytest.approx(4.0, abs=0.1)
+
+
+def curves_of(text: str, folder: Path) -> dict[str, np.ndarray]:
+    """What a program writes."""
+    (folder / "run.py").write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-I", "run.py"], cwd=folder, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    with (folder / "curves.csv").open(newline="", encoding="utf-8") as stream:
+        head, *rows = csv.reader(stream)
+    return dict(zip(head[1:], np.array(rows, float).T[1:], strict=True))
+
+
+@BOTH
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+def test_programs_have_the_controls(engine, actuator, tmp_path):
+    file, simulate, writer = pushed(tmp_path, actuator), in_mujoco, mujoco_program
+    given = run(1e-2, integrator="RK4")
+    if engine == "pymunk":
+        simulate, writer, given = in_pymunk, pymunk_program, run(1e-2)
+    wanted = simulate(file, given)
+    sampled = law_of_profile(
+        tmp_path,
+        ProfileTable(time=TIMES, value=FORCES, interpolation="linear"),
+        0.0,
+        "1",
+    )
+    assert sampled(np.array([0.2, 0.8]))[0] == pytest.approx([2.0, 0.5], abs=1e-14)
+    text = writer.write_program(
+        file,
+        replace(given, settings=wanted.settings),
+        "",
+        "",
+        controls=controls_source([sampled], given.x),
+    )
+    assert "np.interp(t, [" in text
+    found = curves_of(text, tmp_path)
+    for name, curve in wanted.channels.items():
+        assert np.abs(found[name] - curve).max() < 1e-12, name
+
+
+def test_a_program_of_pymunk_tells_the_moment_of_a_drive_beside_a_load(tmp_path):
+    """The four-bar with a moment on its rocker and a force on its coupler that change."""
+    text = shipped("fourbar.xml").read_text(encoding="utf-8")
+    text = text.replace(
+        "</actuator>",
+        '<motor name="load" joint="rocker"/>'
+        '<motor name="wind" site="point" refsite="crank_origin" gear="1 0.5 0 0 0 0"/></actuator>',
+    ).replace("<worldbody>", '<worldbody><site name="crank_origin"/>')
+    file = tmp_path / "fourbar.xml"
+    file.write_text(text, encoding="utf-8")
+    swing, t = Swing(0.0, 2.0, 2.0), np.linspace(0.0, 1.0, 21)
+    laws = Rows(TIMES, FORCES), InProportion(swing, 0.0, 3.0, -1.0)
+    loads = ChangingLoad("load", laws[0]), ChangingLoad("wind", laws[1])
+    names = ("rocker", "holding_moment")
+    given = Run("dynamics", t, names, (Drive("crank", swing),), loads=loads)
+    wanted = in_pymunk(file, replace(given, settings={"timestep": 1e-3}))
+    sampled = law_of_profile(
+        tmp_path, ProfileTable(time=TIMES, value=FORCES, interpolation="linear"), 0.0, "1"
+    )
+    source = controls_source([sampled, laws[1]], t)
+    program = pymunk_program.write_program(
+        file,
+        replace(given, settings=wanted.settings),
+        motion_source([swing], t),
+        "",
+        controls=source,
+    )
+    found = curves_of(program, tmp_path)
+    other = in_mujoco(file, replace(given, settings={"timestep": 1e-3, "integrator": "RK4"}))
+    still = in_pymunk(file, replace(given, loads=(), settings={"timestep": 1e-3}))
+    for name in names:
+        assert np.abs(found[name] - wanted.channels[name]).max() < 1e-9, name
+        near = 2e-3 * np.ptp(wanted.channels[name])
+        assert np.abs(other.channels[name] - wanted.channels[name]).max() < near, name
+    moments = wanted.channels["holding_moment"], still.channels["holding_moment"]
+    assert np.abs(moments[0] - moments[1]).max() > 1.0
+
+
+def test_splines_and_other_laws_are_written_exactly(tmp_path):
+    table = ProfileTable(time=(0.0, 0.5, 1.0, 1.5, 2.0), value=(0.1, 0.15, 0.35, 0.5, 0.5))
+    spline = law_of_profile(tmp_path, table, 0.0, "1")
+    swing = InProportion(Swing(0.0, 2.0, 2.0), 0.0, 0.5, 1.0)
+    t, there = np.linspace(0.0, 2.0, 401), {"np": np}
+    exec(controls_source([spline, swing, Wave()], t[::20]), there)
+    found = there["controls"](t)
+    assert np.abs(found[0] - spline(t)[0]).max() < 1e-15
+    assert np.abs(found[1] - swing(t)[0]).max() < 1e-15
+    assert np.abs(found[2] - np.sin(3.0 * t)).max() < 1e-11  # a table
+
+
+class Wave:
+    """A law that is no formula."""
+
+    def __call__(self, t):
+        return np.sin(3.0 * t), 3.0 * np.cos(3.0 * t), -9.0 * np.sin(3.0 * t)
+
+
+def test_the_shipped_case_agrees_in_both_engines():
+    assert {c.outcome.value for c in verdicts(AXES) if c.allowed > 0} == {"agrees"}
+
+
+def test_an_engine_that_keeps_the_controls_of_the_key_is_found(monkeypatch):
+    """Mutation: the changes are left out."""
+    case = load_case(AXES)
+    given = prescribed_run(case, "dynamics")
+    wanted = evaluate(case, "dynamics", given.x, None).channels
+    for simulate in (in_mujoco, in_pymunk):
+        found = simulate(case.model_path, replace(given, loads=())).channels
+        for name in ("slide", "wheel", "lift"):
+            assert np.abs(found[name] - wanted[name]).max() > 0.05 * np.ptp(wanted[name])
+
+
+def test_the_sidecar_is_written_again_as_it_was(tmp_path):
+    case = load_case(AXES)
+    (tmp_path / "again.toml").write_text(as_toml(case))
+    for name in (case.model, "axes_controlled.csv"):
+        (tmp_path / name).write_bytes((AXES.parent / name).read_bytes())
+    again = load_case(tmp_path / "again.toml")
+    assert again.load == case.load
+    for one, two in zip(load_laws(case, "dynamics"), load_laws(again, "dynamics"), strict=True):
+        assert np.array_equal(one(grid(case, "dynamics"))[0], two(grid(case, "dynamics"))[0])
+
+
+def test_a_load_goes_with_a_drive_in_time_as_well(tmp_path):
+    """A closed form whose parameter it multiplies, and the general solvers, in both engines."""
+    mjcf = shipped("fourbar.xml").read_text()
+    mjcf = mjcf.replace("</actuator>", '<motor name="load" joint="rocker"/></actuator>')
+    (tmp_path / "case.xml").write_text(mjcf)
+    parameters = """
+[parameters]
+crank = 1.0
+coupler = 2.0
+rocker = 2.5
+ground = 3.0
+crank_mass = 1.0
+coupler_mass = 2.0
+rocker_mass = 2.5
+gravity = 9.81
+rocker_load = 1.0
+"""
+    for reference, scales in (
+        ("fourbar", 'scales = "rocker_load"'),
+        ("planar", ""),
+        ("spatial", ""),
+    ):
+        (tmp_path / "case.toml").write_text(
+            f"""
+title = "Four-bar whose rocker carries a moment that grows"
+source = "a test"
+reference = "{reference}"
+{parameters if scales else ""}
+[drive]
+joint = "crank"
+from = 0.0
+to = 6.283185307179586
+rate = 3.0
+
+[load]
+actuator = "load"
+from = -20.0
+to = 60.0
+{scales}
+
+[run.dynamics]
+n = 61
+solvers = ["mujoco", "pymunk"]
+
+[channels]
+rocker = {{ equals = "rocker", unit = "rad" }}
+holding_moment = {{ equals = "holding_moment", unit = "N m" }}
+""".replace('equals = "rocker"', f'equals = "{"rocker_angle" if scales else "rocker"}"')
+        )
+        found = verdicts(tmp_path / "case.toml")
+        assert {c.outcome.value for c in found} == {"agrees"}, reference
+        assert {c.channel for c in found} == {"rocker", "holding_moment"}
+
+
+def test_the_page_of_a_case_names_its_controls(tmp_path):
+    result = check([AXES])
+    assert result.exit_code == 0
+    write_report(result, tmp_path)
+    page = "".join(file.read_text(encoding="utf-8") for file in tmp_path.glob("axes*.html"))
+    for words in (
+        "value force of axes_controlled.csv",
+        "value in a table of 4 rows",
+        "value in a table of 5 rows, a cubic spline",
+    ):
+        assert words in page
+
+
+BAD = {
+    "falls": ("0.3, 1.2, 2.0", "0.3, 0.2, 2.0", ["load.1.profile", "time does not rise (0.3 then"]),
+    "nan": ("0.6, 0.6", "nan, 0.6", ["load.1.profile.value.1", "finite number"]),
+    "lengths": ("0.3, 1.2, 2.0", "0.3, 2.0", ["load.1.profile", "3 numbers, and value has 4"]),
+    "short": ("1.2, 2.0]", "1.2, 1.9]", ["load.1.profile", "from 0 to 1.9 s, the run from 0 to 2"]),
+    "no actuator": ('"wind"', '"widn"', ["load.1.actuator", "did you mean 'wind'?"]),
+    "no file": ('file = "axes_controlled.csv", ', "", ["load.0.profile", "file is missing"]),
+    "both": (
+        r"\{ time = \[0.0, 0.3",
+        '{ file = "a.csv", time = [0.0, 0.3',
+        ["load.1.profile", "time is a list, which goes without a file"],
+    ),
+    "no times": (r"time = \[0.0, 0.3, 1.2, 2.0\], ", "", ["load.1.profile", "time is missing"]),
+    "one row": (
+        r"time = \[0.0, 0.3, 1.2, 2.0\], value = \[0.0, 0.6, 0.6, -0.2\]",
+        "time = [0.0], value = [0.0]",
+        ["load.1.profile.time", "at least 2 items"],
+    ),
+    "few": (
+        r'1.2, 2.0\], value = \[0.0, 0.6, 0.6, -0.2\], interpolation = "linear"',
+        "2.0], value = [0.0, 0.6, 0.6]",
+        ["load.1.profile", "3 rows; a spline needs 4"],
+    ),
+    "no drive": (
+        "profile = { time = .* }",
+        "to = 2.0",
+        ["load.1.to", "follow the first drive, and there is none"],
+    ),
+    "word": ('"linear" }', '"liner" }', ["interpolation", "'spline' or 'linear'"]),
+    "column": ('value = "force"', 'value = "farce"', ["load.0.profile", "farce"]),
+    "rate": ('value = "force"', 'rate = "force"', ["load.0", "no rate"]),
+}
+
+
+@pytest.fixture
+def changed(tmp_path: Path):
+    """``changed(ending, old, new)``: a copy of the case with a text in a file of it replaced."""
+    for ending in (".toml", ".xml", ".csv"):
+        (tmp_path / f"axes_controlled{ending}").write_bytes(AXES.with_suffix(ending).read_bytes())
+
+    def change(ending: str, old: str, new: str) -> Path:
+        file = tmp_path / f"axes_controlled{ending}"
+        text, hits = re.subn(old, new, file.read_text(encoding="utf-8"), count=1)
+        assert hits
+        file.write_text(text, encoding="utf-8")
+        return file.with_suffix(".toml")
+
+    return change
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BAD.values(), ids=BAD)
+def test_bad_tables_are_named(old, new, words, changed):
+    result = check([changed(".toml", old, new)])
+    assert result.exit_code == 2
+    for word in words:
+        assert word in str(result.errors[0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('joint="wheel"/>', 'joint="wheel" ctrlrange="-1 0.5"/>', ["within -1 to 0.5", "load.1"]),
+        (
+            '<motor name="wind" joint="wheel"/>',
+            '<general name="wind" joint="wheel" dyntype="filter" dynprm="1"/>',
+            ["load.1.actuator", "no motor and no servo"],
+        ),
+        (
+            '<motor name="wind" joint="wheel"/>',
+            '<motor name="wind" joint="wheel" group="3"/>',
+            ["load.1.actuator", "is disabled in the model"],
+        ),
+    ],
+)
+def test_actuators_whose_controls_may_not_change_are_named(old, new, words, changed):
+    file = changed(".xml", re.escape(old), new)
+    if "group" in new:
+        changed(".xml", "<option ", '<option actuatorgroupdisable="3" ')
+    result = check([file])
+    assert result.exit_code == 2
+    for word in words:
+        assert word in str(result.errors[0])
+
+
+def test_a_driven_joint_and_an_equilibrium_take_no_control(changed):
+    drive = '[drive]\njoint = "wheel"\nfrom = 0.3\nto = 0.5\nrate = 0.1\n\n[run.dynamics]'
+    changed(".toml", r"\[run.dynamics\]", drive)
+    file = changed(".toml", r"until = 2.0.*", "")
+    [error] = check([file]).errors
+    assert "'wind' acts on joint 'wheel', which is driven" in str(error)
+    changed(".toml", r"\[run.dynamics\]", "[run.equilibrium]")
+    [error] = check([file]).errors
+    assert "nothing changes in an equilibrium" in str(error)
+
+
+def test_what_an_engine_or_a_reference_does_not_change_is_said(changed, tmp_path):
+    [error] = check([changed(".toml", '"planar"', '"pendulum"')]).errors
+    assert "'pendulum' covers no load that changes" in str(error)
+    file = pushed(tmp_path, '<motor name="push" joint="x" gear="2" forcerange="-9 9"/>')
+    with pytest.raises(Unsupported, match="the range of forces of actuator 'push', whose control"):
+        in_pymunk(file, run(1e-2))
+
+
+def test_a_range_of_forces_clips_what_a_control_asks_in_mujoco(tmp_path):
+    """At 2 N: the speed is then that of the clipped polyline."""
+    file = pushed(tmp_path, '<motor name="push" joint="x" gear="2" forcerange="-1 2"/>')
+    found = in_mujoco(file, run(1e-3, integrator="RK4")).channels
+    fine = np.linspace(0.0, 1.0, 100001)
+    force = np.clip(np.interp(fine, TIMES, FORCES), -1.0, 2.0)
+    speed = 0.3 + np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1])) * 1e-5)
+    assert np.abs(found["rate"] - speed[::20000]).max() < 2e-6
+
+
+def test_a_steady_law_is_written_as_a_formula():
+    assert "0.5 + 2.0 * t" in controls_source([Steady(0.5, 2.0, x_is_time=True)], T)
