@@ -207,6 +207,40 @@ def test_a_mass_beside_a_drive_whose_acceleration_jumps():
     assert np.abs(found["rate"] - rate).max() < 1e-12
 
 
+def test_a_control_beside_a_drive_acts_as_well():
+    """The same mass with a motor: m x'' + k x = -m a(t) + u(t)."""
+    model = mujoco.MjModel.from_xml_string(f"""{HEAD.format(g=0)}<worldbody>
+      <body><joint name="cart" type="slide" axis="1 0 0"/><geom size=".1" mass="3"/>
+        <body><joint name="x" type="slide" axis="1 0 0" stiffness="40"/><geom size=".1" mass="0.5"/>
+        </body></body>
+      <body pos="0 0 1"><joint name="h" axis="0 1 0"/><geom size=".1" mass="1"/></body></worldbody>
+      <actuator><motor name="push" joint="x"/></actuator>
+      <sensor><jointpos name="x" joint="x"/></sensor></mujoco>""")
+    law, push = Stair((0.0, 0.5, 1.0), (2.0, -3.0)), Rows((0.0, 0.3, 1.0), (0.0, 4.0, -2.0))
+    t = np.linspace(0.0, 1.0, 51)
+    given = {"joints": ("cart",), "in_time": (t, (law,)), "control_laws": {"push": push}}
+    found = planar.solve(*law(t), model=model, **given)
+    slopes = 4.0 / 0.3, -6.0 / 0.7, -6.0 / 0.7
+    values = -1.0, 4.0 - 1.0, 4.0 - 6.0 / 0.7 * 0.2 + 1.5
+    force = PPoly(np.array([slopes, values]), np.array([0.0, 0.3, 0.5, 1.0]))
+    assert np.abs(found["x"] - answer(0.5, 0.0, 40.0, force, 0.0, 0.0, t)[0]).max() < 1e-13
+
+
+@BOTH
+def test_a_joint_leaves_its_stop_when_the_control_turns(reference):
+    """Pressed on it until 0.5 s by 2 t - 1 [N], then off by (t - 0.5)^3 / (3 m)."""
+    model = mujoco.MjModel.from_xml_string(
+        (HEAD.format(g=0) + SERVO.format(more=""))
+        .replace("<position", "<motor")
+        .replace(' kp="50"', "")
+        .replace('name="x" type', 'name="x" limited="true" range="0 9" type', 1)
+    )
+    t = np.linspace(0.0, 1.0, 41)
+    found = solved(reference, model, {"hold": Rows((0.0, 1.0), (-1.0, 1.0))}, t)
+    assert np.abs(found["x"] - np.maximum(t - 0.5, 0.0) ** 3 / 6.0).max() < 1e-13
+    assert found["x"][-1] > 0.02
+
+
 SERVO = """<worldbody>
   <body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1" mass="2"/></body>
   <body pos="0 0 1"><joint name="h" axis="0 1 0"/><geom size=".1" mass="1"/></body></worldbody>
@@ -270,14 +304,13 @@ def test_an_arm_whose_servos_saturate_is_one_in_both_references():
     ):
         assert old in text
         text = text.replace(old, new)
-    model, t = mujoco.MjModel.from_xml_string(text), np.linspace(0.0, 0.5, 51)
+    model, t = mujoco.MjModel.from_xml_string(text), np.linspace(0.0, 0.25, 11)
     laws = {"lift": Rows((0.0, 0.2, 0.5), (0.9, 0.3, 1.1))}
-    for given in ({}, laws):
-        one, two = solved("planar", model, given, t), solved("spatial", model, given, t)
-        shared = one.keys() & two.keys() - {"turning", "pushing"}
-        assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
-        wide = mujoco.MjModel.from_xml_path(str(shipped("arm_servos.xml")))
-        assert np.abs(solved("planar", wide, given, t)["elbow"] - one["elbow"]).max() > 1e-2
+    one, two = solved("planar", model, laws, t), solved("spatial", model, laws, t)
+    shared = one.keys() & two.keys() - {"turning", "pushing"}
+    assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
+    wide = mujoco.MjModel.from_xml_path(str(shipped("arm_servos.xml")))
+    assert np.abs(solved("planar", wide, laws, t)["elbow"] - one["elbow"]).max() > 1e-2
 
 
 def test_at_rest_a_saturated_servo_asks_no_more_of_a_drive():

@@ -126,7 +126,7 @@ def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
 
 
 def test_controls_that_change_are_those_of_the_planar_reference():
-    case = refined("axes_controlled", n=41)
+    case = refined("axes_controlled", n=11, until=0.5)
     x = grid(case, "dynamics")
     found = evaluate(case, "dynamics", x, None).channels
     true = evaluate(case.model_copy(update={"reference": "planar"}), "dynamics", x, None).channels
