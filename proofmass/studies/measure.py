@@ -195,6 +195,8 @@ class StudyRun:
         File that the reference of a free motion is read from; it is written first if it is missing.
     key : str
         `proofmass.studies.store.key_of` the run, where it is known already.
+    timed : bool
+        Whether its wall time matters: a short run is then made twice, and the second one timed.
     """
 
     case: Case
@@ -206,6 +208,7 @@ class StudyRun:
     value: float = NAN
     reference: Path | None = None
     key: str = ""
+    timed: bool = True
 
     @property
     def label(self) -> str:
@@ -341,7 +344,7 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
             read_reference(case, task.run, task.reference)
         before = load_average()
         curves, shared = clocked(task.setting.engine, case.model_path, run)
-        if curves.seconds < SHORT:
+        if task.timed and curves.seconds < SHORT:
             curves, shared = clocked(task.setting.engine, case.model_path, run)
         cost = Measurement(
             {},

@@ -1,6 +1,7 @@
 """What a run of a study gives: errors as shares of a range, invariants, failures, wall times."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -180,6 +181,24 @@ def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
     assert row(task, [found], timed=False).step == found.step
     swept = observe(StudyRun(FOURBAR, "sweep", Setting(engine)), False, None)
     assert np.isnan(swept.step)
+
+
+@pytest.mark.parametrize(
+    ("timed", "seconds", "made"), [(True, 0.01, 2), (True, 0.03, 1), (False, 0.01, 1)]
+)
+def test_a_short_run_is_made_twice_where_its_time_matters(monkeypatch, timed, seconds, made):
+    """The first time a process also loads what it needs: that is no time of the run."""
+    step, runs = measure.clocked, []
+
+    def clocked(*run):
+        curves, shared = step(*run)
+        runs.append(replace(curves, seconds=seconds / (1 + len(runs))))
+        return runs[-1], shared
+
+    monkeypatch.setattr(measure, "clocked", clocked)
+    task = StudyRun(PENDULUM, "dynamics", EULER.but(timestep=0.01), timed=timed)
+    assert observe(task, False, None).seconds == runs[-1].seconds
+    assert len(runs) == made
 
 
 def test_the_load_is_that_of_the_worse_end_of_a_timed_run(monkeypatch):

@@ -112,7 +112,7 @@ def drifted(
         update={"n": count + 1, "until": count * per * stressed.step}
     )
     own = case.model_copy(update={"run": {"dynamics": run}})
-    task = StudyRun(own, "dynamics", stressed.setting.but(**parameters), "stress")
+    task = StudyRun(own, "dynamics", stressed.setting.but(**parameters), "stress", timed=False)
     found = stressed.store.once(
         f"{key_of(task)}-energy", task, TIMEOUT, partial(measure_energy, task)
     )

@@ -329,7 +329,7 @@ class StressedCase:
 
     def run(self, case: Case, **parameters: ParameterValue) -> Measurement:
         """Run a changed case."""
-        task = StudyRun(case, self.kind, self.setting.but(**parameters), "stress")
+        task = StudyRun(case, self.kind, self.setting.but(**parameters), "stress", timed=False)
         try:
             if self.runner:
                 return self.runner(task)

@@ -321,7 +321,9 @@ def there_and_back(case: Case, far: float) -> Case:
 
 def snapped(stressed: StressedCase, far: float) -> TrialResult:
     """Whether the engine's rod comes back another way than it went; its error is not asked for."""
-    task = StudyRun(there_and_back(stressed.case, far), "sweep", stressed.setting, "stress")
+    task = StudyRun(
+        there_and_back(stressed.case, far), "sweep", stressed.setting, "stress", timed=False
+    )
     found = measure_once(task, stressed.store, stressed.timeout)
     if found.outcome != Outcome.RAN:
         return TrialResult(find_failure(found, "sweep"))

@@ -118,7 +118,7 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Disturbed
         return None
     other = moved(case, store.folder / "models")
     for series in as_given(case, kind) if other else ():
-        task = StudyRun(case, kind, series.settings[0])
+        task = StudyRun(case, kind, series.settings[0], timed=False)
         if other and (found := parted(task, other, store, timeout)):
             away = next((found[what] for what in KINDS if what in found), None)
             if away is not None:

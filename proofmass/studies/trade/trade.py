@@ -332,6 +332,7 @@ def halve(
             one.series.name,
             "halved",
             leading(setting.parameters["timestep" if one.run == "dynamics" else "segments"]),
+            timed=False,
         )
         for (n, _), setting in asked
         for one in (every[n],)
@@ -397,6 +398,7 @@ def perturb(
             "floor",
             every[n].series.name,
             one.cause,
+            timed=False,
         )
         for (n, _), case, one in asked
     ]
