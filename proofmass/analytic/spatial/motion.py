@@ -401,20 +401,23 @@ class Driver:
 def inverse_of_full(rows: Array) -> Array | None:
     """The pseudo-inverse of a matrix A without small singular values; None where there may be some.
 
-    X = (A'A)^-1 A', improved by X <- 2X - XAX.  The product of the Frobenius norms of A and X is at
-    least the ratio of the singular values; where it is below `CLEAR`, X is right to 1e-11.
+    X = (A'A)^-1 A', improved by X <- 2X - XAX.  The product of the Frobenius norms of A'A and its
+    inverse is at least the square of the ratio of the singular values, and large where A'A is
+    singular but for rounding, as X need not be; where it is below `CLEAR`^2, X is right to 1e-11.
 
     >>> inverse_of_full(np.array([[2.0, 0.0], [0.0, 4.0]]))
     array([[0.5 , 0.  ],
            [0.  , 0.25]])
     >>> inverse_of_full(np.array([[1.0, 1.0], [1.0, 1.0 + 1e-9]]))
     """
+    square = rows.T @ rows
     try:
-        found = np.linalg.inv(rows.T @ rows) @ rows.T
+        inverse = np.linalg.inv(square)
     except np.linalg.LinAlgError:
         return None
-    if not np.vdot(rows, rows) * np.vdot(found, found) < CLEAR**2:
+    if not np.vdot(square, square) * np.vdot(inverse, inverse) < CLEAR**4:
         return None
+    found = inverse @ rows.T
     return np.asarray(2.0 * found - found @ (rows @ found))
 
 

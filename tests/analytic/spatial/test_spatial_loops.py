@@ -267,6 +267,17 @@ def test_the_inverse_of_drives_and_equalities_is_the_pseudo_inverse(rows: int, l
     )
 
 
+@pytest.mark.parametrize("least", [0.0, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6])
+def test_no_matrix_with_a_small_singular_value_has_such_an_inverse(least: float):
+    """The pseudo-inverse by the singular product may be small: rounding alone makes it."""
+    rng = np.random.default_rng(7)
+    for columns in range(3, 20):
+        rows = columns + columns % 3
+        left, right = (np.linalg.qr(rng.normal(size=(n, columns)))[0] for n in (rows, columns))
+        values = np.array([*np.geomspace(1.0, 0.05, columns - 1), least])
+        assert inverse_of_full((left * values) @ right.T) is None
+
+
 def test_rows_that_are_nearly_dependent_have_no_such_inverse():
     rows = np.eye(6)
     rows[5] = rows[4] + 1e-6 * rows[5]
