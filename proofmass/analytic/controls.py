@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
 
@@ -94,6 +95,13 @@ class ControlsInTime:
     fixed: Array
     laws: Mapping[int, Law]
 
+    @classmethod
+    def of(
+        cls, model: Any, fixed: Array, named: Mapping[str, Law] | None
+    ) -> "ControlsInTime | None":
+        """Those of a compiled MJCF, by actuators' names; None if all are those of the key."""
+        return cls(fixed, controls_by_place(model, named)) if named else None
+
     def at(self, time: float) -> Array:
         """All controls (controls,) at a time [s]."""
         found = np.array(self.fixed, float)
@@ -121,6 +129,16 @@ class ControlsInTime:
     def breaks(self) -> tuple[float, ...]:
         """Times at which a derivative of a control jumps [s]."""
         return breaks_of(self.laws.values())
+
+
+def controls_at_samples(
+    model: Any, fixed: Array, named: Mapping[str, ArrayLike] | None
+) -> Array | None:
+    """All controls (n, controls) of a compiled MJCF, some of them curves (n,), by actuators' names.
+
+    None if all are those of the key.
+    """
+    return with_controls(fixed, controls_by_place(model, named)) if named else None
 
 
 def with_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:

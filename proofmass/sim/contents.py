@@ -1,6 +1,6 @@
 """What a compiled MJCF holds: names, units of channels, anchors of loops, size and mass."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
 import mujoco
@@ -242,6 +242,11 @@ def joint_of(model: mujoco.MjModel, actuator: int) -> int:
     on_joint = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     found = int(model.actuator_trntype[actuator]) in on_joint
     return int(model.actuator_trnid[actuator, 0]) if found else -1
+
+
+def places_of_controls(model: mujoco.MjModel, actuators: Iterable[str]) -> list[int]:
+    """Where the controls of some actuators stand in ``ctrl``."""
+    return [int(model.actuator_ctrladr[model.actuator(name).id]) for name in actuators]
 
 
 def follows_joint(model: mujoco.MjModel, a: int) -> bool:

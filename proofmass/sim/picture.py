@@ -17,7 +17,14 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import anchor_bodies, anchors, connects, pose_of, straight_tendon
+from proofmass.sim.contents import (
+    anchor_bodies,
+    anchors,
+    connects,
+    places_of_controls,
+    pose_of,
+    straight_tendon,
+)
 from proofmass.sim.mujoco.dynamics import start
 from proofmass.sim.mujoco.equilibrium import Resting, Unstable, linkage_of
 from proofmass.sim.mujoco.linkage import Linkage
@@ -520,7 +527,7 @@ def changes_of_controls(
     model: mujoco.MjModel, data: mujoco.MjData, run: Run
 ) -> Callable[[float], None]:
     """What sets the controls of the loads of a run to those of a time [s] within it."""
-    places = [model.actuator_ctrladr[model.actuator(one.actuator).id] for one in run.loads]
+    places = places_of_controls(model, (one.actuator for one in run.loads))
     last = float(run.x[-1])
 
     def change(moment: float) -> None:

@@ -20,8 +20,8 @@ from proofmass.analytic.controls import (
     ControlsInTime,
     Law,
     breaks_of,
+    controls_at_samples,
     controls_by_place,
-    with_controls,
 )
 from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
@@ -197,7 +197,7 @@ def solve(
             name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
         d = Drives.of(mechanism, joints)
-        laws = in_time_of(model, mechanism, control_laws)
+        laws = ControlsInTime.of(model, mechanism.ctrl, control_laws)
         moved = _moved(reader, mechanism, joints, value, in_time, laws)
         q, v, a = moved.arrays()
         stopped = np.array(moved.forces)
@@ -209,8 +209,7 @@ def solve(
     if control_laws and controls is None:
         times = np.asarray(in_time[0] if in_time else value, float)
         controls = {name: law(times)[0] for name, law in control_laws.items()}
-    given = controls_by_place(model, controls) if controls else {}
-    ctrl = with_controls(mechanism.ctrl, given) if given else None
+    ctrl = controls_at_samples(model, mechanism.ctrl, controls)
     found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub - stopped, ctrl)
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
@@ -238,11 +237,6 @@ def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
             )
 
 
-def in_time_of(model: Any, m: Mechanism, laws: Mapping[str, Law] | None) -> ControlsInTime | None:
-    """All controls of a model in time; None if they are those of the key."""
-    return ControlsInTime(m.ctrl, controls_by_place(model, laws)) if laws else None
-
-
 def facts(
     *,
     model: Any,
@@ -259,7 +253,7 @@ def facts(
     if joints:
         return {}
     mechanism, reader = _read(model, start)
-    laws = in_time_of(model, mechanism, control_laws)
+    laws = ControlsInTime.of(model, mechanism.ctrl, control_laws)
     events = _moved(reader, mechanism, (), motion, None, laws).events()
     return {"stops": events} if events else {}
 

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.controls import ControlsInTime, Law, controls_by_place, with_controls
+from proofmass.analytic.controls import ControlsInTime, Law, controls_at_samples
 from proofmass.analytic.numerics import Array, unwrapped_quaternion
 from proofmass.analytic.planar.mechanism import joined, rotation
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
@@ -140,8 +140,7 @@ def solve(
     values = np.atleast_2d(np.asarray(value, float))
     moving = [np.broadcast_to(np.asarray(x, float), values.shape) for x in (rate, acceleration)]
     drives = np.array([values, *moving])
-    given = controls_by_place(model, controls) if controls else {}
-    ctrl = with_controls(tree.ctrl, given) if given else None
+    ctrl = controls_at_samples(model, tree.ctrl, controls)
     packed = None if ctrl is None else ctrl.tobytes()
     followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes(), packed)
     refuse_limits(tree, followed.held.q)
@@ -253,7 +252,8 @@ def follow_driven(
 
 def laws_as_bytes(model: Any, tree: Tree, laws: Mapping[str, Law] | None) -> bytes:
     """All controls of a model in time; nothing if they are those of the key."""
-    return pickle.dumps(ControlsInTime(tree.ctrl, controls_by_place(model, laws))) if laws else b""
+    controls = ControlsInTime.of(model, tree.ctrl, laws)
+    return pickle.dumps(controls) if controls else b""
 
 
 def of_drives(

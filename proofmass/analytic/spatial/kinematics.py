@@ -9,7 +9,13 @@ from math import cos, sin, sqrt
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, TreeJoint, product
+from proofmass.analytic.spatial.mechanism import (
+    NO_TURN,
+    Tree,
+    TreeJoint,
+    parts_of_product,
+    product,
+)
 
 
 @dataclass(frozen=True)
@@ -204,14 +210,8 @@ def advance(tree: Tree, q: Array, step: Array) -> Array:
         x, y, z = step[dof : dof + 3].tolist()
         angle = sqrt(x * x + y * y + z * z)
         scale = sin(angle / 2) / angle if angle else 0.5
-        a, b, c, d = cos(angle / 2), scale * x, scale * y, scale * z
-        w, x, y, z = q[at : at + 4].tolist()
-        turned = (
-            w * a - x * b - y * c - z * d,
-            w * b + x * a + y * d - z * c,
-            w * c - x * d + y * a + z * b,
-            w * d + x * c - y * b + z * a,
-        )
+        half = cos(angle / 2), scale * x, scale * y, scale * z
+        turned = parts_of_product(q[at : at + 4].tolist(), half)
         length = sqrt(sum(part * part for part in turned))
         found[at : at + 4] = [part / length for part in turned]
     return found

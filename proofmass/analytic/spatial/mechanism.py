@@ -6,6 +6,7 @@ the axes of its body, of a free joint the velocity of its body's origin in the w
 angular velocity in the axes of the body.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -425,15 +426,20 @@ def read_tie(model: Any, e: int) -> Tie:
 
 def product(one: Array, two: Array) -> Array:
     """Product (..., 4) of quaternions [1]."""
-    w, x, y, z = one[..., 0], one[..., 1], one[..., 2], one[..., 3]
-    a, b, c, d = two[..., 0], two[..., 1], two[..., 2], two[..., 3]
-    parts = (
+    first, second = ([part[..., k] for k in range(4)] for part in (one, two))
+    return np.stack(parts_of_product(first, second), axis=-1)
+
+
+def parts_of_product(one: Sequence[Any], two: Sequence[Any]) -> tuple[Any, Any, Any, Any]:
+    """The four parts of the product of quaternions [1]; of plain numbers it is much faster."""
+    w, x, y, z = one
+    a, b, c, d = two
+    return (
         w * a - x * b - y * c - z * d,
         w * b + x * a + y * d - z * c,
         w * c - x * d + y * a + z * b,
         w * d + x * c - y * b + z * a,
     )
-    return np.stack(parts, axis=-1)
 
 
 def conjugate(quaternion: Array) -> Array:

@@ -240,8 +240,9 @@ class FreeTree:
 
     def holder(self, held: tuple[Stop, ...]) -> Holder:
         """What holds the equalities and some joints on their stops."""
-        own = Holder(self.tree, self.source, held, self.controls)
-        return self.holders.setdefault(held, own)
+        if held not in self.holders:
+            self.holders[held] = Holder(self.tree, self.source, held, self.controls)
+        return self.holders[held]
 
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
         """A pose and its rates with the accelerations there."""

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import places_of_controls
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder
@@ -154,7 +155,7 @@ class HeldControls:
         """Those of a run with steps between some times; None if it has none."""
         if not run.loads:
             return None
-        places = [model.actuator_ctrladr[model.actuator(one.actuator).id] for one in run.loads]
+        places = places_of_controls(model, (one.actuator for one in run.loads))
         held = run.controls(0.5 * (times[:-1] + times[1:]))[0].T
         instant = run.controls(times[::count])[0].T
         return cls(np.array(places), held.reshape(-1, count, len(places)), instant)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.controls import breaks_of, smooth_pieces
 from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import places_of_controls
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.dynamics import FLYWHEEL, moments_of_drives
 from proofmass.sim.mujoco.dynamics import start as begin
@@ -142,8 +143,7 @@ class InputsInTime:
 
         Without drives, and so without a linkage of them, the model stays as it is.
         """
-        names = [one.actuator for one in run.loads]
-        places = [model.actuator_ctrladr[model.actuator(name).id] for name in names]
+        places = places_of_controls(model, (one.actuator for one in run.loads))
         loads = np.array(places, np.int32)
         if linkage is None:
             none = np.zeros(0, np.int32)

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import joint_of
+from proofmass.sim.contents import joint_of, places_of_controls
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.mujoco.dynamics import FLYWHEEL, start
 from proofmass.sim.mujoco.linkage import Linkage
@@ -149,7 +149,7 @@ def write_program(
         qvel=listed(data.qvel),
         ctrl=ctrl.tolist(),
         controls=controls.strip(),
-        loads=[int(model.actuator_ctrladr[model.actuator(one.actuator).id]) for one in run.loads],
+        loads=places_of_controls(model, (one.actuator for one in run.loads)),
         more={
             name: listed(getattr(data, name).ravel())
             for name in MORE

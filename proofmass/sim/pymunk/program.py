@@ -707,12 +707,11 @@ class Writer:
     def changing(self, run: Run, source: str) -> dict[str, Any]:
         """How controls change, and what they do."""
         lines, efforts, pulls = list[str](), list[dict[str, Any]](), list[dict[str, Any]]()
-        bodies = [*self.names[:-1], self.names[-1]]
         for k, one in enumerate(efforts_of_loads(self.links, run)):
             if one.joint >= 0:
                 joint = self.links.joints[one.joint]
                 unit, hold = digits(one.effort), joint.hold
-                a, b = bodies[hold.a], bodies[hold.b]
+                a, b = self.names[hold.a], self.names[hold.b]
                 row = {"k": k, "unit": unit, "value": f"lambda pose: {self._value(joint)}"}
                 efforts.append(row)
                 if hold.axis is None:

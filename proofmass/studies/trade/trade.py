@@ -42,7 +42,6 @@ from proofmass.studies.trade.floor import (
     judge,
     list_perturbations,
 )
-from proofmass.studies.trade.noise import APART
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.search import SURE
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
@@ -53,6 +52,7 @@ from proofmass.wording import number
 
 USUAL = 0.5  # s, of one run, for engines that take much longer than usual
 REPEATS = 2
+NEAR = 1.5  # times the cheapest of short runs: single ones tell no less apart
 SAME = 0.01
 """Share by which errors of two settings of a case and engine may differ that are at one floor."""
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
@@ -247,7 +247,7 @@ def trade(
 def near_front(rows: Sequence[StudyRow]) -> list[int]:
     """The settings, by number, that may be on the Pareto front of their case and engine.
 
-    A setting is one of them if no setting that is as accurate in some kind of error was `APART`
+    A setting is one of them if no setting that is as accurate in some kind of error was `NEAR`
     times as fast; of runs longer than `MOMENT`, `SURE` times.
 
     >>> times = [(1e-3, 0.01), (1e-3, 0.014), (1e-3, 0.02), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
@@ -264,7 +264,7 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
         least = inf
         for row in sorted(able(group, kind), key=lambda row: (row.errors[kind], row.seconds)):
             least = min(least, row.seconds)
-            if row.seconds <= (APART if row.seconds < MOMENT else SURE) * least:
+            if row.seconds <= (NEAR if row.seconds < MOMENT else SURE) * least:
                 found.add(numbers[id(row)])
     return sorted(found)
 
