@@ -32,6 +32,7 @@ from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose
 from proofmass.studies.trade.search import search
+from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
 from proofmass.studies.trade.trade_command import has_series, measured
 from proofmass.studies.trade.verdict import Verdict
@@ -40,6 +41,8 @@ from proofmass.wording import number, spoken
 
 ENGINES = ("mujoco", "pymunk")
 WANTED = (1e-4, 1e-6)  # of the range of the positions
+BUDGET = 120.0
+"""Of each search [s]: more than `proofmass choose` takes by itself, in which a person waits."""
 HEAD = """# How accurate, how fast, how far
 
 `python -m benchmarks.accuracy` made this from `proofmass trade models`: {settings} settings of
@@ -55,9 +58,9 @@ cannot go on.*
 """
 CHOSEN = """## How accurate, how fast
 
-What `proofmass choose CASE --error 1e-4` and `--error 1e-6` find, by engine: the cheapest setting
-whose measured error is half of that and which is as good when it is run again as pasted, and from a
-shifted start. × is how many times as long the engine's defaults take when only their step is
+What `proofmass choose CASE --error 1e-4` and `--error 1e-6` find with `--budget {budget}`, by
+engine: the cheapest setting whose measured error is half of that and which is as good when it is
+run again as pasted, and from a shifted start. × is how many times as long the engine's defaults take when only their step is
 refined to the same error, by their measured order where no measured step gets there; “never” where
 their error floor is above it.
 """
@@ -106,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         (docs / "accuracy.svg").unlink()
         text = [
             head(study),
-            CHOSEN,
+            CHOSEN.format(budget=number(BUDGET)),
             *summary(found),
             *table(found),
             *whys(found),
@@ -134,7 +137,15 @@ def refined_rows(
         return [
             row
             for wanted in errors
-            for row in search(case, "position", wanted / MARGIN, store, workers, engine)
+            for row in search(
+                case,
+                "position",
+                wanted / MARGIN,
+                store,
+                workers,
+                engine,
+                limits=Limits(budget=BUDGET),
+            )
         ]
 
     # more searches than processors, the longest first, so that no processor waits for one of them

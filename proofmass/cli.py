@@ -622,7 +622,7 @@ def choose_command(
     dask: Dask = None,
     longest: Longest = LONGEST,
     budget: Annotated[
-        float, typer.Option(help="Wall time of the whole search.", metavar="SECONDS")
+        float, typer.Option(help="Wall time of all runs of the search together.", metavar="SECONDS")
     ] = BUDGET,
 ) -> None:
     """Find the cheapest setting whose error is as small as is asked for.

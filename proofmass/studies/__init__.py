@@ -2,5 +2,5 @@
 
 LONGEST = 30.0
 """Wall time after which a run of a study is given up, unless another is given [s]."""
-BUDGET = 300.0
-"""Wall time of a whole search for a setting, unless another is given [s]."""
+BUDGET = 20.0
+"""Wall time of all runs of a search for a setting together, unless another is given [s]."""

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import inf, isfinite
+from itertools import takewhile
+from math import inf, isclose, isfinite
 
 from proofmass.case import Case
 from proofmass.engines import engine_of
@@ -46,6 +47,8 @@ STUCK = 0.01
 where finer ones do not help either: the engine follows another motion."""
 NARROWER = 1 / 3
 """Share of the logarithm of the ratio of two steps that the next one leaves out at least."""
+ALIKE = 1e-3
+"""Share by which the errors of two families differ at most where nothing matters that differs."""
 SAME = 0.2  # by which orders differ that are told to be the same
 BEST = 3  # settings that are refined at once for the sake of their drives
 RUNS = 12  # of a family at most
@@ -138,7 +141,10 @@ def whole_step(sample: float, wanted: float) -> float:
 
 
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
-    """A step between one that is good enough and one that is not; None if these are close."""
+    """A step between one that is not good enough and one that is; None where none is much longer.
+
+    That is where the two are close, or where their order says so.
+    """
     if coarse.value < CLOSE * fine.value:
         return None
     middle = (coarse.value * fine.value) ** 0.5
@@ -148,6 +154,8 @@ def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float |
     if falls < FALLS:
         return middle
     wanted = fine.value * (SAFE * needed / max(error(fine, of), 1e-17)) ** (1 / falls)
+    if wanted < CLOSE * fine.value:
+        return None
     aside = (coarse.value / fine.value) ** NARROWER
     return min(max(wanted, fine.value * aside), coarse.value / aside)
 
@@ -231,8 +239,8 @@ def search(
     engine : str, optional
         The only engine to search.
     limits : Limits, optional
-        Wall time that the search and each run may take, a run without its reference; the search
-        writes into it how much it took.
+        Wall time that all runs and each run may take, a run without its reference; the search
+        writes into it how much they took.
     slack : float
         Families are followed as long as the wall time that they promise, over that of the cheapest
         setting so far, is below this [1].
@@ -246,7 +254,7 @@ def search(
     list of StudyRow
         All settings that were measured.
     """
-    found, limits, began = list(families(case, engine)), limits or Limits(), time.monotonic()
+    found, limits = list(families(case, engine)), limits or Limits()
     longest = limits.longest
     timeout = longest + REFERENCE_TIMES * cached_reference_seconds(case, store)
     while tasks := [
@@ -254,11 +262,10 @@ def search(
         for family in found
         for task in following(case, family, found, of, needed, limits.likely, slack)
     ]:
-        limits.spent = time.monotonic() - began
-        if limits.spent > limits.budget:
-            limits.short = True
+        tasks = affordable(cheaper(tasks), limits.budget - limits.spent)
+        limits.short = not tasks
+        if limits.short:
             break
-        tasks = cheaper(tasks)
         limits.settings += len(tasks)
         rows = run(
             [task for _, task in tasks],
@@ -270,6 +277,8 @@ def search(
         )
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
+            lost = longest if row.outcome == Outcome.TIMED_OUT else 0.0
+            limits.spent += row.seconds if isfinite(row.seconds) else lost
         if is_shared(case, "dynamics") and any(row.outcome == Outcome.NO_REFERENCE for row in rows):
             break  # all settings have the same one
     rows = [row for family in found for row in family.rows]
@@ -300,7 +309,6 @@ def search(
         for row in timed
     ]
     again = run(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
-    limits.spent = time.monotonic() - began
     places = {id(row): k for k, row in enumerate(timed)}
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
 
@@ -392,11 +400,12 @@ def following(
         of,
         needed,
     )
-    if not family.plain and outdone(family, every, of):
+    if not family.plain and (outdone(family, every, of) or repeated(family, every, of)):
         return
     slack *= SURE / SLACK if best > MOMENT else 1.0
     limit = min(longest, (PLAIN if family.plain else slack) * best)
-    if (step := family.next(of, needed, limit)) is not None:
+    step = family.next(of, needed, limit)
+    if step is not None and (family.plain or not merged(family, every, of, step)):
         yield (
             family,
             StudyRun(case, "dynamics", family.at(step), "choose", family.name, "timestep", step),
@@ -431,6 +440,47 @@ def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> b
     return False
 
 
+def repeated(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> bool:
+    """Whether another family, listed before it, has the error of its finest step for no more.
+
+    What single runs leave open is no more.
+    """
+    last = min(family.rows, key=lambda row: row.value, default=None)
+    return (
+        last is not None
+        and error(last, of) < COARSE
+        and any(
+            isclose(row.value, last.value)
+            and isclose(error(row, of), error(last, of), rel_tol=ALIKE)
+            and row.seconds <= SLACK * last.seconds
+            for other in before(family, every)
+            for row in other.rows
+        )
+    )
+
+
+def merged(family: SettingFamily, every: Iterable[SettingFamily], of: str, step: float) -> bool:
+    """Whether another family, listed before it, is the same at this step, and at one that it ran.
+
+    Settings that depend on the step may have a limit that several families come to.
+    """
+    return any(
+        other.at(step) == family.at(step)
+        and any(
+            error(row, of) < COARSE and other.at(row.value) == family.at(row.value)
+            for row in other.rows
+        )
+        for other in before(family, every)
+    )
+
+
+def before(family: SettingFamily, every: Iterable[SettingFamily]) -> Iterator[SettingFamily]:
+    """The families of the same engine that are listed before one."""
+    for other in takewhile(lambda one: one is not family, every):
+        if other.engine == family.engine:
+            yield other
+
+
 def cheaper(
     tasks: list[tuple[SettingFamily, StudyRun]],
 ) -> list[tuple[SettingFamily, StudyRun]]:
@@ -441,6 +491,18 @@ def cheaper(
     costs = [family.cost(task.value) for family, task in tasks]
     most = max(LONG, SURE * min(costs))
     return [each for each, cost in zip(tasks, costs, strict=True) if cost <= most]
+
+
+def affordable(
+    tasks: list[tuple[SettingFamily, StudyRun]], left: float
+) -> list[tuple[SettingFamily, StudyRun]]:
+    """Of the next runs those whose wall times are expected to be within what is left [s], in sum."""
+    found = []
+    for family, task in tasks:
+        if (cost := family.cost(task.value)) <= left:
+            found.append((family, task))
+            left -= cost
+    return found
 
 
 def cheapest(rows: Iterable[StudyRow], of: str, needed: float) -> float:

@@ -295,9 +295,10 @@ class Limits:
     Attributes
     ----------
     longest, budget : float
-        Longest wall time of a run, and of the whole search [s].
+        Longest wall time of a run, and of all runs of the search together [s].
     spent : float
-        Wall time that the search took [s].
+        Wall time of the runs that the search asked for, those in the store too: a search that is
+        made again ends where it ended before [s].
     settings : int
         Number of settings that were measured.
     known : int
@@ -323,13 +324,13 @@ class Limits:
         """The same in a sentence.
 
         >>> Limits(budget=60.0, spent=12.34, settings=3).words
-        '3 settings measured in 12 s of --budget 60 s, --longest 30 s a run'
+        '3 settings measured, with runs of 12 s in all, of --budget 60 s and --longest 30 s a run'
         """
         known = f"{self.known} more settings known from the store; " if self.known else ""
         return (
-            f"{known}{self.settings} settings measured in {number(self.spent, 2)} "
-            f"s of --budget {number(self.budget)} s, --longest {number(self.longest)} s a run"
-            + ", which left some out"
+            f"{known}{self.settings} settings measured, with runs of {number(self.spent, 2)} s in "
+            f"all, of --budget {number(self.budget)} s and --longest {number(self.longest)} s a run"
+            + "; the budget left some out"
             * self.short
         )
 

@@ -539,7 +539,7 @@ def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
     found = CliRunner().invoke(app, [*asked, "--error", "1e-17"])
     assert found.exit_code == 1
     assert "no measured setting has position within 1e-17" in found.stderr
-    assert "of --budget 300 s, --longest 30 s a run" in found.stderr
+    assert "of --budget 20 s and --longest 30 s a run" in found.stderr
     assert not found.stdout
 
 

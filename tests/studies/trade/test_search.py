@@ -212,6 +212,14 @@ def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
     assert row_at(fine).errors["position"] <= needed < row_at(coarse).errors["position"]
 
 
+def test_where_the_order_says_that_little_is_left_no_step_between_is_tried() -> None:
+    """A good step of ten times fewer seconds than the bad one is taken at 0.8 of what is needed."""
+    good = StudyRow("", "", "", "", "", "timestep", 1e-3, errors={"position": 7e-5}, seconds=1.0)
+    bad = replace(good, value=1e-2, errors={"position": 7e-4}, seconds=0.1)
+    assert between(bad, good, "position", 1e-4) is None
+    assert between(bad, replace(good, errors={"position": 2e-5}), "position", 1e-4) is not None
+
+
 def row_at(step: float) -> StudyRow:
     """A run whose error grows with the step, and passes 5e-7 at 7.9e-7 s."""
     error = {"position": 4e-7 * (step / 4e-7) ** 0.33}
@@ -246,10 +254,85 @@ def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
     limits = Limits(budget=1e-9)
     search(fourbar, "position", 1e-6, Store(tmp_path), limits=limits)
     assert limits.short
-    assert "which left some out" in limits.words
+    assert "the budget left some out" in limits.words
     asked, world.asked = len(world.asked), []
-    search(fourbar, "position", 1e-6, Store(tmp_path), limits=Limits())
+    limits = Limits()
+    search(fourbar, "position", 1e-6, Store(tmp_path), limits=limits)
     assert len(world.asked) > asked
+    assert not limits.short
+    assert "left" not in limits.words
+
+
+def test_a_budget_is_of_the_runs_and_no_run_begins_that_would_exceed_it(
+    fourbar: Case, monkeypatch, tmp_path
+) -> None:
+    """First order, of 1e-4 s a step: 1e-5 needs runs of 25 s and more, and coarser ones before.
+
+    Of two families that need 0.4 s each, one is followed with 0.6 s.
+    """
+    world = World(monkeypatch, one=(1.0, 0.5, 0.0, 1e-6), two=(1.0, 0.51, 0.0, 1e-6))
+    limits = Limits(budget=0.6)
+    search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
+    assert limits.short
+    assert 0.3 < limits.spent <= 0.6
+    world = World(monkeypatch, slow=(1.0, 0.5, 0.0, 1e-4))
+    limits = Limits(longest=60.0, budget=10.0)
+    rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
+    assert limits.short
+    assert limits.spent == pytest.approx(sum(row.seconds for row in rows))
+    assert limits.spent <= 10.0
+    enough = Limits(longest=60.0, budget=60.0)
+    rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=enough)
+    assert min(row.errors["position"] for row in rows) <= 1e-5
+    assert not enough.short
+    assert 25.0 < enough.spent <= 60.0
+    assert len(world.asked) < module.RUNS * 2
+
+
+def test_runs_that_are_given_up_are_of_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
+    """One such run takes all of it, so that a second family is left out."""
+    World(monkeypatch, slow=(1.0, 0.5, 0.0, 1e2), slower=(1.0, 0.6, 0.0, 2e2))
+    limits = Limits(longest=30.0, budget=20.0)
+    rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
+    assert {row.outcome for row in rows} == {"timed out"}
+    assert limits.spent == 30.0 * len(rows)
+
+
+def test_a_family_with_the_errors_of_another_ends(fourbar: Case, monkeypatch, tmp_path) -> None:
+    """After its first step, if it takes as long; one that is much cheaper goes on."""
+    counts = {}
+    for cost in (1e-6, 1e-7):
+        world = World(monkeypatch, one=(2.0, 50.0, 0.0, 1e-6), same=(2.0, 50.0, 0.0, cost))
+        search(fourbar, "position", 1e-6, Store(tmp_path))
+        steps = {(series, value) for series, value, _ in world.asked}
+        counts[cost] = sum(series == "same" for series, _ in steps)
+        assert any(series == "one" and value < SAMPLE / 2 for series, value in steps)
+    assert counts[1e-6] < counts[1e-7]
+
+
+def test_families_that_come_to_one_setting_are_one_from_there(
+    fourbar: Case, monkeypatch, tmp_path
+) -> None:
+    """Their coarse steps differ, and so would the fine ones, by what the coarse ones predict."""
+    world = World(monkeypatch, one=(2.0, 50.0, 0.0, 1e-6), other=(1.9, 40.0, 0.0, 1e-6))
+    limit = Setting("mujoco", {"timestep": SAMPLE / 8, "integrator": "limit"})
+
+    def at(name: str) -> Callable[[float], Setting]:
+        return lambda step: (
+            partial_setting(name)(step) if step > SAMPLE / 8 else limit.but(timestep=step)
+        )
+
+    monkeypatch.setattr(
+        module,
+        "families",
+        lambda case, engine: [
+            SettingFamily("mujoco", name, at(name), SAMPLE) for name in ("one", "other")
+        ],
+    )
+    search(fourbar, "position", 1e-6, Store(tmp_path))
+    fine = [series for series, value, repeats in world.asked if value < SAMPLE / 8 and not repeats]
+    assert fine.count("one") >= 2
+    assert fine.count("other") == 1
 
 
 def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
@@ -335,8 +418,8 @@ def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_pa
     world = World(
         monkeypatch,
         cheap=(1.0, 1.0, 0.0, 1e-4),
-        dear=(1.0, 1.0, 0.0, 2e-4),
-        dearer=(1.0, 1.0, 0.0, 3e-4),
+        dear=(1.0, 1.01, 0.0, 2e-4),
+        dearer=(1.0, 1.02, 0.0, 3e-4),
     )
     rows = search(fourbar, "position", 3e-4, Store(tmp_path))
     longest = {
