@@ -60,9 +60,9 @@ CHOSEN = """## How accurate, how fast
 
 What `proofmass choose CASE --error 1e-4` and `--error 1e-6` find with `--budget {budget}`, by
 engine: the cheapest setting whose measured error is half of that and which is as good when it is
-run again as pasted, and from a shifted start. × is how many times as long the engine's defaults take when only their step is
-refined to the same error, by their measured order where no measured step gets there; “never” where
-their error floor is above it.
+run again as pasted, and from a shifted start. × is how many times as long the engine's defaults
+take when only their step is refined to the same error, by their measured order where no measured
+step gets there; “never” where their error floor is above it.
 """
 
 

@@ -344,7 +344,7 @@ def test_a_process_is_pinned_for_a_run_only(monkeypatch):
         assert os.sched_getaffinity(0) == {min(before)}
     assert os.sched_getaffinity(0) == before
     assert observe(StudyRun(PENDULUM, "dynamics", EULER), False, min(before)).pinned
-    assert where == [{min(before)}]
+    assert where in ([{min(before)}], [{min(before)}] * 2)  # a run that is short is made twice
     assert os.sched_getaffinity(0) == before
 
 

@@ -496,7 +496,7 @@ def cheaper(
 def affordable(
     tasks: list[tuple[SettingFamily, StudyRun]], left: float
 ) -> list[tuple[SettingFamily, StudyRun]]:
-    """Of the next runs those whose wall times are expected to be within what is left [s], in sum."""
+    """Of the next runs those that are expected to take no more than is left [s], all together."""
     found = []
     for family, task in tasks:
         if (cost := family.cost(task.value)) <= left:
