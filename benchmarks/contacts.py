@@ -72,7 +72,8 @@ def main() -> None:
             "phantom": phantom(200 if quick else 2000),
             "touching": touching(steps, (0.95,) if quick else (0.95, 0.9999)),
         }
-        page = PAGE.format(**{name: "\n".join(lines) for name, lines in tables.items()})
+        lines = {name: "\n".join(lines) for name, lines in tables.items()}
+        page = PAGE.format(**lines, tilt=number(steepest(), 3))
         (docs / "contacts.md").write_text(page, encoding="utf-8")
         print(page)
 
@@ -222,6 +223,15 @@ def phantom_depth(tilt: float) -> float:
     length = np.hypot(tilt, TWO_ULPS)
     deep = COIN["radius"] * TWO_ULPS / length - COIN["gap"]
     return float(deep) if tilt >= 1e-15 and deep > 0 else 0.0
+
+
+def steepest() -> float:
+    """The tilt [rad] from which on `phantom_depth` is 0.
+
+    >>> phantom_depth(0.999 * steepest()) > 0.0 == phantom_depth(1.001 * steepest())
+    True
+    """
+    return float(TWO_ULPS * np.sqrt((COIN["radius"] / COIN["gap"]) ** 2 - 1.0))
 
 
 def hanging(tilt: float, floor: str, poses: int) -> tuple[int, float, float]:
@@ -397,9 +407,9 @@ d = 4.4e-16, the most on a level floor; the energy is that after a step of 1 ms 
 
 {phantom}
 
-`hanging` in `benchmarks/contacts.py` needs MuJoCo and NumPy alone. `proofmass stress` does not try
-this: it looks for the value of a parameter where runs begin to fail, and here rounding decides,
-from pose to pose.
+`hanging` in `benchmarks/contacts.py` needs MuJoCo and NumPy alone. `proofmass stress` has the tilt
+below which one of 400 such cylinders begins to move, see [Where it breaks](stress.md); the closed
+form says {tilt} rad.
 """
 
 if __name__ == "__main__":

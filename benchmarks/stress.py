@@ -74,7 +74,7 @@ run. Where another parameter is varied, the samples are those of the sidecar, an
 longest whole part of a sample up to the step that the model asks for. The step that the engine took
 is a column of `stress.csv`.
 
-`tests/studies/stress/test_stress_bare.py` confirms 39 of these boundaries within 2 %, by scripts in
+`tests/studies/stress/test_stress_bare.py` confirms 40 of these boundaries within 2 %, by scripts in
 `tests/studies/stress/bare/` that import an engine and NumPy and nothing of proofmass: time steps of
 the pendulum and of four-bars, gravity, springs, drive speed, energy, and small models.
 

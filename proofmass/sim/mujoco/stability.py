@@ -108,7 +108,7 @@ def scheme_of(parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
 
 
 def specimens() -> Iterator[Specimen]:
-    """Springs with explicit damping, velocity servos, and soft loops."""
+    """Springs with explicit damping, velocity servos, soft loops, and flat cylinders."""
     for zeta in (0.3, 1.0):
         text = wheel(1.0, 2.0 * zeta, flags='eulerdamp="disable"')
         yield Specimen(
@@ -123,6 +123,7 @@ def specimens() -> Iterator[Specimen]:
         )
     yield from servos()
     yield from soft_loops()
+    yield flat_cylinders()
 
 
 def sprung(text: str) -> Stepping:
@@ -187,3 +188,66 @@ def loop(flags: str, name: str) -> Stepping:
         return text, 1.0, {"integrator": name, "solref": (1.0 / ratio, 1.0)}, "place"
 
     return stepped
+
+
+RADIUS, HALF, GAP = 0.041, 0.002, 2.1e-5
+"""Radius and half the height of a flat cylinder, and its height above the floor [m]."""
+TWO_ULPS = 2 * float(np.finfo(float).eps)
+"""How far the square of an axis that is turned is off 1 [1], at most."""
+CYLINDERS = 400
+"""Turned in as many ways: five of their axes are off by `TWO_ULPS`, 81 by half of that."""
+
+
+def flat_cylinders() -> Specimen:
+    """Cylinders that hang above a floor, at rest and without weight: nothing should move them.
+
+    From the centre of a face MuJoCo goes by the radius r along (n . a) a - n to the lowest point
+    of the edge, with the axis a of the cylinder and the normal n of the floor::
+
+        ----+----  a       that vector is as long as the tilt, and lies across the face, but for
+            |  ---         a part d that rounding leaves along a: the point is
+        ____|____\\___  n      r d / sqrt(tilt^2 + d^2)
+                           too deep, by up to the radius
+
+    `docs/contacts.md` has depths and energies of single poses.
+    """
+    return Specimen(
+        f"flat cylinders, {1e3 * GAP:g} mm above a floor",
+        "Euler",
+        "tilt",
+        "r d / √(tilt² + d²) = gap, d = 4.4e-16",
+        hang,
+        theory=float(TWO_ULPS * np.sqrt((RADIUS / GAP) ** 2 - 1.0)),
+        start=1e-10,
+        reach=1e-14,
+        unit="rad",
+        bound=1e-12,
+    )
+
+
+def hang(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:
+    """The cylinders tilted by an angle [rad], and their kinetic energy."""
+    places = range(CYLINDERS)
+    turns, ways = (2 * np.pi * (np.arange(CYLINDERS) * share % 1.0) for share in (0.618, 0.755))
+    leaning = np.zeros(4)
+    bodies = []
+    for k, turn, way in zip(places, turns, ways, strict=True):
+        lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
+        about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
+        mujoco.mju_mulQuat(leaning, lean, about)
+        quat = " ".join(map(repr, leaning.tolist()))
+        bodies.append(
+            f"""<body pos="{k} 0 {HALF + GAP!r}" quat="{quat}">
+            <joint name="joint{k}" type="slide" axis="0 0 1"/>
+            <geom type="cylinder" size="{RADIUS} {HALF}" mass="0.01"/></body>"""
+        )
+    text = f"""<mujoco model="flat_cylinders">
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <geom type="plane" size="1 1 1" priority="1" solref="-1e6 -200"/>
+    {"".join(bodies)}
+  </worldbody>
+  <sensor><e_kinetic name="kinetic"/></sensor>
+  <keyframe><key name="start"/></keyframe>
+</mujoco>"""
+    return text, 1e-3, {"integrator": "Euler"}, "kinetic"

@@ -120,6 +120,7 @@ def stepping(
     channel: str = "place",
     bound: float = 1.0,
     steps: int = STEPS,
+    kind: BoundaryKind = BoundaryKind.UNSTABLE,
 ) -> TrialResult:
     """Step a model: a failure when it is lost, or ends beyond a bound in silence."""
     x = step * EVERY * np.arange(steps // EVERY + 1.0)
@@ -128,7 +129,7 @@ def stepping(
     if isinstance(curves, Measurement):
         return failed(curves)
     last = float(np.abs(curves.channels[channel])[-curves.x.size // 4 :].max())
-    grew = Failure(f"grew to {last:.2g}", BoundaryKind.UNSTABLE, silent=True)
+    grew = Failure(f"grew to {last:.2g}", kind, silent=True)
     return TrialResult(None if last < bound else grew, step_taken("dynamics", curves))
 
 
@@ -229,7 +230,7 @@ def own_ones() -> Iterator[LimitSearch]:
                 engine,
                 one.setting,
                 one.parameter,
-                "1",
+                one.unit,
                 one.start,
                 one.reach,
                 partial(stepped, engine, one),
@@ -241,7 +242,10 @@ def own_ones() -> Iterator[LimitSearch]:
 def stepped(engine: str, specimen: Specimen, value: float) -> TrialResult:
     """Step a problem of an engine's own."""
     text, step, settings, channel = specimen.stepped(value)
-    return stepping(engine, text, step, dict(settings), channel)
+    if specimen.bound is None:
+        return stepping(engine, text, step, dict(settings), channel)
+    inaccurate = BoundaryKind.INACCURATE
+    return stepping(engine, text, step, dict(settings), channel, specimen.bound, kind=inaccurate)
 
 
 def whirls() -> Iterator[LimitSearch]:

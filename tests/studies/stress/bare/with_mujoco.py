@@ -388,6 +388,33 @@ def loop_softness(integrator):
     return limit(lost, 0.3, 50.0)
 
 
+def flat_cylinder_tilt(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
+    """Smallest tilt [rad] with which a cylinder above a floor has no contact, however turned."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>
+  <geom type="plane" size="1 1 1"/>
+  <body><freejoint/><geom type="cylinder" size="{radius} {half}" mass="0.01"/></body>
+  </worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    data.qpos[2] = half + gap
+    chance = np.random.default_rng(1).uniform(0.0, 2.0 * math.pi, (ways, 2))
+
+    def touches(tilt):
+        for turn, way in chance:
+            # the tilt about an axis in the floor, after the turn about the normal
+            data.qpos[3:] = (
+                math.cos(turn / 2),
+                tilt / 2 * math.cos(way),
+                tilt / 2 * math.sin(way),
+                math.sin(turn / 2),
+            )
+            mujoco.mj_fwdPosition(model, data)
+            if any(contact.dist < -1e-9 for contact in data.contact[: data.ncon]):
+                return True
+        return False
+
+    return limit(touches, 1e-11, 1e-14)
+
+
 LIMITS = {
     **{
         f"pendulum, {name}": partial(pendulum_step, name)
@@ -419,6 +446,7 @@ LIMITS = {
     "velocity servo, RK4": partial(servo_gain, "RK4"),
     "loop with refsafe off, Euler": partial(loop_softness, "Euler"),
     "loop with refsafe off, RK4": partial(loop_softness, "RK4"),
+    "flat cylinder, tilt": flat_cylinder_tilt,
 }
 
 
