@@ -143,7 +143,8 @@ def whole_step(sample: float, wanted: float) -> float:
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
     """A step between one that is not good enough and one that is; None where none is much longer.
 
-    That is where the two are close, or where their order says so.
+    That is where the two are close, or where errors that fall with their order would say so, or
+    with the first order: theirs may be too high, as the coarse one may be far off.
     """
     if coarse.value < CLOSE * fine.value:
         return None
@@ -154,7 +155,7 @@ def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float |
     if falls < FALLS:
         return middle
     wanted = fine.value * (SAFE * needed / max(error(fine, of), 1e-17)) ** (1 / falls)
-    if wanted < CLOSE * fine.value:
+    if SAFE * needed < error(fine, of) * CLOSE ** min(falls, 1.0):
         return None
     aside = (coarse.value / fine.value) ** NARROWER
     return min(max(wanted, fine.value * aside), coarse.value / aside)
@@ -443,17 +444,20 @@ def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> b
 def repeated(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> bool:
     """Whether another family, listed before it, has the error of its finest step for no more.
 
-    What single runs leave open is no more.
+    Only of runs that are long enough for single ones to tell their costs; and not for the defaults,
+    which are followed no further than to a good step.
     """
     last = min(family.rows, key=lambda row: row.value, default=None)
     return (
         last is not None
+        and last.seconds > MOMENT
         and error(last, of) < COARSE
         and any(
             isclose(row.value, last.value)
             and isclose(error(row, of), error(last, of), rel_tol=ALIKE)
-            and row.seconds <= SLACK * last.seconds
+            and row.seconds <= SURE * last.seconds
             for other in before(family, every)
+            if not other.plain
             for row in other.rows
         )
     )

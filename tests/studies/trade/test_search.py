@@ -213,11 +213,17 @@ def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
 
 
 def test_where_the_order_says_that_little_is_left_no_step_between_is_tried() -> None:
-    """A good step of ten times fewer seconds than the bad one is taken at 0.8 of what is needed."""
+    """A good step of ten times fewer seconds than the bad one is taken at 0.8 of what is needed.
+
+    With a coarse step that is off by far the order is too high, and there may be much between.
+    """
     good = StudyRow("", "", "", "", "", "timestep", 1e-3, errors={"position": 7e-5}, seconds=1.0)
     bad = replace(good, value=1e-2, errors={"position": 7e-4}, seconds=0.1)
     assert between(bad, good, "position", 1e-4) is None
-    assert between(bad, replace(good, errors={"position": 2e-5}), "position", 1e-4) is not None
+    better = replace(good, errors={"position": 6e-5})
+    far = replace(bad, errors={"position": 9e-2})
+    assert between(bad, better, "position", 1e-4) is not None
+    assert between(far, better, "position", 1e-4) is not None
 
 
 def row_at(step: float) -> StudyRow:
@@ -299,15 +305,27 @@ def test_runs_that_are_given_up_are_of_the_budget(fourbar: Case, monkeypatch, tm
 
 
 def test_a_family_with_the_errors_of_another_ends(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """After its first step, if it takes as long; one that is much cheaper goes on."""
+    """After its first step, if it takes as long; one that is much cheaper goes on.
+
+    The defaults end with a good step, and none ends by them, nor by short runs: they tell no costs.
+    """
     counts = {}
-    for cost in (1e-6, 1e-7):
-        world = World(monkeypatch, one=(2.0, 50.0, 0.0, 1e-6), same=(2.0, 50.0, 0.0, cost))
-        search(fourbar, "position", 1e-6, Store(tmp_path))
+    for dear, cost, plain in (
+        (1e-3, 1e-3, False),
+        (1e-3, 5e-4, False),
+        (1e-3, 1e-3, True),
+        (1e-6, 1e-6, False),
+    ):
+        one = (2.0, 50.0, 0.0, dear, plain)
+        world = World(monkeypatch, one=one, same=(2.0, 50.0, 0.0, cost))
+        search(fourbar, "position", 1e-4, Store(tmp_path))
         steps = {(series, value) for series, value, _ in world.asked}
-        counts[cost] = sum(series == "same" for series, _ in steps)
+        counts[cost, plain] = sum(series == "same" for series, _ in steps)
         assert any(series == "one" and value < SAMPLE / 2 for series, value in steps)
-    assert counts[1e-6] < counts[1e-7]
+    assert counts[1e-3, False] == 1
+    assert counts[5e-4, False] > 1
+    assert counts[1e-3, True] > 1
+    assert counts[1e-6, False] > 1
 
 
 def test_families_that_come_to_one_setting_are_one_from_there(
