@@ -5,7 +5,8 @@
 Writes docs/stress.md and docs/stress.png.  Runs are kept in the folder (reports/stress), so that a
 call goes on where another was interrupted.  With --only the limits of these cases are searched
 again, with --parameter those whose parameter and solver contain a text, such as "time step,
-mujoco", and all other rows of docs/stress.md stay as they are.
+mujoco", and all other rows of docs/stress.md stay as they are.  --only theory makes the table and
+the figure of the small models again.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,7 @@ from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.command import reached
 from proofmass.studies.stress.extremes import extremes
 from proofmass.studies.stress.figure import NEAR, stress_sheet
+from proofmass.studies.stress.limit_search import LimitSearch
 from proofmass.studies.stress.problems import list_problems
 from proofmass.studies.stress.stress import cache_trials, stress, write_boundaries
 from proofmass.wording import number
@@ -126,7 +128,11 @@ theory, the furthest at a ratio of {furthest}.
 - A `solref` is an explicit spring with critical damping: `refsafe` keeps it from 2 dt upwards;
   without, 1.21 dt is the edge with Euler, and 0.36 dt with RK4.
 - A velocity servo is an explicit damper to Euler and RK4, and none to the implicit integrators.
+- Flat cylinders that hang above a floor, at rest and without weight, are moved by contacts that are
+  not there: [Contacts and friction](contacts.md#a-flat-cylinder-that-hangs-above-a-floor).
 """
+THEORY = "theory"
+"""With --only: the small models, in place of a case."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -142,9 +148,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with folders(given.quick, given.folder) as (folder, docs):
         store = Store(folder / "runs")
         with pool() as workers:
-            known = stress(
-                [cache_trials(one, store) for one in islice(list_problems(), most)], workers
-            )
+            known = stress(small_models(store, most), workers)
             cases = {
                 name: extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
                 for name in (("pendulum",) if given.quick else CASES)
@@ -153,19 +157,38 @@ def main(argv: Sequence[str] | None = None) -> None:
                 [one for searches, _ in cases.values() for one in searches[:most]], workers
             )
         write_boundaries([*known, *turned], folder / "stress.csv")
-        with rc_context(RC):
-            save(stress_sheet(known), docs / "stress")
-        (docs / "stress.svg").unlink()
+        draw(known, docs)
         lines = [HEAD.format(limits=kinds()), *beside(known)]
         for name, (_, skipped) in cases.items():
             lines += of_case(name, [one for one in turned if one.what == name], skipped)
         (docs / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def small_models(store: Store, most: int | None = None) -> list[LimitSearch]:
+    """The first of the small models, all if not told how many, with their trials stored."""
+    return [cache_trials(one, store) for one in islice(list_problems(), most)]
+
+
+def draw(known: Sequence[Boundary], docs: Path) -> None:
+    """The figure of the small models."""
+    with rc_context(RC):
+        save(stress_sheet(known), docs / "stress")
+    (docs / "stress.svg").unlink()
+
+
 def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None:
     """Search limits of some cases again, and write their rows into docs/stress.md."""
     file, store = ROOT / "docs" / "stress.md", Store(folder / "runs")
     for name in names:
+        if name == THEORY:
+            with pool() as workers:
+                known = stress(small_models(store), workers)
+            draw(known, ROOT / "docs")
+            before, _, after = file.read_text(encoding="utf-8").partition("\n## Beside theory\n")
+            rest = after[after.index("\n\n## ") :]
+            text = f"{before}\n" + "\n".join(beside(known)) + rest
+            file.write_text(text, encoding="utf-8")
+            continue
         searches, _ = extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
         asked = [
             one
@@ -174,9 +197,9 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
         ]
         with pool() as workers:
             found = stress(asked, workers)
-        head, known, rest = file.read_text(encoding="utf-8").partition("\n## Beside theory")
+        _, title, rest = file.read_text(encoding="utf-8").partition("\n## Beside theory")
         head = HEAD.format(limits=kinds())
-        file.write_text(head + known + with_rows(rest, name, found), encoding="utf-8")
+        file.write_text(head + title + with_rows(rest, name, found), encoding="utf-8")
 
 
 def with_rows(text: str, name: str, found: Sequence[Boundary]) -> str:

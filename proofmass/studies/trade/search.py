@@ -143,8 +143,9 @@ def whole_step(sample: float, wanted: float) -> float:
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
     """A step between one that is not good enough and one that is; None where none is much longer.
 
-    That is where the two are close, or where errors that fall with their order would say so, or
-    with the first order: theirs may be too high, as the coarse one may be far off.
+    That is where the two are close.  Of runs that are long it is also where errors that fall with
+    their order say so, or with the first order: theirs may be too high, as the coarse one may be
+    far off.  Short ones are tried, for errors need not fall evenly.
     """
     if coarse.value < CLOSE * fine.value:
         return None
@@ -155,7 +156,8 @@ def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float |
     if falls < FALLS:
         return middle
     wanted = fine.value * (SAFE * needed / max(error(fine, of), 1e-17)) ** (1 / falls)
-    if SAFE * needed < error(fine, of) * CLOSE ** min(falls, 1.0):
+    little = SAFE * needed < error(fine, of) * CLOSE ** min(falls, 1.0)
+    if little and fine.seconds > MOMENT:
         return None
     aside = (coarse.value / fine.value) ** NARROWER
     return min(max(wanted, fine.value * aside), coarse.value / aside)

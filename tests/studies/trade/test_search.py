@@ -220,6 +220,8 @@ def test_where_the_order_says_that_little_is_left_no_step_between_is_tried() -> 
     good = StudyRow("", "", "", "", "", "timestep", 1e-3, errors={"position": 7e-5}, seconds=1.0)
     bad = replace(good, value=1e-2, errors={"position": 7e-4}, seconds=0.1)
     assert between(bad, good, "position", 1e-4) is None
+    short = replace(good, seconds=0.01)
+    assert between(replace(bad, seconds=0.001), short, "position", 1e-4) is not None
     better = replace(good, errors={"position": 6e-5})
     far = replace(bad, errors={"position": 9e-2})
     assert between(bad, better, "position", 1e-4) is not None
