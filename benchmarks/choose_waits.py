@@ -4,7 +4,7 @@
 
 Writes docs/choose_waits.md.  For each case that is stepped in time the command is given twice, with
 a store that is empty before the first time.  What it printed is kept in the folder
-(reports/choose_waits).  With --only the page of these cases is printed, and no document is written.
+(reports/choose_waits).  With --only the rows of these cases are made again, and all others stay.
 """
 
 import re
@@ -68,10 +68,22 @@ def main(argv: Sequence[str] | None = None) -> None:
         for case in cases:
             found.append(waited(case, 0.1 if given.quick else ERROR, folder))
             print(row(found[-1]), flush=True)
+        file = docs / "choose_waits.md"
         if given.only:
-            print(page(found))
-        else:
-            (docs / "choose_waits.md").write_text(page(found), encoding="utf-8")
+            new = {each.case for each in found}
+            found += [each for each in rows_of(file.read_text("utf-8")) if each.case not in new]
+        file.write_text(page(found), encoding="utf-8")
+
+
+def rows_of(text: str) -> list[Waited]:
+    """The rows of the document.
+
+    >>> rows_of("| case | first [s] |\\n| pendulum | 2.5 | 1.2 | 33 | MuJoCo |\\n")
+    [Waited(case='pendulum', seconds=(2.5, 1.2), settings='33', found='MuJoCo')]
+    """
+    number_ = r"([\d.e+-]+)"
+    rows = re.findall(rf"^\| (\w+) \| {number_} \| {number_} \| (\d*) \| (\w+) \|$", text, re.M)
+    return [Waited(row[0], (float(row[1]), float(row[2])), *row[3:]) for row in rows]
 
 
 def waited(case: Case, error: float, folder: Path) -> Waited:

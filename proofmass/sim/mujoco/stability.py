@@ -204,10 +204,11 @@ def flat_cylinders() -> Specimen:
     From the centre of a face MuJoCo goes by the radius r along (n . a) a - n to the lowest point
     of the edge, with the axis a of the cylinder and the normal n of the floor::
 
-        ----+----  a       that vector is as long as the tilt, and lies across the face, but for
-            |  ---         a part d that rounding leaves along a: the point is
-        ____|____\\___  n      r d / sqrt(tilt^2 + d^2)
-                           too deep, by up to the radius
+             a
+         ____|____         that vector is as long as the tilt, and lies in the face, but for a
+        |____|____|        part d that rounding leaves along a: the point is
+             |                 r d / sqrt(tilt^2 + d^2)
+        _____n_____        too deep, by up to the radius
 
     `docs/contacts.md` has depths and energies of single poses.
     """
@@ -227,11 +228,10 @@ def flat_cylinders() -> Specimen:
 
 def hang(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:
     """The cylinders tilted by an angle [rad], and their kinetic energy."""
-    places = range(CYLINDERS)
     turns, ways = (2 * np.pi * (np.arange(CYLINDERS) * share % 1.0) for share in (0.618, 0.755))
     leaning = np.zeros(4)
     bodies = []
-    for k, turn, way in zip(places, turns, ways, strict=True):
+    for k, (turn, way) in enumerate(zip(turns, ways, strict=True)):
         lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
         about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
         mujoco.mju_mulQuat(leaning, lean, about)
