@@ -656,12 +656,12 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A test problem of an engine's own: one number is increased or decreased until its run fails.
+    """A test problem of an engine's own: one number is increased until its run fails.
 
     Attributes
     ----------
     what, setting, parameter, law : str
-        The model, the scheme, what is varied, and what theory says, in words.
+        The model, the scheme, what is increased, and what theory says, in words.
     stepped : callable
         Its `Stepping`.
     step, zeta : callable, float
@@ -670,9 +670,7 @@ class Specimen:
     theory : float
         [SI]
     start, reach : float
-        From where to where it is varied [SI].
-    unit : str
-        Of that number.
+        From where to where it is increased [SI].
     bound : float, optional
         Largest value of what is watched that is right [SI]; a run is lost beyond 1, if none is
         given.
@@ -688,7 +686,6 @@ class Specimen:
     theory: float = float("nan")
     start: float = 0.1
     reach: float = 1e3
-    unit: str = "1"
     bound: float | None = None
 
 

@@ -212,18 +212,23 @@ def flat_cylinders() -> Specimen:
 
     `docs/contacts.md` has depths and energies of single poses.
     """
+    theory = 1.0 / np.sqrt(1.0 - (GAP / RADIUS) ** 2)
     return Specimen(
         f"flat cylinders, {1e3 * GAP:g} mm above a floor",
         "Euler",
-        "tilt",
-        "r d / √(tilt² + d²) = gap, d = 4.4e-16",
-        hang,
-        theory=float(TWO_ULPS * np.sqrt((RADIUS / GAP) ** 2 - 1.0)),
-        start=1e-10,
-        reach=1e-14,
-        unit="rad",
+        "r d/(gap tilt)",
+        f"r d / √(tilt² + d²) = gap, d = {TWO_ULPS:.2g}; tilt {tilted(theory):.2g} rad",
+        lambda share: hang(tilted(share)),
+        theory=float(theory),
+        start=0.01,
+        reach=100.0,
         bound=1e-12,
     )
+
+
+def tilted(share: float) -> float:
+    """The tilt [rad] with which rounding leads so many times the gap down."""
+    return float(RADIUS * TWO_ULPS / (GAP * share))
 
 
 def hang(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:

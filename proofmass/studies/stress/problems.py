@@ -230,7 +230,7 @@ def own_ones() -> Iterator[LimitSearch]:
                 engine,
                 one.setting,
                 one.parameter,
-                one.unit,
+                "1",
                 one.start,
                 one.reach,
                 partial(stepped, engine, one),

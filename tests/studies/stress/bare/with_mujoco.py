@@ -388,8 +388,11 @@ def loop_softness(integrator):
     return limit(lost, 0.3, 50.0)
 
 
-def flat_cylinder_tilt(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
-    """Smallest tilt [rad] with which a cylinder above a floor has no contact, however turned."""
+def flat_cylinder(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
+    """Largest r d / (gap tilt) with which a cylinder above a floor has no contact, however turned.
+
+    The square of an axis that is turned is off 1 by d at most, two units of the last place.
+    """
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>
   <geom type="plane" size="1 1 1"/>
   <body><freejoint/><geom type="cylinder" size="{radius} {half}" mass="0.01"/></body>
@@ -398,7 +401,8 @@ def flat_cylinder_tilt(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
     data.qpos[2] = half + gap
     chance = np.random.default_rng(1).uniform(0.0, 2.0 * math.pi, (ways, 2))
 
-    def touches(tilt):
+    def touches(share):
+        tilt = radius * 2.0**-51 / (gap * share)
         for turn, way in chance:
             # the tilt about an axis in the floor, after the turn about the normal
             data.qpos[3:] = (
@@ -412,7 +416,7 @@ def flat_cylinder_tilt(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
                 return True
         return False
 
-    return limit(touches, 1e-11, 1e-14)
+    return limit(touches, 0.1, 100.0)
 
 
 LIMITS = {
@@ -446,7 +450,7 @@ LIMITS = {
     "velocity servo, RK4": partial(servo_gain, "RK4"),
     "loop with refsafe off, Euler": partial(loop_softness, "Euler"),
     "loop with refsafe off, RK4": partial(loop_softness, "RK4"),
-    "flat cylinder, tilt": flat_cylinder_tilt,
+    "flat cylinder": flat_cylinder,
 }
 
 
