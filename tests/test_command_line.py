@@ -215,4 +215,4 @@ def test_help_joins_the_lines_of_a_paragraph_and_strikes_no_unit_through():
     """At 80 columns; `[s]` would be a tag."""
     text = CliRunner().invoke(app, ["choose", "--help"], env={"COLUMNS": "80"}).output
     assert "own, without proofmass, and from a shifted start, and both errors must be as" in text
-    assert "Wall time of the whole" in " ".join(text.replace("│", " ").split())
+    assert "Wall time of all runs" in " ".join(text.replace("│", " ").split())
