@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             found.append(waited(case, 0.1 if given.quick else ERROR, folder))
             print(row(found[-1]), flush=True)
         file = docs / "choose_waits.md"
-        if given.only:
+        if given.only and file.is_file():
             new = {each.case for each in found}
             found += [each for each in rows_of(file.read_text("utf-8")) if each.case not in new]
         file.write_text(page(found), encoding="utf-8")
@@ -81,9 +81,12 @@ def rows_of(text: str) -> list[Waited]:
     >>> rows_of("| case | first [s] |\\n| pendulum | 2.5 | 1.2 | 33 | MuJoCo |\\n")
     [Waited(case='pendulum', seconds=(2.5, 1.2), settings='33', found='MuJoCo')]
     """
-    number_ = r"([\d.e+-]+)"
-    rows = re.findall(rf"^\| (\w+) \| {number_} \| {number_} \| (\d*) \| (\w+) \|$", text, re.M)
-    return [Waited(row[0], (float(row[1]), float(row[2])), *row[3:]) for row in rows]
+    seconds = r"([\d.e+-]+)"
+    rows = re.findall(rf"^\| (\w+) \| {seconds} \| {seconds} \| (\d*) \| (\w+) \|$", text, re.M)
+    return [
+        Waited(case, (float(first), float(again)), settings, found)
+        for case, first, again, settings, found in rows
+    ]
 
 
 def waited(case: Case, error: float, folder: Path) -> Waited:

@@ -24,6 +24,15 @@ from proofmass.analytic.contacts import restitution
 from proofmass.case import Case
 from proofmass.compare import compare
 from proofmass.sim.mujoco.contacts import creep_rate
+from proofmass.sim.mujoco.stability import (
+    GAP,
+    HALF,
+    RADIUS,
+    TWO_ULPS,
+    flat_cylinders,
+    leaning,
+    tilted,
+)
 from proofmass.sim.protocol import Diverged, Run
 from proofmass.solve import plan, simulate
 from proofmass.wording import number
@@ -73,7 +82,7 @@ def main() -> None:
             "touching": touching(steps, (0.95,) if quick else (0.95, 0.9999)),
         }
         lines = {name: "\n".join(lines) for name, lines in tables.items()}
-        page = PAGE.format(**lines, tilt=number(steepest(), 3))
+        page = PAGE.format(**lines, tilt=number(tilted(flat_cylinders().theory), 3))
         (docs / "contacts.md").write_text(page, encoding="utf-8")
         print(page)
 
@@ -190,12 +199,6 @@ def bounced(ratio: float, stiffness: float, steps: int) -> float:
     return float(data.qvel[0])
 
 
-COIN = {"radius": 0.041, "half": 0.002, "gap": 2.1e-5}
-"""Radius and half the height of a flat cylinder, and its height above the floor [m]."""
-TWO_ULPS = 2 * float(np.finfo(float).eps)
-"""How far the square of a unit vector that is turned is off 1 [1]: the most that was seen."""
-
-
 def phantom(poses: int) -> Iterator[str]:
     """Contacts of a cylinder that hangs above a floor without weight, by its tilt."""
     yield "| floor | tilt [rad] | contacts | deepest [mm] | closed form [mm] | energy [J] |"
@@ -211,7 +214,7 @@ def phantom(poses: int) -> Iterator[str]:
 
 
 def phantom_depth(tilt: float) -> float:
-    """The depth [m] that MuJoCo finds for `COIN` on a level floor, where it rounds by `TWO_ULPS`.
+    """The depth [m] that MuJoCo finds on a level floor, where it rounds by `TWO_ULPS`.
 
     With its axis a and the floor's normal n it goes from the centre of a face by the radius along
     (n . a) a - n, which is as long as the tilt and lies in the face, but for rounding of n's part;
@@ -221,37 +224,25 @@ def phantom_depth(tilt: float) -> float:
     ('0.001798', 0.0)
     """
     length = np.hypot(tilt, TWO_ULPS)
-    deep = COIN["radius"] * TWO_ULPS / length - COIN["gap"]
+    deep = RADIUS * TWO_ULPS / length - GAP
     return float(deep) if tilt >= 1e-15 and deep > 0 else 0.0
 
 
-def steepest() -> float:
-    """The tilt [rad] from which on `phantom_depth` is 0.
-
-    >>> phantom_depth(0.999 * steepest()) > 0.0 == phantom_depth(1.001 * steepest())
-    True
-    """
-    return float(TWO_ULPS * np.sqrt((COIN["radius"] / COIN["gap"]) ** 2 - 1.0))
-
-
 def hanging(tilt: float, floor: str, poses: int) -> tuple[int, float, float]:
-    """Contacts of `COIN` above a floor, the deepest [m], and the most energy after a step [J]."""
+    """Contacts of a cylinder above a floor, the deepest [m], and most energy after a step [J]."""
     model = mujoco.MjModel.from_xml_string(f"""<mujoco>
       <option timestep="1e-3" gravity="0 0 0"/><worldbody>
       <geom type="plane" size="1 1 1" euler="{floor}" priority="1" solref="-1e6 -200"/>
       <body><freejoint/>
-      <geom type="cylinder" size="{COIN["radius"]} {COIN["half"]}" mass="0.01"/></body>
+      <geom type="cylinder" size="{RADIUS} {HALF}" mass="0.01"/></body>
       </worldbody></mujoco>""")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    up, found, leaning = data.geom_xmat[0].reshape(3, 3)[:, 2].copy(), [], np.zeros(4)
+    up, found = data.geom_xmat[0].reshape(3, 3)[:, 2].copy(), []
     for way, turn in np.random.default_rng(0).uniform(0.0, 2 * np.pi, (poses, 2)):
         mujoco.mj_resetData(model, data)
-        lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
-        about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
-        mujoco.mju_mulQuat(leaning, lean, about)
-        mujoco.mju_mulQuat(data.qpos[3:], model.geom_quat[0], leaning)
-        data.qpos[:3] = (COIN["half"] + COIN["gap"]) * up
+        mujoco.mju_mulQuat(data.qpos[3:], model.geom_quat[0], leaning(tilt, turn, way))
+        data.qpos[:3] = (HALF + GAP) * up
         mujoco.mj_forward(model, data)
         deepest = max((-float(c.dist) for c in data.contact[: data.ncon]), default=0.0)
         mujoco.mj_step(model, data)
@@ -407,9 +398,9 @@ d = 4.4e-16, the most on a level floor; the energy is that after a step of 1 ms 
 
 {phantom}
 
-`hanging` in `benchmarks/contacts.py` needs MuJoCo and NumPy alone. `proofmass stress` has the tilt
-below which one of 400 such cylinders begins to move, see [Where it breaks](stress.md); the closed
-form says {tilt} rad.
+`proofmass stress` finds the tilt below which one of 400 such cylinders begins to move: [Where it
+breaks](stress.md). The closed form says {tilt} rad, and `tests/studies/stress/bare/with_mujoco.py`,
+which needs MuJoCo and NumPy alone, is within 2 % of it.
 """
 
 if __name__ == "__main__":

@@ -180,14 +180,14 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
     """Search limits of some cases again, and write their rows into docs/stress.md."""
     file, store = ROOT / "docs" / "stress.md", Store(folder / "runs")
     for name in names:
+        _, title, rest = file.read_text(encoding="utf-8").partition("\n## Beside theory")
+        head = HEAD.format(limits=kinds())
         if name == THEORY:
             with pool() as workers:
                 known = stress(small_models(store), workers)
-            draw(known, ROOT / "docs")
-            before, _, after = file.read_text(encoding="utf-8").partition("\n## Beside theory\n")
-            rest = after[after.index("\n\n## ") :]
-            text = f"{before}\n" + "\n".join(beside(known)) + rest
-            file.write_text(text, encoding="utf-8")
+            draw(known, file.parent)
+            cases = rest[rest.index("\n\n## ") :]
+            file.write_text(head + "\n" + "\n".join(beside(known)) + cases, encoding="utf-8")
             continue
         searches, _ = extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
         asked = [
@@ -197,8 +197,6 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
         ]
         with pool() as workers:
             found = stress(asked, workers)
-        _, title, rest = file.read_text(encoding="utf-8").partition("\n## Beside theory")
-        head = HEAD.format(limits=kinds())
         file.write_text(head + title + with_rows(rest, name, found), encoding="utf-8")
 
 

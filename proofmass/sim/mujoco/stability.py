@@ -193,7 +193,7 @@ def loop(flags: str, name: str) -> Stepping:
 RADIUS, HALF, GAP = 0.041, 0.002, 2.1e-5
 """Radius and half the height of a flat cylinder, and its height above the floor [m]."""
 TWO_ULPS = 2 * float(np.finfo(float).eps)
-"""How far the square of an axis that is turned is off 1 [1], at most."""
+"""How far the square of an axis that is turned is off 1 [1]: the most that was seen."""
 CYLINDERS = 400
 """Turned in as many ways: five of their axes are off by `TWO_ULPS`, 81 by half of that."""
 
@@ -231,16 +231,24 @@ def tilted(share: float) -> float:
     return float(RADIUS * TWO_ULPS / (GAP * share))
 
 
+def leaning(tilt: float, turn: float, way: float) -> Array:
+    """The quaternion [1] of a body that is turned about the vertical, and then tilted [rad].
+
+    The tilt is small, about a horizontal axis in a direction `way` [rad].
+    """
+    found = np.zeros(4)
+    lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
+    about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
+    mujoco.mju_mulQuat(found, lean, about)
+    return found
+
+
 def hang(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:
     """The cylinders tilted by an angle [rad], and their kinetic energy."""
     turns, ways = (2 * np.pi * (np.arange(CYLINDERS) * share % 1.0) for share in (0.618, 0.755))
-    leaning = np.zeros(4)
     bodies = []
     for k, (turn, way) in enumerate(zip(turns, ways, strict=True)):
-        lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
-        about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
-        mujoco.mju_mulQuat(leaning, lean, about)
-        quat = " ".join(map(repr, leaning.tolist()))
+        quat = " ".join(map(repr, leaning(tilt, turn, way).tolist()))
         bodies.append(
             f"""<body pos="{k} 0 {HALF + GAP!r}" quat="{quat}">
             <joint name="joint{k}" type="slide" axis="0 0 1"/>

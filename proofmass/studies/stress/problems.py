@@ -242,10 +242,10 @@ def own_ones() -> Iterator[LimitSearch]:
 def stepped(engine: str, specimen: Specimen, value: float) -> TrialResult:
     """Step a problem of an engine's own."""
     text, step, settings, channel = specimen.stepped(value)
-    if specimen.bound is None:
-        return stepping(engine, text, step, dict(settings), channel)
-    inaccurate = BoundaryKind.INACCURATE
-    return stepping(engine, text, step, dict(settings), channel, specimen.bound, kind=inaccurate)
+    bound, kind = 1.0, BoundaryKind.UNSTABLE
+    if specimen.bound is not None:
+        bound, kind = specimen.bound, BoundaryKind.INACCURATE
+    return stepping(engine, text, step, dict(settings), channel, bound, kind=kind)
 
 
 def whirls() -> Iterator[LimitSearch]:
