@@ -23,6 +23,7 @@ from proofmass.sim.pymunk.kinematics import (
     damping,
     gaps,
     jacobian,
+    joint_values,
     potential,
     residual,
     sizes,
@@ -134,7 +135,7 @@ def _started(links: Links, pose: Array, rate: Array) -> Array:
     as loops and drives ask."""
     open_rows = jacobian(lambda p: residual(links, p), pose)
     tree = links.joint_rows
-    chain = np.vstack([open_rows[:tree], jacobian(lambda p: values(links.joints, p), pose)])
+    chain = np.vstack([open_rows[:tree], jacobian(lambda p: joint_values(links, p), pose)])
     by_joints = np.linalg.lstsq(chain * links.sizes, np.eye(len(chain))[:, tree:], rcond=1e-14)[0]
     by_joints *= links.sizes[:, None]
     wanted = np.array([joint.rate for joint in links.joints])

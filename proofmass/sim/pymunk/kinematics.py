@@ -96,7 +96,7 @@ def damping(links: Links) -> tuple[Array, Callable[[Array], Array]]:
 
     def damped(pose: Array) -> Array:
         lengths = [spring_length(spring, pose)[..., None] for spring in springs]
-        return np.concatenate([values(links.joints, pose), *lengths], axis=-1)
+        return np.concatenate([joint_values(links, pose), *lengths], axis=-1)
 
     coefficients = [joint.damping for joint in links.joints]
     return np.array([*coefficients, *(spring.damping for spring in springs)]), damped
@@ -106,6 +106,16 @@ def values(joints: tuple[LinkJoint, ...], pose: Array) -> Array:
     """The coordinates of some joints (..., joints), of poses (..., links + 1, 3)."""
     columns = [joint_value(joint, pose)[..., None] for joint in joints]
     return np.concatenate([np.zeros((*pose.shape[:-2], 0)), *columns], axis=-1)
+
+
+def joint_values(links: Links, pose: Array) -> Array:
+    """The coordinates of all joints (..., joints), of poses (..., links + 1, 3)."""
+    table = links.joint_table
+    turns = table.sign * (pose[..., table.b, 2] - pose[..., table.a, 2])
+    if table.slides.any():
+        axes = turned(pose[..., table.a, 2], table.axis)
+        turns = np.where(table.slides, (axes * apart(table, pose)).sum(-1), turns)
+    return np.asarray(table.value + turns)
 
 
 def bound(links: Links, pose: Array) -> Array:
@@ -151,8 +161,7 @@ def potential(links: Links, pose: Array) -> Array:
     """
     weight = links.mass[:, None] * links.gravity
     energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
-    for joint in links.joints:
-        energy = energy + joint.potential(joint_value(joint, pose))
+    energy = energy + links.joint_table.energy(joint_values(links, pose))
     for spring in links.springs:
         energy = energy + spring.energy(spring_length(spring, pose))
     for pull in links.pulls:
@@ -344,12 +353,11 @@ def _between(
     """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
     table, slides, rows = links.table, links.table.slides, links.rows
     efforts = np.zeros((*pose.shape[:-2], len(links.holds)))
-    pushes = list(zip([*links.drives, *stops], pull[rows:].tolist(), strict=True))
-    for k, joint in enumerate(links.joints):
-        push = sum(push for pushed, push in pushes if pushed is joint)
-        efforts[..., k] = -joint.spring_force(joint_value(joint, pose)) - joint.load - push
+    efforts[..., : len(links.joints)] = -links.joint_table.efforts(joint_values(links, pose))
+    for pushed, push in zip([*links.drives, *stops], pull[rows:].tolist(), strict=True):
+        efforts[..., next(k for k, one in enumerate(links.joints) if one is pushed)] -= push
     held = -pull[: 2 * len(links.holds)].reshape(-1, 2)
-    signs = np.append([joint.sign for joint in links.joints], np.zeros(len(links.loops)))
+    signs = np.append(links.joint_table.sign, np.zeros(len(links.loops)))
     axis = turned(pose[..., table.a, 2], table.axis)
     sliding = held[:, :1] * (axis @ QUARTER) + efforts[..., None] * axis
     return (np.where(slides[:, None], sliding, held), np.where(slides, held[:, 1], signs * efforts))
@@ -403,11 +411,35 @@ class Modes:
 
 def free_directions(links: Links, rows: Array) -> Array:
     """Moves (n, links + 1, 3) of unit mass that leave what is held as it is, by its Jacobian."""
-    root = _root(links)
-    long = np.linalg.norm(rows / root, axis=1, keepdims=True)
-    _, sizes, modes = np.linalg.svd(rows / root / np.where(long == 0, 1.0, long))
+    return _moves(links, _split(links, rows)[0])
+
+
+REGULAR = 1e-6
+"""Share of a row, of unit length, that lies off those before it: with more, QR tells the rank."""
+
+
+def _split(links: Links, rows: Array, load: Array | None = None) -> tuple[Array, Array]:
+    """Directions (n, 3 links) that rows leave free, and the least pull whose sum of rows is a load.
+
+    Both in coordinates times the roots of their masses. Rows that are far from dependent are split
+    by QR, in a tenth of the time that singular values take.
+    """
+    rows = rows / _root(links)
+    long = np.linalg.norm(rows, axis=1)
+    rows = rows / np.where(long == 0, 1.0, long)[:, None]
+    load, count = np.zeros(rows.shape[1]) if load is None else load / _root(links), len(rows)
+    q, r = np.linalg.qr(rows.T, mode="complete")
+    if np.abs(np.diagonal(r)).min(initial=1.0) > REGULAR and count <= rows.shape[1]:
+        return q[:, count:].T, np.linalg.solve(r[:count], q[:, :count].T @ load) / long
+    _, sizes, modes = np.linalg.svd(rows)
     rank = int((sizes > 1e-9 * sizes.max(initial=0.0)).sum())
-    moves = (modes[rank:] / root).reshape(-1, len(links.mass), 3)
+    pull = np.linalg.lstsq((rows * long[:, None]).T, load, rcond=1e-12)[0]
+    return modes[rank:], np.asarray(pull, float)
+
+
+def _moves(links: Links, directions: Array) -> Array:
+    """Moves (n, links + 1, 3) of directions in coordinates times the roots of their masses."""
+    moves = (directions / _root(links)).reshape(-1, len(links.mass), 3)
     return np.pad(moves, ((0, 0), (0, 1), (0, 0)))
 
 
@@ -417,8 +449,7 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
     The curvature is that of ``V - pull . held``, so that it counts how the paths bend on which
     what is held stays as it is.
     """
-    rows, pull = _pull(links, pose, stops)
-    moves = free_directions(links, rows)
+    moves, pull = _free_and_pull(links, pose, stops)
     rise, size = _rise(links, pose, moves, pull, stops)
     flat = moves.reshape(len(moves), pose.size)
     bend = rise.reshape(flat.shape) @ flat.T * size[:, None]
@@ -430,16 +461,17 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
 
 def bent(links: Links, pose: Array, moves: Array) -> Array:
     """How moves (n, links + 1, 3) change the slope of ``V - pull . held`` in a pose at rest."""
-    _, pull = _pull(links, pose, ())
+    _, pull = _free_and_pull(links, pose, ())
     rise, size = _rise(links, pose, moves, pull, ())
     return np.asarray(rise * (size / (2 * NUDGE))[:, None, None])
 
 
-def _pull(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> tuple[Array, Array]:
-    """Jacobian of what is held, and what it takes to hold it in a pose at rest."""
+def _free_and_pull(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> tuple[Array, Array]:
+    """`free_directions` of a pose at rest, and what it takes to hold what is held."""
     rows = jacobian(partial(_held, links, stops), pose)
-    load, root = jacobian(partial(potential, links), pose), _root(links)
-    return rows, np.asarray(np.linalg.lstsq((rows / root).T, load / root, rcond=1e-12)[0], float)
+    load = slope(links, pose, np.zeros(len(rows)), stops)[:-1].ravel()
+    directions, pull = _split(links, rows, load)
+    return _moves(links, directions), pull
 
 
 def _rise(

@@ -1,5 +1,6 @@
 """Links in a plane: what the modules of this folder work on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -43,10 +44,22 @@ class HoldTable:
     on_b: Array
     axis: Array
 
-    @property
+    @cached_property
     def slides(self) -> NDArray[np.bool_]:
         """Which holds have an axis."""
         return np.asarray(self.axis.any(axis=1))
+
+
+def columns(holds: Sequence[Hold]) -> dict[str, Any]:
+    """What a `HoldTable` has of some holds."""
+    axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
+    return {
+        "a": np.array([hold.a for hold in holds], np.intp),
+        "b": np.array([hold.b for hold in holds], np.intp),
+        "on_a": np.array([hold.on_a for hold in holds]).reshape(-1, 2),
+        "on_b": np.array([hold.on_b for hold in holds]).reshape(-1, 2),
+        "axis": np.array(axes).reshape(-1, 2),
+    }
 
 
 @dataclass(frozen=True)
@@ -85,15 +98,34 @@ class LinkJoint:
         x, (k, a, b) = value - self.rest, self.acting
         return -x * (k + x * (a + x * b))
 
-    def potential(self, value: Array) -> Array:
-        """Energy [J] whose derivative is what spring, servos and load ask for."""
-        held = self.servo * (value - self.rest) ** 2 / 2
-        return self.spring_energy(value) + held - self.load * value
-
     def spring_energy(self, value: Array) -> Array:
         """Energy [J] of the spring."""
         x, (k, a, b) = value - self.rest, self.stiffness
         return x**2 * (k / 2 + x * (a / 3 + x * b / 4))
+
+
+@dataclass(frozen=True)
+class JointTable(HoldTable):
+    """Joints as arrays, one row each: their holds, and what `LinkJoint` says of them.
+
+    ``acting`` are coefficients (3, joints) of springs and servos.
+    """
+
+    value: Array
+    sign: Array
+    rest: Array
+    acting: Array
+    load: Array
+
+    def efforts(self, values: Array) -> Array:
+        """Moments [N m] or forces [N] of springs, servos and loads at values (..., joints)."""
+        x, (k, a, b) = values - self.rest, self.acting
+        return np.asarray(self.load - x * (k + x * (a + x * b)))
+
+    def energy(self, values: Array) -> Array:
+        """Energy [J] (...) whose derivatives are what `efforts` has against it."""
+        x, (k, a, b) = values - self.rest, self.acting
+        return np.asarray((x**2 * (k / 2 + x * (a / 3 + x * b / 4)) - self.load * values).sum(-1))
 
 
 @dataclass(frozen=True)
@@ -243,14 +275,19 @@ class Links:
     @cached_property
     def table(self) -> HoldTable:
         """All holds as arrays."""
-        holds = self.holds
-        axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
-        return HoldTable(
-            np.array([hold.a for hold in holds], np.intp),
-            np.array([hold.b for hold in holds], np.intp),
-            np.array([hold.on_a for hold in holds]).reshape(-1, 2),
-            np.array([hold.on_b for hold in holds]).reshape(-1, 2),
-            np.array(axes).reshape(-1, 2),
+        return HoldTable(**columns(self.holds))
+
+    @cached_property
+    def joint_table(self) -> JointTable:
+        """All joints as arrays."""
+        joints = self.joints
+        return JointTable(
+            **columns([joint.hold for joint in joints]),
+            value=np.array([joint.value for joint in joints]),
+            sign=np.array([joint.sign for joint in joints]),
+            rest=np.array([joint.rest for joint in joints]),
+            acting=np.array([joint.acting for joint in joints]).reshape(-1, 3).T,
+            load=np.array([joint.load for joint in joints]),
         )
 
     @cached_property

@@ -450,28 +450,30 @@ class Writer:
                 together = ""
 
     def _spring(
-        self, joint: LinkJoint, constraint: pymunk.Constraint, a: str, b: str, first: bool
+        self,
+        joint: LinkJoint,
+        constraint: pymunk.DampedRotarySpring | pymunk.DampedSpring,
+        a: str,
+        b: str,
+        first: bool,
     ) -> dict[str, Any]:
         k, square, cube = joint.acting
         unit, effort = UNIT[joint.hold.axis is None]
         own = first and bool(any(joint.acting) or joint.damping)
         linear = own and not (square or cube)
-        damping = digits(constraint.damping)  # type: ignore[attr-defined]
+        damping = digits(constraint.damping)
         if isinstance(constraint, pymunk.DampedRotarySpring):
-            rest = digits(joint.sign * (joint.value - joint.rest)) if linear and k else "0.0"
-            make = ["DampedRotarySpring", rest]
+            make = ["DampedRotarySpring", digits(constraint.rest_angle)]
             value = summed([(1.0, digits(joint.value)), (-joint.sign, "angle")])
             setter, sign = "torque_func = lambda _, angle", "-" if joint.sign < 0 else ""
             load = joint.sign * joint.load
         else:
-            assert isinstance(constraint, pymunk.DampedSpring)
-            far = constraint.rest_length
-            rest = digits(far + joint.rest - joint.value if linear and k else far)
-            make = ["DampedSpring", tupled(constraint.anchor_a), tupled(constraint.anchor_b), rest]
-            value = less(summed([(1.0, "length")], joint.value), far)
+            ends = tupled(constraint.anchor_a), tupled(constraint.anchor_b)
+            make = ["DampedSpring", *ends, digits(constraint.rest_length)]
+            value = less(summed([(1.0, "length")], joint.value), REACH * self.links.extent)
             setter, sign = "force_func = lambda _, length", ""
             load = joint.load
-        text = f"pymunk.{make[0]}({', '.join([a, b, *make[1:], digits(k) if linear else '0.0'])}, "
+        text = f"pymunk.{make[0]}({', '.join([a, b, *make[1:], digits(constraint.stiffness)])}, "
         lines = [wrapped(f"add({text}{damping}))")]
         if not linear:
             force = (

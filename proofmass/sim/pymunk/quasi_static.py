@@ -48,6 +48,7 @@ from proofmass.sim.pymunk.kinematics import (
     gaps,
     jacobian,
     joint_value,
+    joint_values,
     least,
     missing,
     named,
@@ -206,6 +207,8 @@ STILL = 1e-12
 """Largest remaining move in a step, in extents or radians, that counts as rest at a sample."""
 ROUGH = 1e-6
 """The same between samples, where the pose only has to stay on its branch."""
+CALM = 2
+"""Steps in turn that must leave so little at a sample; between samples one is enough."""
 DOUBT = 12
 """Steps after which it is asked whether the loops can be closed at all."""
 BESIDE = 1e-3
@@ -345,11 +348,12 @@ class Held:
             # a step to a stop is as short as the way there, and small whatever the forces are
             steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
             calm = calm + 1 if steady and solved else 0
-            if calm > 2:
-                if self._missed(target):
+            if calm == CALM or (calm and still > STILL):
+                if not self._missed(target):
+                    self.most, self.past = max(self.most, self.space.iterations), last
+                    return
+                if calm == CALM:
                     raise self._lost(target, "at rest")
-                self.most, self.past = max(self.most, self.space.iterations), last
-                return
         close(self.links, began, target)
         kind = NotSolved if np.isfinite(self.velocity).all() else Diverged
         raise self._lost(target, f"not at rest after {count + 1} steps", kind)
@@ -681,7 +685,7 @@ def _step(links: Links, pose: Array) -> float:
 
     def coordinates(pose: Array) -> Array:
         lengths = [spring_length(spring, pose)[..., None] for spring in links.springs]
-        return np.concatenate([values(links.joints, pose), *lengths], axis=-1)
+        return np.concatenate([joint_values(links, pose), *lengths], axis=-1)
 
     force = (
         np.abs(jacobian(coordinates, pose)).T @ wound

@@ -125,7 +125,7 @@ def add_changing_spring(
 ) -> None:
     """Let an effort act on a joint in every step that is number k of `now` times a unit."""
     bodies = [*space.bodies, space.static_body]
-    space.add(_spring(joint, links, bodies, lambda _: unit * now[k], 0.0))
+    space.add(_spring(joint, links, bodies, lambda _: unit * now[k]))
 
 
 def at(links: Links, link: int, local: Array) -> tuple[float, float]:
@@ -203,42 +203,64 @@ def _hold(
 
 
 def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
-    """The spring of a joint, and its load as a spring with a force that does not change."""
+    """The spring of a joint, and its load as a spring with a force that does not change.
+
+    A linear spring is Chipmunk's own, which asks Python for nothing in a step.
+    """
     springs: list[pymunk.Constraint] = []
+    stiffness, *more = joint.acting
     if any(joint.acting) or joint.damping:
-        springs.append(_spring(joint, links, bodies, joint.spring_force, joint.damping))
+        own = _unloaded_spring(joint, links, bodies, 0.0 if any(more) else stiffness, joint.damping)
+        springs.append(own)
+        if any(more):
+            _set_force(own, joint, links, joint.spring_force)
     if joint.load:
-        springs.append(_spring(joint, links, bodies, lambda value: joint.load, 0.0))
+        springs.append(_spring(joint, links, bodies, lambda value: joint.load))
     return springs
 
 
 def _spring(
-    joint: LinkJoint,
-    links: Links,
-    bodies: list[pymunk.Body],
-    force: Callable[[float], float],
-    damping: float,
+    joint: LinkJoint, links: Links, bodies: list[pymunk.Body], force: Callable[[float], float]
 ) -> pymunk.Constraint:
     """A spring between two links whose force is a function of the joint's value."""
-    hold = joint.hold
+    spring = _unloaded_spring(joint, links, bodies, 0.0, 0.0)
+    _set_force(spring, joint, links, force)
+    return spring
+
+
+def _unloaded_spring(
+    joint: LinkJoint, links: Links, bodies: list[pymunk.Body], stiffness: float, damping: float
+) -> pymunk.DampedRotarySpring | pymunk.DampedSpring:
+    """A linear spring between two links, slack at the rest value of the joint."""
+    hold, slack = joint.hold, joint.rest - joint.value if stiffness else 0.0
     a, b = bodies[hold.a], bodies[hold.b]
     if hold.axis is None:
-        turning = pymunk.DampedRotarySpring(a, b, 0.0, 0.0, damping)
-        # Chipmunk's angle is that of a against b, its torque that on b.
-        turning.torque_func = lambda _, angle: joint.sign * force(joint.value - joint.sign * angle)
-        return turning
+        # Chipmunk's angle is that of a against b, its torque that on b
+        return pymunk.DampedRotarySpring(a, b, -joint.sign * slack, stiffness, damping)
     far = REACH * links.extent
-    sliding = pymunk.DampedSpring(
+    return pymunk.DampedSpring(
         a,
         b,
         at(links, hold.a, hold.on_a - far * hold.axis),
         at(links, hold.b, hold.on_b),
-        far,
-        0.0,
+        far + slack,
+        stiffness,
         damping,
     )
-    sliding.force_func = lambda _, length: force(joint.value + length - far)
-    return sliding
+
+
+def _set_force(
+    spring: pymunk.DampedRotarySpring | pymunk.DampedSpring,
+    joint: LinkJoint,
+    links: Links,
+    force: Callable[[float], float],
+) -> None:
+    """Let the force of a spring be a function of its joint's value."""
+    if isinstance(spring, pymunk.DampedRotarySpring):
+        spring.torque_func = lambda _, angle: joint.sign * force(joint.value - joint.sign * angle)
+    else:
+        far = REACH * links.extent
+        spring.force_func = lambda _, length: force(joint.value + length - far)
 
 
 def _point_spring(
