@@ -8,11 +8,14 @@ import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import lru_cache, wraps
-from typing import Any, TypeVar
+from functools import lru_cache, partial, wraps
+from math import isfinite
+from typing import Any, TypeVar, cast
 
 Answer = TypeVar("Answer")
 KEPT = 64
+CLOSE = 1e-5
+"""Share of a number by which another may differ that is near it."""
 ANSWERS = 16
 """Evaluations of references that are kept."""
 Memory = dict[Any, Any]
@@ -35,8 +38,8 @@ def memory_in_use(memory: Memory, more: bool) -> Iterator[None]:
 
 
 def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Let a function give the result for arguments equal in five digits, if the memory in use has
-    one; its results for equal arguments are remembered in any case.
+    """Let a function give the result for arguments `near` others, if the memory in use has one; its
+    results for equal arguments are remembered in any case.
 
     >>> @nearby
     ... def square(x):
@@ -56,12 +59,13 @@ def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
     @wraps(function)
     def found(*given: Any) -> Answer:
         memory, more = in_use.get(({}, False))
-        key = found, rough(given)
-        if key in memory:
-            return memory[key]
+        known = memory.setdefault(found, [])
+        for arguments, result in known:
+            if near(arguments, given, CLOSE * largest(arguments)):
+                return cast(Answer, result)
         result = exact(*given)
         if more:
-            memory[key] = result
+            known.append((given, result))
         return result
 
     return found
@@ -88,12 +92,29 @@ def answered(function: Callable[..., Answer], *given: Any, **named: Any) -> Answ
     return found
 
 
-def rough(value: Any, digits: int = 5) -> Any:
-    """Numbers in so many digits, in tuples of tuples.
+def near(one: Any, other: Any, nothing: float) -> bool:
+    """Whether numbers, in tuples of tuples, are `CLOSE` to those of `one`, and all else is equal.
 
-    >>> rough((0.123456, (3.0, None)))
-    (0.12346, (3.0, None))
+    Beside a zero, what is no larger than `nothing` is close.
+
+    >>> near((0.0, (3.0, "a")), (1e-6, (3.00001, "a")), nothing=3e-5)
+    True
+    >>> near((0.0, 3.0), (1e-4, 3.0), nothing=3e-5), near((1e-7, 3.0), (2e-7, 3.0), nothing=3e-5)
+    (False, False)
+    """
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(partial(near, nothing=nothing), one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return one == other or abs(one - other) <= (CLOSE * abs(one) or nothing)
+    return bool(one == other)
+
+
+def largest(value: Any) -> float:
+    """The largest size of the finite numbers in tuples of tuples.
+
+    >>> largest((1.0, (-3.0, "a", float("inf"))))
+    3.0
     """
     if isinstance(value, tuple):
-        return tuple(rough(part, digits) for part in value)
-    return float(f"{value:.{digits}g}") if isinstance(value, float) else value
+        return max(map(largest, value), default=0.0)
+    return abs(value) if isinstance(value, float) and isfinite(value) else 0.0

@@ -13,13 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Complex, finite, not_negative, positive
-from proofmass.analytic.remember import rough
 from proofmass.analytic.rods.rod_motion import MovingRod, Started, check_rod, resolved_motion
 
 SAME = 1e-6  # of the rate: how far a constant one may change
 DIGITS, SHARE = 10, 1e-9
 """Of the time of the motion, and of its rate: drives that differ by less have the same motion,
 which is integrated once.  A place differs by as much of the crank's way, and is known to 1e-6."""
+
+
+def rounded(value: float) -> float:
+    """A number in `DIGITS` digits."""
+    return float(f"{value:.{DIGITS}g}")
 
 
 def solve(
@@ -98,9 +102,9 @@ def solve(
     speed = float(np.median(speeds))
     if not np.abs(speeds - speed).max() <= SAME * abs(speed) or not speed:
         raise ValueError("rate must be constant and not zero: the coupler has a motion of its own")
-    speed, first = rough(speed, DIGITS), round(float(phi[0]), DIGITS - 1)
+    speed, first = rounded(speed), round(float(phi[0]), DIGITS - 1)
     t = (phi - phi[0]) / speed
-    if unit := SHARE * rough(float(t[-1]), DIGITS):
+    if unit := SHARE * rounded(float(t[-1])):
         t = unit * np.round(t / unit)
     links = crank, coupler, stiffness, coupler_mass, slider_mass, gravity
     found = resolved_motion(begun, (*links, first, speed), tuple(t.tolist()))

@@ -1,0 +1,110 @@
+"""Energy, its slope and free motions of links, each in a second way."""
+
+import numpy as np
+import pytest
+
+from proofmass import load_case
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.pymunk import kinematics
+from proofmass.sim.pymunk.kinematics import (
+    bound,
+    find_modes,
+    free_directions,
+    jacobian,
+    joint_value,
+    joint_values,
+    potential,
+    slope,
+    values,
+)
+from proofmass.sim.pymunk.links import Links
+from proofmass.sim.pymunk.model import read_links
+from tests.shipped import shipped
+
+NAMES = [
+    "hacksaw_cutting",
+    "inverted_slider_crank",
+    "threeprr",
+    "balancer_weight",
+    "balancer_progressive_contact",
+    "rfr2_natural",
+    "rod_into_circle",
+]
+
+
+def links_of(name: str) -> Links:
+    case = load_case(shipped(f"{name}.toml"))
+    model = compile_model(case.model_path, case.rods)
+    return read_links(model, case.start, tuple(model.joint(d.joint).id for d in case.drive))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_slope_is_that_of_the_energy(name):
+    """Hinges, slides, loops, springs, stops, weights, motors and dead loads, in wild poses."""
+    links = links_of(name)
+    stops = tuple(joint for joint in links.joints if joint.limits)
+    random = np.random.default_rng(1)
+    pose = links.pose + 0.3 * random.normal(size=(3, *links.pose.shape))
+    pull = random.normal(size=bound(links, pose).shape[-1] + len(stops))
+
+    def energy(p):
+        held = np.concatenate([bound(links, p), values(stops, p)], axis=-1)
+        return potential(links, p) - held @ pull
+
+    found = slope(links, pose, pull, stops)
+    for one, there in zip(pose, found, strict=True):
+        truth = jacobian(energy, one)
+        # rounding of sums
+        np.testing.assert_allclose(there[:-1].ravel(), truth, atol=1e-13 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_joints_together_are_what_each_is_alone(name):
+    links = links_of(name)
+    pose = links.pose + 0.3 * np.random.default_rng(2).normal(size=(3, *links.pose.shape))
+    alone = np.stack([joint_value(joint, pose) for joint in links.joints], axis=-1)
+    np.testing.assert_array_equal(joint_values(links, pose), alone)
+    table = links.joint_table
+    for k, joint in enumerate(links.joints):
+        found = table.efforts(alone)[..., k]
+        wanted = joint.load + joint.spring_force(alone[..., k])
+        np.testing.assert_allclose(found, wanted, rtol=1e-14, atol=1e-14 * (1 + abs(joint.load)))
+
+
+@pytest.mark.parametrize("name", ["fourbar", *NAMES])
+@pytest.mark.parametrize("doubled", [False, True])
+def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled, monkeypatch):
+    """Rows that depend on others leave the free motions as they are; QR leaves them to an SVD."""
+    links = links_of(name)
+    pose = links.pose + 0.01 * np.random.default_rng(3).normal(size=links.pose.shape)
+    pose[-1] = 0.0  # the ground
+    rows = jacobian(lambda p: bound(links, p), pose)
+    given = np.vstack([rows, rows[:1] + rows[-1:]]) if doubled else rows
+    called = []
+    svd = np.linalg.svd
+    monkeypatch.setattr(
+        kinematics.np.linalg, "svd", lambda *a, **k: called.append(1) or svd(*a, **k)
+    )
+    moves = free_directions(links, given)
+    assert bool(called) == doubled
+    rank = np.linalg.matrix_rank(rows * links.sizes, tol=1e-9)
+    assert rank == len(rows)
+    assert len(moves) == rows.shape[1] - rank
+    flat = moves[:, :-1].reshape(len(moves), rows.shape[1])
+    weights = links.weights[:-1].ravel()
+    np.testing.assert_allclose(flat * weights @ flat.T, np.eye(len(flat)), atol=1e-12)
+    off = np.abs(flat @ rows.T)  # parts of a row times parts of a move, summed up
+    assert (off <= 1e-13 * (np.abs(flat) @ np.abs(rows).T).max(initial=1.0)).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pulls_hold_what_springs_and_weights_ask_for(name):
+    """All that is left of the slope, with the pulls, is along the free motions."""
+    links = links_of(name)
+    modes = find_modes(links, links.pose, ())
+    left = slope(links, links.pose, modes.pull, ())
+    load = slope(links, links.pose, np.zeros_like(modes.pull), ())
+    free = modes.sum(modes.of(left)) * links.weights
+    size = np.abs(load / links.weights.clip(min=links.weights[:-1].min()) ** 0.5).max()
+    rest = (left - free)[:-1] / links.weights[:-1] ** 0.5
+    assert np.abs(rest).max() <= 1e-11 * size
