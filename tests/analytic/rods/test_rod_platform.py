@@ -253,11 +253,11 @@ def test_neighbours_share_a_search(monkeypatch):
     with memory_in_use(memory, more=False):
         up, down, wide, narrow = (
             rod_platform.solve(ENDS, **numbers | {"radius": 1.01 + h})
-            for h in (1e-6, -1e-6, 4e-5, -4e-5)
+            for h in (1e-6, -1e-6, 9e-6, -9e-6)
         )
     assert len(calls) == 1
     for name in ("x", "phi", "hold2"):
-        fine, coarse = (up[name] - down[name])[0] / 2e-6, (wide[name] - narrow[name])[0] / 8e-5
+        fine, coarse = (up[name] - down[name])[0] / 2e-6, (wide[name] - narrow[name])[0] / 18e-6
         assert abs(fine) > 1e-3
         assert fine == pytest.approx(coarse, rel=1e-4)  # 1e-11 of the rods over 1e-6
 
