@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, cast
@@ -20,6 +21,7 @@ from proofmass.reference import (
     ComparedCurves,
     compiled,
     evaluate,
+    facts,
     identity,
     laws,
     modes,
@@ -145,7 +147,7 @@ def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
     found = last_used.get(key_of(case, run, curves))
     if found is None or found.asked is None or found.asked[0] is not curves.drive:
         return curves
-    return ComparedCurves.of(curves, found.asked[1])
+    return ComparedCurves.of(curves, found.asked[1], found.facts)
 
 
 def reference_for(case: Case, run: Kind, curves: Curves) -> Curves:
@@ -177,7 +179,7 @@ def compare(
         From `solve`.
     detectable : bool
         Whether `Comparison.detectable` is found as well, which evaluates the reference at least
-        twice for each parameter.
+        twice for each parameter, and what `facts` tells, for a report.
 
     Returns
     -------
@@ -195,6 +197,8 @@ def compare(
     check_branch(case, run, curves, truth)
     check_views(case, run, ComparedCurves.of(curves, truth))
     check_charts(case)
+    if detectable:
+        reference.tell_facts()
     changes = (
         {}
         if not detectable
@@ -421,6 +425,7 @@ class RunReference:
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
         self.asked: tuple[State | None, Curves] | None = None
+        self.facts: dict[str, str] | None = None
         self.by_laws = self.evaluated({}, more=True)
         self.unchanged = self.by_laws.channels
 
@@ -443,6 +448,12 @@ class RunReference:
                 found = evaluate(self.case, self.run, self.x, state)
         self.asked = state, found
         return found
+
+    def tell_facts(self) -> None:
+        """Let `facts` tell what it tells of the first run of a case, whose motion is there now."""
+        if self.facts is None and self.run == next(iter(self.case.run)):
+            with suppress(InputError):
+                self.facts = facts(self.case)
 
     def step(self, key: str, share: float) -> float:
         """A share of a parameter, or of the largest one if it is 0."""

@@ -76,16 +76,19 @@ class ComparedCurves(Curves):
         By channel [SI].
     shown : dict of str to ndarray (n,)
         What views of the run show of the reference, see `ReferenceCurves` [SI].
+    facts : dict of str to str, optional
+        What `facts` tells of the case; None where nobody asked.
     """
 
     reference: dict[str, Array] = field(default_factory=dict)
     shown: dict[str, Array] = field(default_factory=dict)
+    facts: dict[str, str] | None = None
 
     @classmethod
-    def of(cls, curves: Curves, reference: Curves) -> Self:
+    def of(cls, curves: Curves, reference: Curves, facts: dict[str, str] | None = None) -> Self:
         """Curves with the reference that they are compared with."""
         shown = reference.shown if isinstance(reference, ReferenceCurves) else {}
-        return cls(**vars(curves), reference=reference.channels, shown=shown)
+        return cls(**vars(curves), reference=reference.channels, shown=shown, facts=facts)
 
 
 def module_of(case: Case) -> ModuleType | Recorded:

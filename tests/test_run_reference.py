@@ -10,10 +10,12 @@ import pytest
 
 from proofmass.analytic import balancer, rods
 from proofmass.analytic.remember import answers, in_use
+from proofmass.check import Result
 from proofmass.compare import RunReference, compare, last_used, run_reference, with_reference
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, identity
+from proofmass.reference import evaluate, facts, grid, identity
 from proofmass.refined import errors, refinements
+from proofmass.report import case_page
 from proofmass.seen import seen
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
@@ -173,6 +175,23 @@ def test_views_show_the_reference_that_was_compared(monkeypatch):
         found = seen(case, view, own, truth=Curves(x, own.reference)).values
         assert found.keys() == {view.x, *view.y, *view.stack, *view.dashed}
     assert len(asked) == 1
+
+
+def test_facts_come_with_the_curves_that_were_compared():
+    """A motion that was followed for the comparison is not followed once more for a page."""
+    case = load_case(shipped("heavy_top.toml"))
+    x = grid(case, "dynamics")
+    curves = Curves(x, evaluate(case, "dynamics", x, None).channels)
+    compare(case, "dynamics", "mujoco", curves, detectable=False)
+    assert with_reference(case, "dynamics", curves).facts is None
+    compare(case, "dynamics", "mujoco", curves)
+    own = with_reference(case, "dynamics", curves)
+    assert own.facts == facts(case)
+    assert "energy" in own.facts
+    beyond = True  # so that no worker is asked
+    for kept, shown in ((curves, {}), (own, own.facts)):
+        result = Result([case], curves={(case.name, "dynamics", "mujoco"): kept})
+        assert case_page.facts_of(case, result, beyond) == shown
 
 
 def test_a_refinement_asks_for_its_reference_once(monkeypatch):

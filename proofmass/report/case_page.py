@@ -9,13 +9,13 @@ from typing import Any, cast
 from jinja2 import Environment
 from markupsafe import Markup
 
-from proofmass import reference
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.outcome import CHECKED, LOST
+from proofmass.reference import ComparedCurves, facts
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import case_data, embedded, recorded_data
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
@@ -111,7 +111,7 @@ def render_case(
         parameters=parameters_of(case),
         own_numbers=from_model(case),
         freedoms=tell(mobility, None),
-        knowledge=tell(reference.facts, {}),
+        knowledge=facts_of(case, result, beyond_limits(runs)),
         laws=any(tables.law(case, name) for name in case.channels),
         reasons=tables.reasons(case),
         unnoticed=tables.unnoticed(case, rows) if compared else [],
@@ -166,6 +166,14 @@ def told(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: A
         return isolated(function, case, timeout=SECONDS)
     except (InputError, Crashed, TimedOut, OutOfMemory):
         return otherwise
+
+
+def facts_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
+    """What the reference tells of the mechanism: found beside a comparison, or now in a worker."""
+    for (name, *_), curves in result.curves.items():
+        if name == case.name and isinstance(curves, ComparedCurves) and curves.facts is not None:
+            return curves.facts
+    return cast(dict[str, str], told(case, beyond, facts, {}))
 
 
 def parameters_of(case: Case) -> dict[str, str]:
