@@ -158,9 +158,7 @@ def report_command(
     ] = None,
     figures: Annotated[
         bool,
-        typer.Option(
-            "--figures", help="All curves as figures for papers as well (SVG and PNG); slow."
-        ),
+        typer.Option("--figures", help="Figures for papers as PNG, and of all curves; slow."),
     ] = False,
     baseline: Annotated[
         Path | None,

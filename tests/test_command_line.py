@@ -123,10 +123,12 @@ def test_report_writes_figures_for_papers_on_demand(models, tmp_path, options, t
     answer = run("report", models / "pendulum.toml", "-o", tmp_path, *options)
     assert answer.exit_code == 0
     assert (tmp_path / "figures" / "pendulum-mechanism.svg").is_file()
+    assert (tmp_path / "figures" / "pendulum-mechanism.png").is_file() == there
     assert (tmp_path / "figures" / "pendulum-dynamics-overlay.svg").is_file() == there
     assert (tmp_path / "figures" / "pendulum-dynamics-difference.png").is_file() == there
     page = (tmp_path / "pendulum.html").read_text()
     assert ("figures/pendulum-dynamics-overlay.svg" in page) == there
+    assert ("figures/pendulum-mechanism.png" in page) == there
 
 
 def test_sidecars_are_pytest_items(models, pytester):

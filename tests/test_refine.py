@@ -283,7 +283,7 @@ def report_of(folder: Path, off: Callable[[int, Array], Array]) -> str:
 def test_the_page_shows_it(p, tmp_path):
     """Figure, orders and verdicts; a wrong order turns the headline."""
     page = report_of(tmp_path, power(p))
-    assert (tmp_path / "figures" / "rod_cantilever-refine.png").is_file()
+    assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()
     table = page[page.index("Refinement: the same") :]
     assert table.count(f"<td>{p:g}</td>") >= 9  # pairs of three channels
     assert ("✗ order" in table) == (p != 2.0)

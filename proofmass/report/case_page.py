@@ -106,6 +106,7 @@ def render_case(
         beside=tell(tables.side_by_side, None) if case.compare_with else None,
         mechanism=mechanism(case, drawings),
         note=drawings.note,
+        papers=drawings.papers,
         studied=[(s.title, link) for s in studies if (link := s.of(case))],
         drive_units=tell(drive_units, ["rad or m"] * len(case.drive)),
         parameters=parameters_of(case),

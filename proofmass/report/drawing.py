@@ -51,7 +51,8 @@ class Charted:
 class Drawings:
     """The figures of a case by name (SVG), and why the mechanism is not drawn, or not all of it.
 
-    `motions` are the mechanism at many poses, by run, and `moving` is what the index shows of it.
+    `motions` are the mechanism at many poses, by run, and `moving` is what the index shows of it;
+    `papers` tells whether the figures are there as PNG too.
     """
 
     figures: dict[str, str]
@@ -59,6 +60,7 @@ class Drawings:
     charts: tuple[Charted, ...] = ()
     motions: dict[str, Motion] = field(default_factory=dict)
     moving: Thumbnail | None = None
+    papers: bool = False
 
 
 def drawn(
@@ -70,11 +72,12 @@ def drawn(
     slug: str,
     papers: bool = False,
 ) -> Drawings:
-    """Draw everything of a case and save it as ``folder/slug-….svg`` and ``.png``.
+    """Draw everything of a case and save it as ``folder/slug-….svg``.
 
     Names are ``mechanism``, or ``thumbnail`` where there is none, ``refine``, and ``view-1`` and so
-    on; charts are ``chart-1`` and so on.  For `papers` there are ``RUN-overlay``, ``RUN-paths`` and
-    ``RUN-difference`` of each run with curves as well, which the page shows by its script.
+    on; charts are ``chart-1`` and so on.  For `papers` they are saved as ``.png`` too, and so are
+    ``RUN-overlay``, ``RUN-paths`` and ``RUN-difference`` of each run with curves, which the page
+    shows by its script.
     """
     if beyond_limits(runs):
         return Drawings({}, "its runs reached their limits")
@@ -89,25 +92,27 @@ def drawn(
     except Exception as error:
         figures, note = {}, str(error)
     charts = tuple(
-        charted(case, table, folder / f"{slug}-chart-{k}") for k, table in enumerate(case.chart, 1)
+        charted(case, table, folder / f"{slug}-chart-{k}", papers)
+        for k, table in enumerate(case.chart, 1)
     )
     first = motions.get(next(iter(case.run)))
-    return Drawings(figures, note, charts, motions, reduced(first.picture) if first else None)
+    moved = reduced(first.picture) if first else None
+    return Drawings(figures, note, charts, motions, moved, papers)
 
 
-def charted(case: Case, table: ChartTable, stem: Path) -> Charted:
+def charted(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
     """A chart, computed and drawn in another process; what goes wrong costs this figure only."""
     try:
-        return isolated(draw_chart, case, table, stem, timeout=SECONDS)
+        return isolated(draw_chart, case, table, stem, papers, timeout=SECONDS)
     except Exception as error:
         return Charted(fault=error)
 
 
-def draw_chart(case: Case, table: ChartTable, stem: Path) -> Charted:
+def draw_chart(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
     """What `charted` does in the other process."""
     chart = chart_of(case, table)
     with rc_context(RC):
-        svg = save(chart_sheet(table.title, chart), stem)
+        svg = save(chart_sheet(table.title, chart), stem, papers)
     return Charted(svg, f"{chart.y[0]} over {chart.x[0]}", chart.caption)
 
 
@@ -182,7 +187,8 @@ def draw(
     with rc_context(RC):
         if shape:
             along = tracks(runs, shape)
-            found["mechanism"] = save(mechanism(case, shape, along), folder / f"{slug}-mechanism")
+            stem = folder / f"{slug}-mechanism"
+            found["mechanism"] = save(mechanism(case, shape, along), stem, papers)
         elif runs:
             found["thumbnail"] = save(
                 thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False
@@ -198,9 +204,11 @@ def draw(
                 found[name] = save(figure, folder / f"{slug}-{name}")
         for run in asked:
             if run.refined and (refine := run.case.refine):
-                found["refine"] = save(refine_sheet(run, refine, style), folder / f"{slug}-refine")
+                stem = folder / f"{slug}-refine"
+                found["refine"] = save(refine_sheet(run, refine, style), stem, papers)
         for k, view in enumerate(views, 1):
-            found[f"view-{k}"] = save(view_sheet(view, style), folder / f"{slug}-view-{k}")
+            stem = folder / f"{slug}-view-{k}"
+            found[f"view-{k}"] = save(view_sheet(view, style), stem, papers)
     return found
 
 

@@ -47,7 +47,7 @@ def write_report(
     last: Last | None = None,
     data: bool = False,
 ) -> Path:
-    """Write the index, a page for each case, and every figure as SVG and PNG.
+    """Write the index, a page for each case, and every figure as SVG.
 
     Parameters
     ----------
@@ -60,7 +60,8 @@ def write_report(
     studies : sequence of ShownStudy
         Studies that the pages link to; see `proofmass.studies.pages.write_study_pages`.
     figures : bool
-        Whether figures for papers of all curves are written as well: overlays, paths, differences.
+        Whether every figure is written as PNG as well, and figures of all curves: overlays, paths,
+        differences.
     record, last : Record, Last, optional
         Of this report, and of the one that it is compared with; without it the one in `folder`.
     data : bool

@@ -218,7 +218,7 @@ def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Pa
     assert "spring on its stop 85.94°" in page  # 3 / 2 rad
     ids = re.findall(r'\sid="([^"]*)"', page)
     assert len(ids) == len(set(ids))
-    assert (tmp_path / "r" / "figures" / "fourbar-view-2.png").is_file()
+    assert (tmp_path / "r" / "figures" / "fourbar-view-2.svg").is_file()
 
 
 @pytest.mark.parametrize(
