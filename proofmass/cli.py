@@ -584,8 +584,16 @@ def diet_command(
 def choose_command(
     path: Annotated[Path, typer.Argument(help="A sidecar.", metavar="CASE")],
     error: Annotated[
-        float, typer.Option(help="Largest error, as a share of the range of the reference.")
-    ],
+        float | None,
+        typer.Option(help="Largest error, as a share of the range of the reference."),
+    ] = None,
+    creep: Annotated[
+        float | None,
+        typer.Option(
+            help="Instead: largest speed in m/s at which what friction holds may creep.",
+            metavar="SPEED",
+        ),
+    ] = None,
     of: Annotated[
         Errors, typer.Option(help="Of what.", parser=parse_error_kind, metavar=ERROR_KINDS)
     ] = Errors.position,
@@ -629,10 +637,20 @@ def choose_command(
     proofmass, and from a shifted start, and both errors must be as small as is asked for.  The
     program is written with -o; without it the lines of the setting are printed, to paste.
 
+    With --creep a motion that ends at rest is run as a program, and a setting is proposed with
+    which contacts hold as still as is asked for.  --of, --drive, --store and --budget are not used.
+
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """
-    from proofmass.studies.trade.choose_command import run_choose
+    from proofmass.studies.trade.choose_command import run_choose, run_creep
 
+    with answering("nothing is kept"):
+        if (error is None) == (creep is None):
+            raise ValueError("give one of the two: --error, such as 1e-5, or --creep, such as 1e-6")
+    if creep is not None:
+        run_creep(path, creep, solver, output, longest)
+        return
+    assert error is not None
     run_choose(
         path,
         error,

@@ -853,6 +853,12 @@ class Engine:
         """What to paste so that the engine runs with settings, for so many steps."""
         return "\n".join(f"# {line}" for line in left_to_sidecar(parameters))
 
+    def holding(
+        self, model: Path, parameters: ParameterValues, slower: float
+    ) -> dict[str, ParameterValue] | None:
+        """Settings with which what friction holds creeps so many times slower; None if none do."""
+        return None
+
     def comment(self, text: str) -> str:
         """Text as a comment before a snippet."""
         return indent(text, "# ")

@@ -275,6 +275,13 @@ class Mujoco(Engine):
         """MJCF; see `snippet`."""
         return snippet(parameters, model)
 
+    def holding(
+        self, model: Path, parameters: ParameterValues, slower: float
+    ) -> dict[str, ParameterValue]:
+        """A larger `impratio`, see `proofmass.sim.mujoco.contacts.creep_rate`."""
+        own = float(str(parameters.get("impratio", compile_model(model).opt.impratio)))
+        return {**parameters, "impratio": own * slower}
+
     def comment(self, text: str) -> str:
         """A comment of MJCF."""
         return f"<!--\n{indent(text, '  ')}\n-->"

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from textwrap import fill
 
@@ -20,6 +21,7 @@ from proofmass.studies.run import pool
 from proofmass.studies.run import run as run_tasks
 from proofmass.studies.store import Store, versions
 from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, Verify, choose, printed, words
+from proofmass.studies.trade.creep import Creep, hold
 from proofmass.studies.trade.disturbed import motions_of, within
 from proofmass.studies.trade.program import imposed, program
 from proofmass.studies.trade.search import SLACK, YIELDING, finer_for_drives, search
@@ -99,6 +101,53 @@ def run_choose(
         write_whole(output, program(case, found.used, drive_of, head(choice, case, output.name)))
         print(output)
         errors.print("\n".join(words(choice, case)), markup=False)
+
+
+def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longest: float) -> None:
+    """What ``proofmass choose --creep`` does; see `proofmass.studies.trade.creep`."""
+    with answering("nothing is kept"):
+        if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
+            raise not_one_case(path)
+        (case,) = named([path])
+        if not 0 < wanted < inf:
+            raise ValueError(f"--creep {wanted:g}: give a speed in m/s, such as 1e-6")
+        if "dynamics" not in case.run or case.drive:
+            raise ValueError(
+                f"--creep: {case.name} has no motion that is let go, which comes to rest"
+            )
+        asked(case, "dynamics", solver=solver)
+        writable(case, "dynamics", output)
+        solver = solver or case.run["dynamics"].solvers[0].partition(":")[0]
+        with errors.status("running programs"):
+            model, *tried = hold(case, solver, wanted, seconds("--longest", longest))
+        best = min((model, *tried), key=lambda one: one.rate if one.rate == one.rate else inf)
+        lines = [
+            f"{case.name}, dynamics: what stands still creeps with {wanted:g} m/s at most",
+            *(f"{told_as(case, one)}: {one.words}" for one in (*tried[::-1], model)),
+        ]
+        if not best.rate <= wanted:
+            errors.print("\n".join(lines), markup=False, highlight=False)
+            raise typer.Exit(1)
+        if output is None:
+            comment = "\n".join(fill(line, 92, subsequent_indent="  ") for line in lines)
+            engine = engine_of(solver)
+            print(engine.comment(comment.replace("--", "-")))
+            print(engine.snippet(best.setting.parameters, best.steps, case.model_path))
+            return
+        text = "\n".join(fill(line, 92) for line in lines)
+        made = f"{text}\n\nMade by proofmass choose with {made_with(solver)}."
+        write_whole(output, program(case, best.setting, imposed(case, solver)[0], made))
+        print(output)
+        errors.print(text, markup=False, highlight=False)
+
+
+def told_as(case: Case, one: Creep) -> str:
+    """A setting in words: what is not as in the sidecar."""
+    own = case.settings.get(one.setting.engine, {})
+    more = {k: v for k, v in one.setting.parameters.items() if own.get(k) != v}
+    chosen = engine_of(one.setting.engine).chooses
+    told = ", ".join(f"{k} {v:g}" for k, v in more.items() if k not in chosen)
+    return f"{engine_of(one.setting.engine).title} {told or 'as in the model'}"
 
 
 def choose_with_drive(
@@ -205,7 +254,7 @@ ROUNDS = 4
 """In which steps are made finer for the sake of drives."""
 
 
-def asked(case: Case, kind: Kind, error: float, solver: str) -> None:
+def asked(case: Case, kind: Kind, error: float = 0.5, solver: str = "") -> None:
     """Raise ValueError for what cannot be chosen."""
     if not 0 < error < 1:
         raise ValueError(

@@ -138,6 +138,35 @@ def run_program(
 ) -> ProgramRun:
     """Run a program in a bare interpreter, and hold its curves against the reference."""
     case, run = setting.applied(case, "dynamics")
+    try:
+        curves, seconds, steps = run_bare(text, run, timeout, core)
+    except NoCurves as why:
+        return ProgramRun(failure=str(why))
+    at_law = replace(curves, drive=run.motion(run.x)) if run.drives else curves
+    asked = relative_errors(case, "dynamics", at_law)
+    driven = asked
+    if run.drives:
+        try:
+            driven = relative_errors(case, "dynamics", curves)
+        except InputError:  # the reference covers the motion that was asked for, and not this one
+            driven = {}
+    return ProgramRun(asked, seconds, steps, driven=driven)
+
+
+class NoCurves(Exception):
+    """A program has no result, in its own words."""
+
+
+def run_bare(
+    text: str, run: Run, timeout: float, core: int | None = None
+) -> tuple[Curves, float, int]:
+    """Curves of a program in a bare interpreter, the wall time of its loop [s], and its steps.
+
+    Raises
+    ------
+    NoCurves
+        It failed, took too long, or wrote what is not finite.
+    """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.py"
         file.write_text(text, encoding="utf-8")
@@ -152,23 +181,14 @@ def run_program(
                     check=False,
                 )
         except subprocess.TimeoutExpired:
-            return ProgramRun(failure=f"{LATE} {timeout:g} s")
+            raise NoCurves(f"{LATE} {timeout:g} s") from None
         if done.returncode or not (printed := PRINTED.search(done.stdout)):
-            said = done.stderr.strip().splitlines() or ["it ended without a word"]
-            return ProgramRun(failure=said[-1])
+            raise NoCurves((done.stderr.strip().splitlines() or ["it ended without a word"])[-1])
         curves = read_curves(Path(folder) / "curves.csv", run)
-    lost = [name for name, values in curves.channels.items() if not np.isfinite(values).all()]
-    if lost:
-        return ProgramRun(failure=f"{lost[0]} is not finite")
-    at_law = replace(curves, drive=run.motion(run.x)) if run.drives else curves
-    asked = relative_errors(case, "dynamics", at_law)
-    driven = asked
-    if run.drives:
-        try:
-            driven = relative_errors(case, "dynamics", curves)
-        except InputError:  # the reference covers the motion that was asked for, and not this one
-            driven = {}
-    return ProgramRun(asked, float(printed[2]), int(printed[1]), driven=driven)
+    for name, values in curves.channels.items():
+        if not np.isfinite(values).all():
+            raise NoCurves(f"{name} is not finite")
+    return curves, float(printed[2]), int(printed[1])
 
 
 def read_curves(file: Path, run: Run) -> Curves:

@@ -1,0 +1,148 @@
+"""How fast creeps what friction should hold, and the setting with which it creeps slower.
+
+    rate = |x(T) - x(T - T / 10)| / (T / 10)        of a place x that the reference has at rest
+
+Soft contacts slip at any load.  A program of the engine alone tells the rate, as the model is and
+with the setting that the engine's adapter proposes: in MuJoCo a larger `impratio`, to which the
+rate is inverse; see `proofmass.sim.mujoco.contacts.creep_rate`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from proofmass.case import Case
+from proofmass.engines import engine_of
+from proofmass.errors import InputError
+from proofmass.reference import compiled, evaluate, grid
+from proofmass.sim.contents import size
+from proofmass.studies.bounded import limited
+from proofmass.studies.record import NAN, Setting
+from proofmass.studies.trade.program import NoCurves, imposed, program, run_bare
+from proofmass.studies.trade.verify import as_used
+from proofmass.wording import number
+
+LAST = 0.1
+"""Share of a run, at its end, over which the rate is taken."""
+STILL = 1e-9
+"""What the reference may move meanwhile [extents]."""
+MARGIN = 1.05
+"""How much slower than was asked for the setting is to be."""
+MOST = 4
+"""Settings that are tried: each ten times less far from the model than the one before it."""
+
+
+@dataclass(frozen=True)
+class Creep:
+    """How fast a setting lets creep what should stand still.
+
+    Attributes
+    ----------
+    setting : Setting
+        As used, with what the engine chooses by itself.
+    rate : float
+        Of the channel that creeps fastest [m/s]; NaN where the run has no result.
+    channel : str
+    seconds, steps
+        Cost of the run: wall time [s], and steps.
+    failure : str
+        Why there is no rate.
+    """
+
+    setting: Setting
+    rate: float = NAN
+    channel: str = ""
+    seconds: float = NAN
+    steps: int = 0
+    failure: str = ""
+
+    @property
+    def words(self) -> str:
+        """What came of the setting."""
+        if self.failure:
+            return self.failure
+        return (
+            f"{self.channel} creeps {number(self.rate, 3)} m/s as a program that runs by itself, "
+            f"{self.steps} steps in {number(self.seconds, 2)} s"
+        )
+
+
+def still(case: Case) -> list[str]:
+    """The channels of places that the reference has at rest in the last tenth of a motion.
+
+    Raises
+    ------
+    InputError
+        There are none.
+    """
+    x = grid(case, "dynamics")
+    late = x >= x[-1] - LAST * np.ptp(x)
+    most = STILL * size(compiled(case), case.start)
+    truth = evaluate(case, "dynamics", x, None).channels
+    places = [name for name, c in case.channels_of("dynamics").items() if c.si_unit == "m"]
+    found = [name for name in places if np.ptp(truth[name][late]) <= most]
+    if not found:
+        raise InputError(
+            case.file,
+            "channels",
+            f"no place is at rest in the last tenth of the run, from {x[late][0]:g} s on: nothing "
+            "to hold; give a run that ends at rest, and a channel of a place",
+        )
+    return found
+
+
+def creep(case: Case, setting: Setting, names: Sequence[str], longest: float) -> Creep:
+    """Run a setting as a program, and tell how fast these channels creep."""
+    used = as_used(case, setting)
+    text = program(case, used, imposed(case, setting.engine)[0])
+    found: Creep = limited(case, "dynamics", creep_here, case, used, names, text, longest)
+    return found
+
+
+def creep_here(
+    case: Case, setting: Setting, names: Sequence[str], text: str, longest: float
+) -> Creep:
+    """The same, in this process."""
+    try:
+        curves, seconds, steps = run_bare(text, setting.applied(case, "dynamics")[1], longest)
+    except NoCurves as why:
+        return Creep(setting, failure=str(why))
+    late = curves.x >= curves.x[-1] - LAST * np.ptp(curves.x)
+    time = float(np.ptp(curves.x[late]))
+    ends = {name: curves.channels[name][late][[0, -1]] for name in names}
+    rates = {name: abs(float(end - begin)) / time for name, (begin, end) in ends.items()}
+    fastest = max(rates, key=lambda name: rates[name])
+    return Creep(setting, rates[fastest], fastest, seconds, steps)
+
+
+def hold(case: Case, solver: str, wanted: float, longest: float) -> list[Creep]:
+    """The rates as the model is, and then with each setting that was tried.
+
+    The last one is as slow as was asked for, or none is.
+
+    Parameters
+    ----------
+    case : Case
+        Its motion ends at rest.
+    solver : str
+        One of its solvers.
+    wanted : float
+        Largest rate that is slow enough [m/s].
+    longest : float
+        Wall time after which a program is ended [s].
+    """
+    names = limited(case, "dynamics", still, case)
+    engine = engine_of(solver)
+    given = dict(case.settings.get(solver, {}))
+    found = [creep(case, Setting(solver, given), names, longest)]
+    slower = MARGIN * found[0].rate / wanted
+    for _ in range(MOST):
+        if found[-1].rate <= wanted or not slower > 1.0:
+            break
+        more = engine.holding(case.model_path, given, float(f"{slower:.2g}"))
+        if more is None:
+            break
+        found.append(creep(case, Setting(solver, more), names, longest))
+        slower /= 10.0
+    return found

@@ -1,0 +1,104 @@
+"""`choose --creep`: how fast what friction holds creeps, beside its closed form, and slower."""
+
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from proofmass.cli import app
+from proofmass.engines import engine_of
+from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.contacts import creep_rate
+from proofmass.studies.trade.creep import MARGIN, hold
+from tests.shipped import shipped
+
+STICKS = shipped("block_sticks.toml")
+SLOPE = 0.5
+
+
+def run(*args: object):
+    return CliRunner().invoke(app, ["choose", *map(str, args)])
+
+
+def told(impratio: float) -> float:
+    """The closed form of the case's rate [m/s].
+
+    The upper two corners of the block, 0.2 m by 0.1 m, bear less than the lower two, since friction
+    acts below the centre of mass; they hold all that they can, and the lower two the rest.
+    """
+    pull, weight = 9.81 * np.sin(SLOPE), 9.81 * np.cos(SLOPE)  # of 1 kg
+    upper = weight / 4 - pull * 0.05 / (4 * 0.1)
+    lower = pull / 2 - 0.7 * upper  # friction of each of the two
+    model = mujoco.MjModel.from_xml_path(str(shipped("block_sticks.xml")))
+    body = model.body("block").id
+    return creep_rate(
+        pull=4 * lower,  # as if each of four held as much
+        contacts=4,
+        solref=(0.005, 1.0),
+        impratio=impratio,
+        inverse_mass=float(model.body_invweight0[body, 0] * model.body_mass[body]),
+    )
+
+
+def test_the_rate_is_that_of_the_closed_form_and_as_slow_as_asked_for():
+    model, chosen = hold(load_case(STICKS), "mujoco", 1e-6, 30.0)
+    assert chosen.rate <= 1e-6 < model.rate
+    assert model.rate == pytest.approx(told(1.0), rel=1e-4)
+    ratio = chosen.setting.parameters["impratio"]
+    assert ratio == pytest.approx(MARGIN * model.rate / 1e-6, rel=0.05)  # two digits
+    assert chosen.rate == pytest.approx(told(ratio), rel=1e-3)
+
+
+def test_the_program_that_is_written_creeps_as_it_says(tmp_path):
+    program = tmp_path / "run.py"
+    answer = run(STICKS, "--creep", 1e-6, "-o", program)
+    assert answer.exit_code == 0
+    done = subprocess.run([sys.executable, "-I", program.name], cwd=tmp_path, check=False)
+    assert done.returncode == 0
+    rows = np.genfromtxt(tmp_path / "curves.csv", delimiter=",", names=True)
+    late = rows[rows[rows.dtype.names[0]] >= 0.9 - 1e-9]
+    rate = abs(late["position"][-1] - late["position"][0]) / 0.1
+    assert 0.9e-6 < rate <= 1e-6
+    assert f"position creeps {rate:.3g} m/s".replace("e-0", "e-") in answer.output
+
+
+def test_a_rate_that_no_setting_reaches_is_said_with_what_was_tried():
+    answer = run(STICKS, "--creep", 1e-13)
+    assert answer.exit_code == 1
+    assert answer.output.count("MuJoCo impratio") == 4
+    assert "MuJoCo as in the model: position creeps 2.09e-4 m/s" in answer.output
+
+
+def test_a_proposal_that_does_not_hold_is_not_told(monkeypatch):
+    monkeypatch.setattr(
+        type(engine_of("mujoco")), "holding", lambda self, model, given, slower: {"impratio": 2.0}
+    )
+    assert run(STICKS, "--creep", 1e-6).exit_code == 1
+
+
+def test_an_engine_that_holds_already_is_told_as_it_is():
+    answer = run(STICKS, "--creep", 1e-9, "--solver", "pymunk")
+    assert answer.exit_code == 0
+    assert "pymunk as in the model: position creeps 0 m/s" in answer.output
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        ((shipped("pendulum.toml"), "--creep", 1e-6), "no place is at rest in the last tenth"),
+        ((shipped("fourbar.toml"), "--creep", 1e-6), "no motion that is let go"),
+        ((STICKS, "--creep", 0), "give a speed in m/s, such as 1e-6"),
+        ((STICKS, "--creep", "nan"), "give a speed in m/s, such as 1e-6"),
+        ((STICKS, "--creep", 1e-6, "--solver", "bullet"), "block_sticks runs in mujoco, pymunk"),
+        ((STICKS, "--creep", 1e-6, "-o", "run.txt"), "give the name of a Python program"),
+        ((STICKS,), "give one of the two: --error, such as 1e-5, or --creep"),
+        ((STICKS, "--creep", 1e-6, "--error", 1e-5), "give one of the two"),
+    ],
+)
+def test_bad_input_is_said_in_a_line(args, words):
+    answer = run(*args)
+    assert answer.exit_code == 2
+    assert words in " ".join(answer.output.split())
