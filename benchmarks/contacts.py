@@ -361,9 +361,9 @@ can. A box with two slides on a slope of 0.3 rad, friction 0.6:
 pymunk holds the box: its speed is rounding.
 
 `proofmass choose CASE --creep 1e-6` proposes the `impratio` with which MuJoCo creeps with no more
-than 1e-6 m/s, and runs it as a program by itself. The block of `models/contacts/block_sticks` creeps
-with 2.09e-4 m/s as it is, with 9.5e-7 m/s at 220 and with 9.5e-10 m/s at 220,000; at 2.2 million it
-creeps faster, with 7.8e-4 m/s.
+than 1e-6 m/s, and runs it as a program by itself. The block of `models/contacts/block_sticks`
+creeps with 2.09e-4 m/s as it is, with 9.5e-7 m/s at 220 and with 9.5e-10 m/s at 220,000; at 2.2
+million it creeps faster, with 7.8e-4 m/s.
 
 ## What an impact leaves
 
