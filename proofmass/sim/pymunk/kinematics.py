@@ -41,7 +41,7 @@ def _rows(links: Links, pose: Array) -> Array:
     """How far each hold is from held (..., holds, 2): both ways, or across a slide and turned."""
     table = links.table
     rows, slides = apart(table, pose), table.slides
-    if slides.any():
+    if table.slide:
         a, b = pose[..., table.a[slides], 2], pose[..., table.b[slides], 2]
         across = turned(a, table.axis[slides] @ QUARTER)
         rows[..., slides, :] = np.stack([(across * rows[..., slides, :]).sum(-1), b - a], axis=-1)
@@ -51,6 +51,8 @@ def _rows(links: Links, pose: Array) -> Array:
 def residual(links: Links, pose: Array) -> Array:
     """How far holds, then gears, are from held (..., rows), of poses (..., links + 1, 3)."""
     rows = _rows(links, pose)
+    if not links.gears:
+        return rows.reshape(*rows.shape[:-2], -1)
     turns = [
         (pose[..., gear.a, 2] - gear.ratio * pose[..., gear.b, 2] + gear.phase)[..., None]
         for gear in links.gears
@@ -104,15 +106,17 @@ def damping(links: Links) -> tuple[Array, Callable[[Array], Array]]:
 
 def values(joints: tuple[LinkJoint, ...], pose: Array) -> Array:
     """The coordinates of some joints (..., joints), of poses (..., links + 1, 3)."""
-    columns = [joint_value(joint, pose)[..., None] for joint in joints]
-    return np.concatenate([np.zeros((*pose.shape[:-2], 0)), *columns], axis=-1)
+    found = np.empty((*pose.shape[:-2], len(joints)), pose.dtype)
+    for k, joint in enumerate(joints):
+        found[..., k] = joint_value(joint, pose)
+    return found
 
 
 def joint_values(links: Links, pose: Array) -> Array:
     """The coordinates of all joints (..., joints), of poses (..., links + 1, 3)."""
     table = links.joint_table
     turns = table.sign * (pose[..., table.b, 2] - pose[..., table.a, 2])
-    if table.slides.any():
+    if table.slide:
         axes = turned(pose[..., table.a, 2], table.axis)
         turns = np.where(table.slides, (axes * apart(table, pose)).sum(-1), turns)
     return np.asarray(table.value + turns)

@@ -49,6 +49,11 @@ class HoldTable:
         """Which holds have an axis."""
         return np.asarray(self.axis.any(axis=1))
 
+    @cached_property
+    def slide(self) -> bool:
+        """Whether any of them has."""
+        return bool(self.slides.any())
+
 
 def columns(holds: Sequence[Hold]) -> dict[str, Any]:
     """What a `HoldTable` has of some holds."""

@@ -19,6 +19,7 @@ there, and is not at rest in the right pose by having been put into it.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
 
@@ -78,6 +79,8 @@ from proofmass.sim.pymunk.space import (
 from proofmass.sim.rods import Chain, RodPose, shapes
 
 Stops = list[tuple[LinkJoint, pymunk.Constraint]]
+Rest = tuple[list[float], Array]
+"""Values of the drives [rad or m], and the pose (links + 1, 3)."""
 STAY = 1e-30
 """Way back in a step [rad or m] of a joint that rests on its stop: with none the stop lets go."""
 
@@ -203,6 +206,12 @@ def _excess(links: Links, pose: Array, move: Array) -> float:
 
 FAR = 3.0
 """Longest way to begin ahead, in ways between the last two rests: noise must not be drawn out."""
+BEFORE = 3
+"""Rests before the present one that tell the way ahead, by a polynomial of third degree."""
+STRAIGHT = 1e-3
+"""Most that a way of the drives may be off the direction of the one before it, as a share of it."""
+BENDS = 0.1
+"""Most that it may be off the straight line through the last two, as a share of the way ahead."""
 STILL = 1e-12
 """Largest remaining move in a step, in extents or radians, that counts as rest at a sample."""
 ROUGH = 1e-6
@@ -233,14 +242,57 @@ AGREED = 1e-6
 the solver than it does at once."""
 
 
+def ways_along(way: list[float], before: list[float]) -> float:
+    """How many times as long a way of the drives is as the one before it; NaN if it turns."""
+    length = sum(part * part for part in before)
+    share = sum(a * b for a, b in zip(way, before, strict=True)) / (length or 1.0)
+    off = max((abs(a - share * b) for a, b in zip(way, before, strict=True)), default=0.0)
+    return share if off <= STRAIGHT * max(map(abs, way), default=0.0) else np.nan
+
+
+def nodes(past: Sequence[Rest], here: list[float]) -> tuple[list[float], list[Array]]:
+    """Places of rests on the straight way of the drives that comes `here`, in ways from the last of
+    them, which is at -1; and their poses.  They end where the way turns."""
+    before = apart(here, past[-1][0])
+    places, poses = [-1.0], [past[-1][1]]
+    for value, pose in past[-2::-1]:
+        place = ways_along(apart(value, here), before)
+        if not place < places[-1]:
+            break
+        places.append(place)
+        poses.append(pose)
+    return places, poses
+
+
+def apart(one: list[float], other: list[float]) -> list[float]:
+    """Differences of values of the drives."""
+    return [a - b for a, b in zip(one, other, strict=True)]
+
+
+def lagrange(at: float, places: list[float]) -> list[float]:
+    """Parts of values in a polynomial that has them at these places, and 0 at 0.
+
+    >>> lagrange(1.0, [-1.0, -2.0])
+    [-3.0, 1.0]
+    """
+    parts = []
+    for own in places:
+        part = at / own
+        for other in places:
+            if other != own:
+                part *= (at - other) / (own - other)
+        parts.append(part)
+    return parts
+
+
 @dataclass
 class Held:
     """A space whose drives are held: the state of a sweep between its samples.
 
     ``velocity`` is what the last step of ``dt`` [s] gave to the pose, which stood still; ``usual``
     and ``most`` are iterations of the solver in a step: at first, and used so far; ``past`` are the
-    drives' values and the pose of the rest before this one; ``friction`` are the motors of joints
-    that rub, with what each has to give in ``rub`` [N m or N].
+    drives' values and poses of up to `BEFORE` rests before this one; ``friction`` are the motors of
+    joints that rub, with what each has to give in ``rub`` [N m or N].
     """
 
     links: Links
@@ -254,7 +306,7 @@ class Held:
     usual: int
     velocity: Array = field(default_factory=lambda: np.zeros(1))
     most: int = 0
-    past: tuple[Array, Array] | None = None
+    past: tuple[Rest, ...] = ()
     friction: list[Friction] = field(default_factory=list)
     rub: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -324,7 +376,7 @@ class Held:
         NotSolved
             It does not come to rest in the steps that there are.
         """
-        last = values(self.links.drives, self.pose), self.pose
+        last = values(self.links.drives, self.pose).tolist(), self.pose
         self.ahead(target)
         calm, unsolved, began, modes = 0, 0, self.pose, None
         self.space.iterations = self.usual
@@ -350,7 +402,8 @@ class Held:
             calm = calm + 1 if steady and solved else 0
             if calm == CALM or (calm and still > STILL):
                 if not self._missed(target):
-                    self.most, self.past = max(self.most, self.space.iterations), last
+                    self.most = max(self.most, self.space.iterations)
+                    self.past = (*self.past[1 - BEFORE :], last)
                     return
                 if calm == CALM:
                     raise self._lost(target, "at rest")
@@ -359,21 +412,32 @@ class Held:
         raise self._lost(target, f"not at rest after {count + 1} steps", kind)
 
     def ahead(self, target: Array) -> None:
-        """Begin where the last two rests point to, if the drives go on in the same direction.
+        """Begin where the last rests point to, if the drives go on in the same direction.
 
         Nearer to the next rest, and on the smooth branch where two of them cross; unless less is
-        held there than here, as after a snap to another equilibrium.
+        held there than here, as after a snap to another equilibrium.  A polynomial through more
+        than two of them is taken where it bends little, and no joint is on its stop, which it would
+        leave or enter by less than a hair.
         """
-        if self.past is None:
+        if not self.past:
             return
-        here = values(self.links.drives, self.pose)
-        before, way = here - self.past[0], target - here
-        share = float(way @ before) / float(before @ before or 1.0)
-        straight = np.abs(way - share * before).max() <= 1e-3 * np.abs(way).max()
-        there = self.pose + share * (self.pose - self.past[1])
-        poses = np.stack([there, self.pose])
-        amiss = np.abs(missing(self.links, poses, target) / self.links.bounds).max(axis=-1)
-        if straight and 0 < share <= FAR and amiss[0] < amiss[1]:
+        here = values(self.links.drives, self.pose).tolist()
+        share = ways_along(apart(target.tolist(), here), apart(here, self.past[-1][0]))
+        if not 0 < share <= FAR:
+            return
+        move = share * (self.pose - self.past[-1][1])
+        places, poses = nodes(self.past, here)
+        parts = lagrange(share, places)
+        curved = (1.0 - sum(parts)) * self.pose
+        for part, pose in zip(parts, poses, strict=True):
+            curved += part * pose
+        there = self.pose + move
+        smooth = sizes(self.links, curved - there) < BENDS * sizes(self.links, move)
+        if smooth and not beyond(self.stops, self.pose):
+            there = curved
+        both = np.stack([there, self.pose])
+        amiss = np.abs(missing(self.links, both, target) / self.links.bounds).max(axis=-1)
+        if amiss[0] < amiss[1]:
             self.pose = there
 
     def _doubt(self, began: Array, target: Array) -> None:
@@ -562,7 +626,7 @@ class HeldRubbing(Held):
 
     def back(self, kept: tuple[Array, Array]) -> None:
         """Come back to a pose."""
-        (self.pose, self.velocity), self.past = kept, None
+        (self.pose, self.velocity), self.past = kept, ()
 
     def go(self, target: Array) -> None:
         """Let the engine come to rest at values of the drives in the present state."""
@@ -609,7 +673,7 @@ class HeldRubbing(Held):
 
     def enter(self, senses: Array) -> None:
         """Let joints stick where they are, or slip."""
-        self.senses, self.past, self.begins = senses, None, False
+        self.senses, self.past, self.begins = senses, (), False
         self.slipped |= senses != 0
         self.space.remove(*self.drives[self.driving :])
         joints = list(self.own.joints)
