@@ -100,6 +100,8 @@ def coverage_of(
 ) -> Coverage:
     """Find out what a case notices; what was found before is not tried again.
 
+    It is kept, unless one of the runs reached a limit of time or memory as it is.
+
     Parameters
     ----------
     case : Case
@@ -156,7 +158,8 @@ def coverage_of(
         search.left_out,
         monotonic() - begin,
     )
-    kept.write(file)
+    if not search.limited:
+        kept.write(file)
     return kept.coverage
 
 

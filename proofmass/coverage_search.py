@@ -26,7 +26,7 @@ from typing import Any, TypeVar
 from proofmass.case import Case
 from proofmass.changed import Baseline, Changes, Trial, baseline, numbers, stride_of, with_changes
 from proofmass.compare import Comparison, changeable
-from proofmass.outcome import FAILURES, Outcome
+from proofmass.outcome import FAILURES, LOST, Outcome
 from proofmass.sim.elements import NotWritten, Number
 from proofmass.sim.numbers import SHARE
 from proofmass.strict import Kind
@@ -42,7 +42,7 @@ ROUNDS = 8
 """Changes to try for the smallest one that is noticed."""
 DOWN = 1e-2
 """Of a change with which a run is lost: the next one, which may tell a rate."""
-LOST = 3
+IN_TURN = 3
 """Changes with which a run is lost, one after the other, until it is given up."""
 MOST = 2.0
 """Of the change that is tried alone: the largest in a group."""
@@ -175,6 +175,8 @@ class Search:
         asked = [self.pool.submit(self.base, *name) for name in names]
         self.before = [run for one in asked if (run := one.result())]
         there: list[Number] = []
+        if not self.runs():
+            self.left_out = "; ".join(self.lost())
         try:
             if self.runs():
                 there = self.call(next(iter(case.run)), numbers)
@@ -222,11 +224,32 @@ class Search:
             found: Baseline = self.call(kind, baseline, kind, solver)
         except tuple(FAILURES) as error:
             lost = [
-                Comparison(case.name, solver, kind, name, c.unit, outcome=FAILURES[type(error)])
+                Comparison(
+                    case.name,
+                    solver,
+                    kind,
+                    name,
+                    c.unit,
+                    outcome=FAILURES[type(error)],
+                    message=str(error),
+                )
                 for name, c in channels.items()
             ]
             return Baseline(kind, solver, {}, {}, {}, lost)
         return found
+
+    def lost(self) -> Iterator[str]:
+        """The runs that have no curves as they are, in words."""
+        for one in self.before:
+            for c in one.comparisons[:1]:
+                if c.outcome in LOST:
+                    yield f"the {one.kind} of {one.solver} is {c.outcome} as it is: {c.message}"
+
+    @property
+    def limited(self) -> bool:
+        """Whether a run reached a limit of time or memory as it is, and may not the next time."""
+        outcomes = {c.outcome for one in self.before for c in one.comparisons}
+        return bool(outcomes & {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY})
 
     def runs(self) -> list[Baseline]:
         """The runs that check something: at rest before in time, the quickest first."""
@@ -315,7 +338,7 @@ class Search:
                 least = change, trial
             if trial.lost:
                 change, lost = DOWN * change, lost + 1
-                if lost == LOST:
+                if lost == IN_TURN:
                     break
                 continue
             same = trial.limits[run.solver][0]

@@ -35,6 +35,7 @@ from proofmass.sim.elements import Number, Place
 from proofmass.sim.protocol import BadModel
 from proofmass.solve import solve
 from proofmass.terminal import failures
+from proofmass.worker import OutOfMemory
 from tests.shipped import models_like, shipped
 
 QUICK = ("fourbar", "pendulum", "rod_cantilever")
@@ -293,6 +294,20 @@ def searching(name: str, kind, solver: str) -> Search:
     search = Search(case, ThreadPoolExecutor(1))
     search.before = [baseline(case, kind, solver)]
     return search
+
+
+def test_a_run_that_reaches_a_limit_as_it_is_tells_nothing_and_is_asked_again(
+    tmp_path, monkeypatch
+):
+    def full(self, kind, function, *args):
+        raise OutOfMemory("needs more than 8 GiB of memory")
+
+    monkeypatch.setattr(Search, "call", full)
+    found = coverage_of(load_case(shipped("pendulum.toml")), 1, folder=tmp_path)
+    words = "the dynamics of mujoco is out of memory as it is: needs more than 8 GiB of memory"
+    assert found.left_out.startswith(words)
+    assert not found.numbers
+    assert not list(tmp_path.rglob("*.json"))
 
 
 def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():

@@ -1,5 +1,6 @@
 """One bad input costs itself only: limits of time and memory, and errors of every kind."""
 
+import ctypes
 import importlib
 import os
 import signal
@@ -58,6 +59,42 @@ def test_a_call_has_as_much_memory_as_it_is_given():
     with pytest.raises(OutOfMemory, match=r"needs more than 0\.5 GiB of memory"):
         isolated(reserve, 1.0, timeout=20, memory=0.5)
     assert isolated(reserve, 1.0, timeout=20, memory=2.0) == 2**30
+
+
+def data() -> int:
+    """Data of this process [KiB], touched or not, as its limit counts it."""
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
+    return int(status.partition("VmData:")[2].split()[0])
+
+
+def leave_holes() -> int:
+    """What a process has more after it freed large blocks with small ones between them [KiB]."""
+    libc = ctypes.CDLL(None)
+    libc.malloc.restype, libc.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
+    libc.free.argtypes = [ctypes.c_void_p]
+    before = data()
+    for _ in range(2):  # glibc takes blocks of a size that was freed once from its heap
+        large, small = [], []
+        for _ in range(20):
+            large.append(libc.malloc(14 << 20))
+            small.append(libc.malloc(100 << 10))
+        for block in large:
+            libc.free(block)
+    return data() - before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux alone")
+def test_blocks_that_are_freed_are_no_data_of_a_worker():
+    """MuJoCo's arenas, which are reserved and hardly used, once made up 8 GB of a worker."""
+    assert isolated(leave_holes, timeout=20) < 20 << 10
+    heap = subprocess.run(
+        [sys.executable, "-c", "from tests.test_worker import leave_holes; print(leave_holes())"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={k: v for k, v in os.environ.items() if not k.startswith("MALLOC_")},
+    )
+    assert int(heap.stdout) > 200 << 10  # without what a worker is given, 20 holes
 
 
 def test_limits_may_be_larger_than_any_machine():
