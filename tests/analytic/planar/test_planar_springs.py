@@ -124,7 +124,7 @@ def test_energy_is_kept_and_a_damper_takes_its_share():
 def test_the_spatial_reference_has_the_same_motion(slack):
     """Newton's and Euler's balances of bodies in space, with tendons of their own formulation."""
     model = arm_with_offset(slack, 0.4)
-    t = np.linspace(0, 1, 41)
+    t = np.linspace(0, 0.5, 21)
     found, other = solve(t, model=model), spatial.solve(t, model=model)
     for name in ("a", "s", "b", "w", "length", "rate", "end.x", "end.y", "end.z", "potential"):
         apart = np.abs(found[name] - other[name]).max()
@@ -138,8 +138,9 @@ def test_a_four_bar_with_a_damped_spring_moves_as_in_the_spatial_reference():
         '<site site="point"/><site site="rocker_end"/></spatial></tendon>'
     )
     model = mujoco.MjModel.from_xml_string(text.replace("<equality>", f"{spring}<equality>", 1))
-    t = np.linspace(0, 1.5, 61)
+    t = np.linspace(0, 0.6, 25)
     found, other = solve(t, model=model), spatial.solve(t, model=model)
+    assert np.ptp(found["rocker"]) > 0.2
     for name in ("rocker", "pin.x", "pin.y", "rocker_rate", "pin_velocity.x"):
         assert np.abs(found[name] - other[name]).max() < 1e-10, name
 
