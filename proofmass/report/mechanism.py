@@ -127,15 +127,28 @@ def repeats(apart: Array) -> bool:
 
 
 def clearest(picture: Picture) -> int:
-    """The pose that bears the names: its joints are far from each other and not in one line."""
+    """The pose that bears the names: its joints are far from each other and not in one line.
+
+    Where the joints tell none from another, the one whose links are furthest from one line.
+    """
     if not picture.marks:
         return len(picture.x) - 1
     at = np.stack([m.at for m in picture.marks], axis=1)
     apart = np.linalg.norm(at[:, :, None] - at[:, None], axis=3)
     always = apart.max(axis=0) < 1e-6 * (np.ptp(at) or 1.0)
     nearest = np.where(always, np.inf, apart).min(axis=(1, 2))
-    across = np.linalg.svd(at - at.mean(axis=1, keepdims=True), compute_uv=False)[:, -1]
-    return int((np.minimum(nearest, np.ptp(at)) * across).argmax())
+    clear = np.minimum(nearest, np.ptp(at)) * across(at)
+    outlines = [outline for link in picture.links for outline in link.outlines]
+    if not clear.any() and outlines:
+        clear = across(np.concatenate(outlines, axis=1))
+    return int(clear.argmax())
+
+
+def across(points: Array) -> Array:
+    """How far the points (poses, n, 2) of each pose are from one line."""
+    centred = points - points.mean(axis=1, keepdims=True)
+    found: Array = np.linalg.svd(np.nan_to_num(centred), compute_uv=False)[:, -1]
+    return found
 
 
 INK, SOFT, BODY, TRACK, COIL = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0", "#00755e"

@@ -230,6 +230,15 @@ def test_the_drawing_moves_within_its_frame():
     assert np.ptp(first, axis=0).max() > 10  # and it does move
 
 
+def test_a_rod_that_begins_straight_is_shown_where_it_is_bent():
+    """It has no joints by which the clearest pose could be told."""
+    motions, _ = moved(load_case(shipped("rod_released.toml")), [])
+    moving = reduced(motions["dynamics"].picture)
+    begin, shown = moving.points[0].astype(float), moving.points[moving.shown].astype(float)
+    assert np.ptp(begin[:, 1]) <= 1
+    assert np.ptp(shown[:, 1]) > HIGH / 2
+
+
 def test_the_data_of_a_drawing_are_its_bytes(page):
     found = json.loads(re.search(r'(?s)id="poses">(.*?)</script>', page)[1])
     assert set(found) == set(NAMES)
