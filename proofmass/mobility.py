@@ -1,6 +1,6 @@
 """How many degrees of freedom a planar model has, and whether its loops hold something twice."""
 
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from proofmass.case import Case
@@ -35,7 +35,11 @@ def mobility(case: Case) -> int | None:
         return None
 
 
-@cache
+KEPT = 64
+"""Models whose freedoms are remembered: a search for what a case notices compiles thousands."""
+
+
+@lru_cache(KEPT)
 def freedoms_of(model: "MjModel", start: str) -> int:
     """Freedoms of a compiled model, found once for all runs."""
     from proofmass.analytic.planar import read

@@ -13,6 +13,7 @@ from proofmass.analytic import planar
 from proofmass.check import Result, check
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
+from proofmass.mobility import KEPT, freedoms_of
 from proofmass.pytest_plugin import SolverItem
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
@@ -27,6 +28,7 @@ from proofmass.studies.stress.extremes import energies
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.studies.trade.verify import verify
 from proofmass.studies.variants import evaluate_run, with_way
+from tests.shipped import shipped
 
 LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
 """A model that takes MuJoCo minutes."""
@@ -130,3 +132,11 @@ def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, ed
         with pytest.raises(InputError, match="its model or its reference: no answer in 1 s"):
             study()
     assert not here
+
+
+def test_models_that_are_no_longer_asked_for_are_forgotten():
+    """A search for what a case notices compiles thousands, each 0.1 MB of a worker."""
+    text = shipped("fourbar.xml").read_text(encoding="utf-8")
+    for _ in range(KEPT + 8):
+        assert freedoms_of(mujoco.MjModel.from_xml_string(text), "start") == 1
+    assert freedoms_of.cache_info().currsize == KEPT
