@@ -3,6 +3,7 @@
 import ctypes
 import importlib
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -83,7 +84,7 @@ def leave_holes() -> int:
     return data() - before
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux alone")
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the heap is that of glibc")
 def test_blocks_that_are_freed_are_no_data_of_a_worker():
     """MuJoCo's arenas, which are reserved and hardly used, once made up 8 GB of a worker."""
     assert isolated(leave_holes, timeout=20) < 20 << 10

@@ -48,11 +48,10 @@ def run_choose(
 ) -> None:
     """What ``proofmass choose`` does; `proofmass.cli` says what it is given."""
     with answering(f"{store} keeps the runs"):
-        if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
-            raise not_one_case(path)
-        (case,) = named([path])
+        case = only_case(path)
         kind = chosen(case, kind)
-        asked(case, kind, error, solver)
+        require_error(error)
+        require_solver(case, kind, solver)
         solver = solver_for(case, kind, drive, solver)
         writable(case, kind, output)
         limits = Limits(seconds("--longest", longest), seconds("--budget", budget))
@@ -103,19 +102,25 @@ def run_choose(
         errors.print("\n".join(words(choice, case)), markup=False)
 
 
+def only_case(path: Path) -> Case:
+    """The one case that a path is of."""
+    if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
+        raise not_one_case(path)
+    (case,) = named([path])
+    return case
+
+
 def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longest: float) -> None:
     """What ``proofmass choose --creep`` does; see `proofmass.studies.trade.creep`."""
     with answering("nothing is kept"):
-        if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
-            raise not_one_case(path)
-        (case,) = named([path])
+        case = only_case(path)
         if not 0 < wanted < inf:
             raise ValueError(f"--creep {wanted:g}: give a speed in m/s, such as 1e-6")
         if "dynamics" not in case.run or case.drive:
             raise ValueError(
                 f"--creep: {case.name} has no motion that is let go, which comes to rest"
             )
-        asked(case, "dynamics", solver=solver)
+        require_solver(case, "dynamics", solver)
         writable(case, "dynamics", output)
         solver = solver or case.run["dynamics"].solvers[0].partition(":")[0]
         with errors.status("running programs"):
@@ -254,12 +259,16 @@ ROUNDS = 4
 """In which steps are made finer for the sake of drives."""
 
 
-def asked(case: Case, kind: Kind, error: float = 0.5, solver: str = "") -> None:
-    """Raise ValueError for what cannot be chosen."""
+def require_error(error: float) -> None:
+    """Raise ValueError for an error that is no share of a range."""
     if not 0 < error < 1:
         raise ValueError(
             f"--error {error:g}: give a share of the range between 0 and 1, such as 1e-5"
         )
+
+
+def require_solver(case: Case, kind: Kind, solver: str) -> None:
+    """Raise ValueError for an engine that the case does not run in."""
     known = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
     if solver and solver not in known:
         raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")

@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
@@ -68,6 +70,11 @@ class Creep:
         )
 
 
+def at_last(x: Array) -> NDArray[np.bool_]:
+    """Which samples are in the last tenth of a run."""
+    return np.asarray(x >= x[-1] - LAST * np.ptp(x))
+
+
 def still(case: Case) -> list[str]:
     """The channels of places that the reference has at rest in the last tenth of a motion.
 
@@ -77,7 +84,7 @@ def still(case: Case) -> list[str]:
         There are none.
     """
     x = grid(case, "dynamics")
-    late = x >= x[-1] - LAST * np.ptp(x)
+    late = at_last(x)
     most = STILL * size(compiled(case), case.start)
     truth = evaluate(case, "dynamics", x, None).channels
     places = [name for name, c in case.channels_of("dynamics").items() if c.si_unit == "m"]
@@ -108,7 +115,7 @@ def creep_here(
         curves, seconds, steps = run_bare(text, setting.applied(case, "dynamics")[1], longest)
     except NoCurves as why:
         return Creep(setting, failure=str(why))
-    late = curves.x >= curves.x[-1] - LAST * np.ptp(curves.x)
+    late = at_last(curves.x)
     time = float(np.ptp(curves.x[late]))
     ends = {name: curves.channels[name][late][[0, -1]] for name in names}
     rates = {name: abs(float(end - begin)) / time for name, (begin, end) in ends.items()}

@@ -63,7 +63,8 @@ def test_joints_together_are_what_each_is_alone(name):
     links = links_of(name)
     pose = links.pose + 0.3 * np.random.default_rng(2).normal(size=(3, *links.pose.shape))
     alone = np.stack([joint_value(joint, pose) for joint in links.joints], axis=-1)
-    np.testing.assert_array_equal(joint_values(links, pose), alone)
+    # sines of many angles at once and of one may differ in the last digit, by the processor
+    np.testing.assert_allclose(joint_values(links, pose), alone, rtol=1e-14, atol=1e-14)
     table = links.joint_table
     for k, joint in enumerate(links.joints):
         found = table.efforts(alone)[..., k]
