@@ -426,7 +426,7 @@ def _split(links: Links, rows: Array, load: Array | None = None) -> tuple[Array,
     """Directions (n, 3 links) that rows leave free, and the least pull whose sum of rows is a load.
 
     Both in coordinates times the roots of their masses. Rows that are far from dependent are split
-    by QR, in a tenth of the time that singular values take.
+    by QR, which takes less time than singular values.
     """
     rows = rows / _root(links)
     long = np.linalg.norm(rows, axis=1)

@@ -211,7 +211,7 @@ BEFORE = 3
 STRAIGHT = 1e-3
 """Most that a way of the drives may be off the direction of the one before it, as a share of it."""
 BENDS = 0.1
-"""Most that it may be off the straight line through the last two, as a share of the way ahead."""
+"""Most that the polynomial may be off the line through the last two, as a share of the way."""
 STILL = 1e-12
 """Largest remaining move in a step, in extents or radians, that counts as rest at a sample."""
 ROUGH = 1e-6
