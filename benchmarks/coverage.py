@@ -13,21 +13,10 @@ from collections.abc import Iterable, Sequence
 from benchmarks import ROOT, command
 from proofmass.case import Case
 from proofmass.coverage import Coverage, coverage_of
-from proofmass.coverage_search import Finding
+from proofmass.coverage_search import MATERIAL, Finding
 from proofmass.explain import phrase, reason
 from proofmass.studies.command import named
 
-MATERIAL = (
-    "mass",
-    "mass of a rod",
-    "inertia",
-    "stiffness",
-    "stiffness of a rod",
-    "axial stiffness of a rod",
-    "shear stiffness of a rod",
-    "friction",
-)
-"""Kinds of numbers of which none may go unnoticed without a reason."""
 BEGIN = "<!-- python -m benchmarks.coverage writes from here to the next mark -->"
 END = "<!-- to here -->"
 HEAD = """

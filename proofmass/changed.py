@@ -94,12 +94,18 @@ class Trial:
     limits : dict of str to (Limit, Limit)
         By solvers of the run, if errors grow with the change: for the same change and for the
         opposite one.
+    moved : float
+        By how much the change moves an error at most, over what is allowed [1].
+    moves : str
+        The channel of it.
     """
 
     ratio: float
     channel: str = ""
     lost: str = ""
     limits: dict[str, tuple[Limit, Limit]] = field(default_factory=dict)
+    moved: float = math.nan
+    moves: str = ""
 
 
 def baseline(case: Case, kind: Kind, solver: str) -> Baseline:
@@ -237,15 +243,20 @@ def with_changes(
             return Trial(math.inf, lost=str(error))
         except Exception as error:
             return Trial(math.inf, lost=f"{type(error).__name__}: {error}")
-    ratios = {
-        name: float(np.max(np.abs(error))) / own.allowed[name] for name, error in errors.items()
-    }
+    ratios = shares(errors, own.allowed)
     if not all(map(math.isfinite, ratios.values())):
         return Trial(math.inf, lost="not a number somewhere on a curve")
     channel = max(ratios, key=ratios.__getitem__)
     rates = {name: error - own.errors[name][::stride] for name, error in errors.items()}
     limits = {one.solver: limits_of(one, rates, stride) for one in before}
-    return Trial(ratios[channel], channel, "", limits)
+    by = shares(rates, own.allowed)
+    moves = max(by, key=by.__getitem__)
+    return Trial(ratios[channel], channel, "", limits, by[moves], moves)
+
+
+def shares(some: Errors, allowed: dict[str, float]) -> dict[str, float]:
+    """The largest of each channel's numbers, over what the channel may be off."""
+    return {name: float(np.max(np.abs(values))) / allowed[name] for name, values in some.items()}
 
 
 def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline) -> Errors:

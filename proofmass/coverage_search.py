@@ -13,7 +13,8 @@ The quickest run is asked first, kind by kind.  What it does not notice is asked
 one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
 which what is noticed is noticed by the whole run as well.  At the end the whole sweeps are asked
 once more for all numbers that nothing noticed, and the other runs for half of the changes that were
-told.
+told.  Masses, inertias, stiffnesses and friction that nothing noticed are then changed alone in
+each whole run, which tells how much of a tolerance they use.
 """
 
 import math
@@ -61,6 +62,17 @@ QUIET = {
 """Kinds that often nothing notices: they begin with a group, the others one by one."""
 POSITIVE = {"damping", "armature", "friction", "stiffness"}
 """Kinds that are not tried below 0."""
+MATERIAL = (
+    "mass",
+    "mass of a rod",
+    "inertia",
+    "stiffness",
+    "stiffness of a rod",
+    "axial stiffness of a rod",
+    "shear stiffness of a rod",
+    "friction",
+)
+"""Kinds of which it is measured, where nothing notices them, how little they do."""
 WHOLE = "all together"
 """Label of what is asked at the end."""
 Some = TypeVar("Some")
@@ -112,9 +124,12 @@ class Finding:
     change : float
         The smallest change that is noticed, with its sign [its unit]; NaN where it is not known.
     run, solver, channel : str
-        What notices it.
+        What notices it; where nothing does, what the change moves most, if that was asked.
     refused : str
         Why the run is lost with the change, where no channel tells a smaller one.
+    moved : float
+        Of a number that nothing notices: how much of its tolerance that channel moves by with the
+        change that was tried, upwards [1]; NaN where that was not asked.
     """
 
     kind: str
@@ -128,6 +143,7 @@ class Finding:
     solver: str = ""
     channel: str = ""
     refused: str = ""
+    moved: float = math.nan
 
     @property
     def name(self) -> str:
@@ -205,7 +221,7 @@ class Search:
             known = self.asked(run, known)
             found[label] = [known[number] for number in there]
             yield len(found), total, label
-        known = self.asked_at_last(known)
+        known = self.measured(self.asked_at_last(known))
         found.clear()
         found[WHOLE] = [known[number] for number in there]
         yield total, total, WHOLE
@@ -398,6 +414,25 @@ class Search:
                     if other and abs(other.change) < abs(one.change):
                         found[number] = other
         return found
+
+    def measured(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
+        """The findings after it was asked how far what nothing notices moves any channel."""
+        runs = self.runs()
+        silent = [
+            number for number, one in known.items() if not one.noticed and one.kind in MATERIAL
+        ]
+
+        def farthest(number: Number) -> Finding:
+            trials = [self.trial(run, [(number, number.step)], whole=True) for run in runs]
+            at = [k for k, trial in enumerate(trials) if not math.isnan(trial.moved)]
+            if not at:
+                return known[number]
+            k = max(at, key=lambda k: trials[k].moved)
+            moved = replace(known[number], run=runs[k].kind, solver=runs[k].solver)
+            return replace(moved, channel=trials[k].moves, moved=trials[k].moved)
+
+        asked = self.pool.map(farthest, silent)
+        return {**known, **dict(zip(silent, asked, strict=True))}
 
     def sooner(
         self,

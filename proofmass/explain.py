@@ -1,6 +1,7 @@
 """``proofmass explain``: what a case notices, and what it does not, in words for a terminal."""
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
@@ -28,6 +29,8 @@ ACTS_IN_MOTION = ("inertia", "armature", "damping")
 LOADS = ("mass", "centre of mass", "gravity", "stiffness", "load", "rest angle", "spring length")
 SOFTNESS = ("softness of the loop", "softness of the stop")
 START = ("zero", "direction")
+NOTHING = 1e-6
+"""Share of a tolerance, by which a channel that depends on a number would move at least."""
 PLURALS = {
     "mass": "masses",
     "mass of a rod": "masses of the rods",
@@ -261,4 +264,30 @@ def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ())
         return f"{held}; in dynamics they stay within the tolerances" if moving else held
     if kind in START:
         return "it changes the pose that the start is sought from, and nothing that is checked"
-    return ""
+    return little(some)
+
+
+def little(some: Sequence[Finding]) -> str:
+    """How little numbers move any channel, where that was measured of all of them; or nothing.
+
+    >>> ball = Finding("mass", "ball", "kg", 2.0, 0.2, False, moved=1e-12)
+    >>> little([ball])
+    'no checked channel depends on it: 10 % more moves none by a millionth of its tolerance'
+    """
+    if not some or any(math.isnan(one.moved) for one in some):
+        return ""
+    one = max(some, key=lambda one: one.moved)
+    it = "it" if len(some) == 1 else "one of them"
+    more = (
+        f"{number(one.tried, 2)} {pretty(one.unit)} more"
+        if not one.value
+        else (f"{number(100 * one.tried / abs(one.value), 2)} % more")
+    )
+    if one.moved < NOTHING:
+        return (
+            f"no checked channel depends on {it}: {more} moves none by a millionth of its tolerance"
+        )
+    return (
+        f"it does little: {more} of {it} moves no checked channel by more than "
+        f"{number(one.moved, 2)} of its tolerance ({one.channel}, {one.run}, {spoken(one.solver)})"
+    )

@@ -26,7 +26,16 @@ from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.compare import compare
 from proofmass.coverage import Coverage, cache_folder, coverage_of, stored_coverage
-from proofmass.coverage_search import CheckedRun, Finding, Search, draws, grouped, parted, sides_of
+from proofmass.coverage_search import (
+    MATERIAL,
+    CheckedRun,
+    Finding,
+    Search,
+    draws,
+    grouped,
+    parted,
+    sides_of,
+)
 from proofmass.errors import InputError
 from proofmass.explain import explained, not_noticed, phrase, reason
 from proofmass.outcome import FAILURES, Outcome
@@ -277,6 +286,47 @@ def test_a_finding_that_is_turned_round_does_not_hold(name, covered, tmp_path):
     wrong = replace(one, noticed=not one.noticed, change=change, run="sweep", solver="mujoco")
     with pytest.raises(AssertionError, match=name):
         holds(case, wrong, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "pendulum"])
+def test_how_far_a_number_that_nothing_notices_moves_a_channel(name, covered, tmp_path):
+    """The curves of a model that was changed by hand, against those of the model as it is."""
+    case = quick(name)
+    some = [one for one in covered[name].numbers if not one.noticed and one.kind in MATERIAL]
+    assert some
+    for k, one in enumerate(some[:3]):
+        changed = by_hand(case, one, one.tried, tmp_path / str(k))
+        moved = {}
+        for kind, run in case.run.items():
+            for solver in run.solvers:
+                before, after = solve(case, kind, solver), solve(changed, kind, solver)
+                for c in compare(case, kind, solver, before, detectable=False):
+                    if c.outcome == Outcome.AGREES:
+                        by = np.abs(after.channels[c.channel] - before.channels[c.channel]).max()
+                        allowed = c.allowed * case.channels[c.channel].factor
+                        moved[kind, solver, c.channel] = by / allowed
+        most = max(moved, key=moved.__getitem__)
+        assert one.moved == pytest.approx(moved[most], rel=1e-3, abs=1e-9), one.name
+        if one.moved > 1e-9:
+            assert (one.run, one.solver, one.channel) == most
+
+
+def test_how_little_a_number_does_is_told_in_words():
+    small = Finding(
+        "friction", "a", "N m", 2.0, 0.2, False, math.nan, "sweep", "pymunk", "x", "", 0.03
+    )
+    case = quick("fourbar")
+    found = Coverage("fourbar", "", (), (), (small,))
+    assert reason(case, found, "friction", [small]) == (
+        "it does little: 10 % more of it moves no checked channel by more than 0.03 of its "
+        "tolerance (x, sweep, pymunk)"
+    )
+    none = replace(small, value=0.0, moved=0.0)
+    assert reason(case, found, "friction", [none]) == (
+        "no checked channel depends on it: 0.2 N·m more moves none by a millionth of its tolerance"
+    )
+    assert "0.03" in reason(case, found, "friction", [none, small])
+    assert reason(case, found, "friction", [none, replace(small, moved=math.nan)]) == ""
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])
