@@ -8,7 +8,7 @@ numbers of 16 bits with a scale, 3e-5 of the largest, which no drawing shows.
 
 import json
 from base64 import b64encode
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,8 @@ from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
 from proofmass.wording import is_variant, pretty, spoken
 
-ROOM = 340_000  # characters of a page for curves: with the rest of it at most 700 kB
+PAGE = 700_000  # bytes of a page, with its data
+ROOM = 560_000  # characters of it for the runs, if the rest leaves as many
 WHOLE = 2**15 - 1
 SEEN = 1e-3  # of the range: a reference that is so far from the drawn one is told apart
 CSS = {"o": "circle", "s": "square", "^": "up", "v": "down", "D": "diamond", "d": "diamond"}
@@ -70,15 +71,30 @@ def case_data(
 def recorded_data(case: Case, runs: Iterable[Shown]) -> dict[str, Any]:
     """The part of the dict that needs the model: drives, curves and comparisons of the runs."""
     runs = list(runs)
-    every = thinning(runs)
     units = drive_units(case) if any(run.curves for run in runs) else [""] * len(case.drive)
     return {
         "drives": [
             {"joint": drive.joint, "unit": unit}
             for drive, unit in zip(case.drive, units, strict=True)
         ],
-        "runs": {run.kind: run_data(run, every[run.kind]) for run in runs},
+        "runs": runs_data(runs, ROOM),
     }
+
+
+def runs_data(runs: Sequence[Shown], room: int) -> dict[str, Any]:
+    """The runs, by their kinds, in at most so many characters.
+
+    Samples are left out first of the runs that have most.  Ends, extremes, jumps and the places of
+    the largest errors stay, also where they take more.
+    """
+    lengths = {run.kind: len(run.longest.x) for run in runs if run.curves}
+    most = max(lengths.values(), default=1)  # samples of a run, what must stay aside
+    while True:
+        every = {kind: -(-length // most) for kind, length in lengths.items()}
+        found: dict[str, Any] = {run.kind: run_data(run, every.get(run.kind, 1)) for run in runs}
+        if (size := len(embedded(found))) <= room or most == 1:
+            return found
+        most = max(min(most * room // size, most - 1), 1)
 
 
 def embedded(data: Mapping[str, Any]) -> Markup:
@@ -96,22 +112,6 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
         "marker": CSS.get(look.marker, "cross"),
         "variant": is_variant(solver),
     }
-
-
-def thinning(runs: list[Shown]) -> dict[str, int]:
-    """For each run, of how many samples one is drawn, so that all curves have room in a page."""
-    whole = {run.kind: characters(run) for run in runs}
-    total = sum(whole.values())
-    return {kind: max(1, int(np.ceil(total / ROOM))) for kind in whole}
-
-
-def characters(run: Shown) -> int:
-    """How much of a page the curves of a run take."""
-    if not run.curves:
-        return 0
-    doubles = 1 + len(run.channels)
-    singles = sum(len(curves.channels) for curves in run.curves.values())
-    return int((8 * doubles + 4 * singles) * len(run.longest.x) * 4 / 3)
 
 
 def run_data(run: Shown, every: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from proofmass.mobility import mobility
 from proofmass.outcome import CHECKED, LOST
 from proofmass.reference import ComparedCurves, facts
 from proofmass.report import refinements, tables
-from proofmass.report.case_data import case_data, embedded, recorded_data
+from proofmass.report.case_data import PAGE, case_data, embedded, recorded_data, runs_data
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
 from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
 from proofmass.report.first_screen import (
@@ -61,7 +61,30 @@ def render_case(
     studies: Sequence[ShownStudy] = (),
     history: History | None = None,
 ) -> str:
-    """The text of a case's page; the history ends with this report."""
+    """The text of a case's page; the history ends with this report.
+
+    Where it has more than `PAGE` bytes, more samples of the curves are left out.
+    """
+    parts = env, case, result, drawings, style, studies, history
+    page = rendered(*parts, gathered)
+    if (excess := len(page.encode()) - PAGE) > 0:
+        runs = gathered.recorded["runs"]
+        fewer = runs_data(gathered.runs, max(len(embedded(runs)) - excess, 0))
+        page = rendered(*parts, replace(gathered, recorded={**gathered.recorded, "runs": fewer}))
+    return page
+
+
+def rendered(
+    env: Environment,
+    case: Case,
+    result: Result,
+    drawings: Drawings,
+    style: Mapping[str, Look],
+    studies: Sequence[ShownStudy],
+    history: History | None,
+    gathered: Gathered,
+) -> str:
+    """The text of a case's page with the curves that were gathered."""
     runs, views = gathered.runs, gathered.views
     faults = faults_of(case, result)
     tell = partial(told, case, beyond_limits(runs))

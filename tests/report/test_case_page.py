@@ -21,8 +21,8 @@ from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.errors import InputError
 from proofmass.explain import not_noticed
 from proofmass.reference import ComparedCurves, evaluate
-from proofmass.report import case_data, write_report
-from proofmass.report.case_data import kept, motion_data, recorded_data, thinning
+from proofmass.report import case_page, write_report
+from proofmass.report.case_data import embedded, kept, motion_data, recorded_data, runs_data
 from proofmass.report.data import Shown, shown
 from proofmass.report.drawing import measured, moving
 from proofmass.report.first_screen import advice, badge, causes, noticed, panel_of
@@ -111,22 +111,39 @@ def test_a_page_is_small(name: str, page: str, tmp_path: Path) -> None:
     assert 30_000 < len(page.encode()) < SIZE
 
 
-def test_thinned_curves_keep_extremes_and_the_worst(
-    runs: list[Shown], fourbar: Case, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(case_data, "ROOM", 20_000)
-    run = runs[0]
-    every = thinning(runs)["sweep"]
-    assert every > 5
-    index = kept(run, every)
-    assert len(index) < len(run.longest.x) / 2
+def test_thinned_curves_keep_extremes_and_the_worst(runs: list[Shown]) -> None:
+    whole = runs_data(runs, 10**9)
+    assert [run["every"] for run in whole.values()] == [1, 1]
+    room = len(embedded(whole)) // 2
+    found = runs_data(runs, room)
+    assert room // 2 < len(embedded(found)) <= room
+    run, data = runs[0], found["sweep"]
+    index = kept(run, data["every"])
+    assert (data["samples"], data["drawn"]) == (361, len(index))
+    assert unpacked(data["x"], "<f8").tolist() == run.longest.x[index].tolist()
     for curve in run.longest.channels.values():
         assert {int(curve.argmin()), int(curve.argmax())} <= set(index.tolist())
     places = run.longest.x[index]
     assert all(np.abs(places - c.at).min() == 0 for c in run.rows)
-    data = recorded_data(fourbar, runs)["runs"]["sweep"]
-    assert (data["every"], data["samples"], data["drawn"]) == (every, 361, len(index))
-    assert len(unpacked(data["x"], "<f8")) == len(index)
+
+
+def test_what_must_stay_stays_without_any_room(runs: list[Shown]) -> None:
+    data = runs_data(runs, 0)["sweep"]
+    assert data["every"] == 361
+    assert {0.0, float(runs[0].longest.x[-1])} <= set(unpacked(data["x"], "<f8").tolist())
+    assert all(np.abs(unpacked(data["x"], "<f8") - c.at).min() == 0 for c in runs[0].rows)
+
+
+def test_a_page_that_is_too_large_has_fewer_samples(
+    fourbar: Case, result: Result, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    whole = write_report(result, tmp_path / "whole").with_name("fourbar.html")
+    size = len(whole.read_bytes())
+    monkeypatch.setattr(case_page, "PAGE", size - 40_000)
+    less = write_report(result, tmp_path / "less").with_name("fourbar.html").read_bytes()
+    assert size - 200_000 < len(less) <= size - 40_000
+    data = json.loads(DATA.search(less.decode())[1])  # type: ignore[index]
+    assert {run["every"] for run in data["runs"].values()} == {2}
 
 
 def test_curves_of_a_solver_that_stopped_early_end_there(fourbar: Case, result: Result) -> None:
