@@ -30,6 +30,7 @@ from proofmass.analytic.linkages import (
 from proofmass.analytic.planar.branch import Branch
 from proofmass.analytic.planar.kinematics import rates
 from proofmass.analytic.planar.mechanism import read
+from proofmass.analytic.remember import memory_in_use
 from proofmass.case import Case
 from proofmass.reference import call, compiled, module_of
 from proofmass.sidecar import load_case
@@ -89,10 +90,15 @@ def sized(name: str, n: int) -> tuple[Case, Run]:
 
 
 def closed_form(name: str, n: int) -> Callable[[], dict[str, Array]]:
-    """The closed form of a sidecar at all its poses, every curve that it has."""
+    """The closed form of a sidecar at all its poses, every curve that it has; each time anew."""
     case, run = sized(name, n)
-    module = cast(ModuleType, module_of(case))
-    return partial(call, case, "sweep", module, run.x, run.motion(run.x), case.parameters)
+    module, state = cast(ModuleType, module_of(case)), run.motion(run.x)
+
+    def work() -> dict[str, Array]:
+        with memory_in_use({}, more=False):  # or the answer of the last time would be there again
+            return call(case, "sweep", module, run.x, state, case.parameters)
+
+    return work
 
 
 def general(name: str, n: int) -> Callable[[], object]:
@@ -119,6 +125,16 @@ def lengths(name: str) -> dict[str, Any]:
         for k, v in load_case(MODELS / f"{name}.toml").parameters.items()
         if k not in other and not k.endswith("_mass")
     }
+
+
+def positions(count: int) -> Iterator[Row]:
+    """What pylinkage's compiled loop gives as well: the place of a pin and of a slider, alone."""
+    turn = np.linspace(0.0, 2.0 * np.pi, count)
+    for name, work in (
+        ("four-bar", partial(fourbar.solve, turn, **BARS, only={"pin_x", "pin_y"})),
+        ("slider-crank", partial(slider_crank.solve, turn, **SLIDER, only={"slider_x"})),
+    ):
+        yield Row(name, "closed form, positions alone", "p", count, work)
 
 
 def inverses(count: int) -> Iterator[Row]:
@@ -250,6 +266,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         if n <= MOST.get(name, n)
     ]
     rows += [
+        *positions(last),
         *inverses(last),
         *document(sizes.python),
         *pylinkage(sizes.few, sizes.many),

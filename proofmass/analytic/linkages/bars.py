@@ -13,12 +13,14 @@ equation, I dw + I' w^2 / 2.  The others are the force that the pins of the bar 
 its moment about P.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, cross, dot
 
+Curves = dict[str, Array]
+"""Quantities by their names."""
 Ends = tuple[Complex | complex, Complex | complex]
 """A vector at each end of a bar, as complex numbers."""
 
@@ -35,6 +37,20 @@ def asks(only: Collection[str] | None, *endings: str) -> bool:
     (True, False, True)
     """
     return only is None or any(name.endswith(endings) for name in only)
+
+
+def picked(
+    only: Collection[str] | None, places: Mapping[str, Callable[[], Array]]
+) -> Curves | None:
+    """The curves of places and angles that are asked for; None if anything else is asked for.
+
+    >>> list(picked({"y"}, {"x": lambda: np.zeros(1), "y": lambda: np.ones(1)}))
+    ['y']
+    >>> picked({"y", "y_rate"}, {"y": lambda: np.ones(1)})
+    """
+    if only is None or not places.keys() >= set(only):
+        return None
+    return {name: curve() for name, curve in places.items() if name in only}
 
 
 def asked_of_drive(mass: float, acceleration: Ends, moved: Ends) -> Array:

@@ -5,6 +5,7 @@ transmission angles.
 """
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from proofmass.analytic.linkages.bars import (
     asked_of_drive,
     asked_of_pins,
     asks,
+    picked,
 )
 from proofmass.analytic.numerics import (
     TURN,
@@ -106,7 +108,8 @@ def solve(
     gravity : [m/s^2]
     inertia : whether moment and forces are those of the motion, and not those at rest
     only : names of all quantities that are asked for: moment and forces, which take longer than the
-        motion, are left out if they are not among them; None asks for all
+        motion, are left out if they are not among them; of places and angles alone nothing else is
+        computed; None asks for all
 
     Returns
     -------
@@ -153,12 +156,26 @@ def solve(
     inputs = np.broadcast_arrays(*(np.asarray(x, float) for x in (angle, rate, acceleration)))
     theta, w, dw = (np.atleast_1d(x) for x in inputs)
     px, py = crank * np.cos(theta), crank * np.sin(theta)
+    along, across = point_along / coupler, point_across / coupler
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # in line: as documented
-        (ax, ay, a1, a2), (bx, by, b1, b2), cross, dot = _close(
-            theta, ground - px, -py, **lengths, mode=mode
+        closed = _close(theta, ground - px, -py, **lengths, mode=mode)
+        (ax, ay), (bx, by), cross = closed.coupler, closed.rocker, closed.cross
+        places = picked(
+            only,
+            {
+                "coupler_angle": lambda: unwrapped(np.arctan2(ay, ax)),
+                "rocker_angle": lambda: unwrapped(np.arctan2(by, bx)),
+                "pin_x": lambda: ground + bx,
+                "pin_y": lambda: by,
+                "point_x": lambda: px + (along * ax - across * ay),
+                "point_y": lambda: py + (along * ay + across * ax),
+                "transmission_angle": lambda: np.arctan2(np.abs(cross), closed.dot),
+            },
         )
+        if places is not None:
+            return {name: curve.reshape(inputs[0].shape) for name, curve in places.items()}
+        (a1, a2), (b1, b2) = closed.turns()
         a_motion, b_motion = (a1 * w, a1 * dw + a2 * w**2), (b1 * w, b1 * dw + b2 * w**2)
-        along, across = point_along / coupler, point_across / coupler
         loads: dict[str, Array] = {}
         if asks(only, *LOADS):
             moment = (
@@ -194,7 +211,7 @@ def solve(
                 (px, py, w, dw),
                 (along * ax - across * ay, along * ay + across * ax, *a_motion),
             ),
-            "transmission_angle": np.arctan2(np.abs(cross), dot),
+            "transmission_angle": np.arctan2(np.abs(cross), closed.dot),
             **loads,
             "mechanical_advantage": 1.0 / b1,
         }
@@ -242,6 +259,51 @@ def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple
     )
 
 
+@dataclass(frozen=True)
+class _Closed:
+    """A closed loop: coupler and rocker as vectors, their cross and dot product.
+
+    Also what their turns by the crank angle follow from: lengths and mode, the waves u and v of
+    half the crank angle, the roots p and q with their margins, D, and x and y.
+    """
+
+    lengths: tuple[float, float, float, float]
+    half: float
+    waves: tuple[Array, Array]
+    roots: tuple[Array, Array]
+    margins: tuple[float, float]
+    square: Array
+    along: tuple[Array, Array]
+    cross: Array
+    coupler: tuple[Array, Array]
+    rocker: tuple[Array, Array]
+
+    @property
+    def dot(self) -> Array:
+        """The product a . b."""
+        _, coupler, rocker, _ = self.lengths
+        return 0.5 * (coupler**2 + rocker**2 - self.square)
+
+    def turns(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """First and second turn of the coupler and of the rocker by the crank angle."""
+        crank, coupler, rocker, ground = self.lengths
+        (u, v), (p, q), half = self.waves, self.roots, self.half
+        p1, p2 = _slopes(self.margins[0], u, -0.5 * v, p)
+        q1, q2 = _slopes(self.margins[1], v, 0.5 * u, q)
+        crosses = (
+            self.cross,
+            half * (p1 * q + p * q1),
+            half * (p2 * q + 2.0 * p1 * q1 + p * q2),
+        )
+        square = self.square, u * v, 0.5 * (u * u - v * v)
+        turn = 0.5 * (self.square + (crank - ground) * (crank + ground))
+        (x, y), s1, s2 = self.along, 0.5 * square[1], 0.5 * square[2]
+        return (
+            _turn(coupler, (x, s1, s2), crosses, square, turn),
+            _turn(rocker, (y, -s1, -s2), crosses, square, turn),
+        )
+
+
 def _close(
     theta: Array,
     dx: Array,
@@ -252,56 +314,70 @@ def _close(
     rocker: float,
     ground: float,
     mode: int,
-) -> tuple[tuple[Array, ...], tuple[Array, ...], Array, Array]:
-    """Coupler and rocker as vectors with first and second turn, their cross and dot product."""
+) -> _Closed:
+    """The loop whose crank pin is (-dx, -dy) from the rocker's fixed pin."""
     k = 2.0 * np.sqrt(crank * ground)
     u, v = k * np.cos(0.5 * theta), k * np.sin(0.5 * theta)
-    square = (crank - ground) ** 2 + v * v, u * v, 0.5 * (u * u - v * v)
-    _reach(
-        theta, np.sqrt(square[0]), coupler, rocker, rounding_of_sum(crank, coupler, rocker, ground)
-    )
+    square = (crank - ground) ** 2 + v * v
+    slack = rounding_of_sum(crank, coupler, rocker, ground)
+    _reach(theta, square, coupler, rocker, slack)
     outer, inner = margins(crank, coupler, rocker, ground)
-    p, p1, p2 = _root(outer, u, -0.5 * v)
-    q, q1, q2 = _root(inner, v, 0.5 * u)
+    p, q = _root(outer, u), _root(inner, v)
     half = 0.5 * mode
-    cross = half * p * q, half * (p1 * q + p * q1), half * (p2 * q + 2.0 * p1 * q1 + p * q2)
-    turn = 0.5 * (square[0] + (crank - ground) * (crank + ground))
-    along, down = (tuple(0.5 * sign * x for x in square) for sign in (1.0, -1.0))
+    cross = half * p * q
     shift = 0.5 * (coupler - rocker) * (coupler + rocker)
-    a = _bar(coupler, (shift + along[0], *along[1:]), cross, square, turn, dx, dy)
-    b = _bar(rocker, (shift + down[0], *down[1:]), cross, square, turn, dx, dy)
-    return a, b, cross[0], 0.5 * (coupler**2 + rocker**2 - square[0])
+    x, y = shift + 0.5 * square, shift - 0.5 * square
+    return _Closed(
+        (crank, coupler, rocker, ground),
+        half,
+        (u, v),
+        (p, q),
+        (outer, inner),
+        square,
+        (x, y),
+        cross,
+        ((x * dx - cross * dy) / square, (x * dy + cross * dx) / square),
+        ((y * dx - cross * dy) / square, (y * dy + cross * dx) / square),
+    )
 
 
-def _root(margin: float, wave: Array, slope: Array) -> Triple:
-    """sqrt(margin + wave^2), wave'' = -wave/4; without a margin the wave itself, of either sign."""
+def _root(margin: float, wave: Array) -> Array:
+    """sqrt(margin + wave^2); without a margin the wave itself, of either sign."""
+    return wave if margin == 0.0 else np.sqrt(np.maximum(margin + wave * wave, 0.0))
+
+
+def _slopes(margin: float, wave: Array, slope: Array, root: Array) -> tuple[Array, Array]:
+    """First and second derivative of a root whose wave has wave'' = -wave/4."""
     if margin == 0.0:
-        return wave, slope, -0.25 * wave
-    root = np.sqrt(np.maximum(margin + wave * wave, 0.0))
+        return slope, -0.25 * wave
     first = wave * slope / root
-    return root, first, (slope * slope - 0.25 * wave * wave - first * first) / root
+    return first, (slope * slope - 0.25 * wave * wave - first * first) / root
 
 
-def _bar(
-    length: float, along: Triple, cross: Triple, square: Triple, turn: Array, dx: Array, dy: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Vector (along d + cross J d)/square of a bar, its first and second turn by the angle."""
+def _turn(
+    length: float, along: Triple, cross: Triple, square: Triple, turn: Array
+) -> tuple[Array, Array]:
+    """First and second turn by the angle of the bar (along d + cross J d)/square."""
     (x, x1, x2), (y, y1, y2), (s, s1, _) = along, cross, square
     first = ((x * y1 - y * x1) / length**2 + turn) / s
     second = ((x * y2 - y * x2) / length**2 + (0.5 - first) * s1) / s
-    return (x * dx - y * dy) / s, (x * dy + y * dx) / s, first, second
+    return first, second
 
 
-def _reach(theta: Array, distance: Array, coupler: float, rocker: float, slack: float) -> None:
-    """ValueError where the circles of coupler and rocker, `distance` apart, do not meet."""
-    gap = np.maximum(distance - (coupler + rocker), abs(coupler - rocker) - distance)
-    if not gap.max(initial=0.0) <= slack:
+def _reach(theta: Array, square: Array, coupler: float, rocker: float, slack: float) -> None:
+    """ValueError where the circles of coupler and rocker do not meet, whose centres are sqrt(D)
+    apart; `square` is D."""
+    least, most = abs(coupler - rocker), coupler + rocker
+    near, far = np.sqrt(square.min(initial=np.inf)), np.sqrt(square.max(initial=0.0))
+    if not (far - most <= slack and least - near <= slack):
+        distance = np.sqrt(square)
+        gap = np.maximum(distance - most, least - distance)
         bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
         raise ValueError(
             f"loop cannot close at angle {theta[bad]:.9g} rad: the circles of coupler and rocker "
             f"miss by {gap[bad]:.6g} m"
         )
-    if not distance.min(initial=np.inf) > slack:
+    if not near > slack:
         raise ValueError("the crank pin meets the fixed pin of the rocker: rocker angle undefined")
 
 

@@ -1,6 +1,7 @@
 """Slider-crank on a straight guide of any inclination: motion, statics and dead points."""
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,7 @@ from proofmass.analytic.linkages.bars import (
     asked_of_drive,
     asked_of_pins,
     asks,
+    picked,
 )
 from proofmass.analytic.numerics import (
     Array,
@@ -105,7 +107,8 @@ def solve(
     slider_friction : dry friction of the guide [N]
     inertia : whether moment and forces are those of the motion, and not those at rest
     only : names of all quantities that are asked for: moment and forces, which take longer than the
-        motion, are left out if they are not among them; None asks for all
+        motion, are left out if they are not among them; of places and angles alone nothing else is
+        computed; None asks for all
 
     Returns
     -------
@@ -158,11 +161,24 @@ def solve(
     cos, sin = np.cos(guide_angle), np.sin(guide_angle)
     along, across = crank * np.cos(theta - guide_angle), crank * np.sin(theta - guide_angle)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # across: as documented
-        q, k1, k2 = _couple(theta, guide_angle, crank, coupler, offset, mode, slack)
+        q, roots = _couple(theta, guide_angle, crank, coupler, offset, mode, slack)
         h = across - offset
-        s, s1, s2 = along + q - start, h * k1 - across, h * k2 - q * k1**2 - along
+        s, ax, ay = along + q - start, q * cos + h * sin, q * sin - h * cos
+        places = picked(
+            only,
+            {
+                "slide": lambda: s,
+                "slider_x": lambda: guide_x + s * cos,
+                "slider_y": lambda: guide_y + s * sin,
+                "coupler_angle": lambda: unwrapped(np.arctan2(ay, ax)),
+                "transmission_angle": lambda: np.arctan2(np.abs(q), -h),
+            },
+        )
+        if places is not None:
+            return {name: curve.reshape(inputs[0].shape) for name, curve in places.items()}
+        k1, k2 = _turns(*roots, mode)
+        s1, s2 = h * k1 - across, h * k2 - q * k1**2 - along
         v, a = s1 * w, s1 * dw + s2 * w**2
-        ax, ay = q * cos + h * sin, q * sin - h * cos
         loads: dict[str, Array] = {}
         if asks(only, *LOADS):
             of_crank, of_pin, of_slider = (
@@ -331,29 +347,54 @@ def _couple(
     offset: float,
     mode: int,
     slack: float,
-) -> tuple[Array, Array, Array]:
-    """Run q of the coupler along the guide, and slopes k1, k2 of its angle; or ValueError."""
+) -> tuple[Array, "tuple[_Root, _Root]"]:
+    """Run q of the coupler along the guide, mode times the product of two roots; or ValueError."""
     half = np.pi / 4.0 - (theta - guide_angle) / 2.0
     swings = np.sqrt(2.0 * crank) * np.sin(half), np.sqrt(2.0 * crank) * np.cos(half)
     margins = coupler + offset - crank, coupler - offset - crank
-    gap = -np.minimum(*(m + x * x for m, x in zip(margins, swings, strict=True)))
-    if not gap.max(initial=0.0) <= slack:
+    squares = [m + x * x for m, x in zip(margins, swings, strict=True)]
+    if not all(-square.min(initial=0.0) <= slack for square in squares):
+        gap = -np.minimum(*squares)
         bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
         raise ValueError(
             f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
             f"the guide by {gap[bad]:.6g} m"
         )
-    (one, k_one, b_one), (two, k_two, b_two) = (
-        _root(margin if abs(margin) > slack else 0.0, swing)
-        for margin, swing in zip(margins, swings, strict=True)
+    one, two = (
+        _Root.of(margin if abs(margin) > slack else 0.0, swing, square)
+        for margin, swing, square in zip(margins, swings, squares, strict=True)
     )
-    bend = 0.5 * (swings[1] * k_two * b_one - swings[0] * k_one * b_two)
-    return mode * one * two, -mode * k_one * k_two, mode * bend
+    return mode * one.root * two.root, (one, two)
 
 
-def _root(margin: float, swing: Array) -> tuple[Array, Array, Array]:
-    """Root R of margin + swing^2, swing/R and margin/R^3; at a change point R is the swing."""
-    if margin == 0.0:
-        return swing, np.ones_like(swing), np.zeros_like(swing)
-    root = np.sqrt(np.maximum(margin + swing * swing, 0.0))
-    return root, swing / root, margin / root**3
+def _turns(one: "_Root", two: "_Root", mode: int) -> tuple[Array, Array]:
+    """First and second slope k1, k2 of the coupler's angle by the crank's."""
+    bend = 0.5 * (two.swing * two.slope * one.bend - one.swing * one.slope * two.bend)
+    return -mode * one.slope * two.slope, mode * bend
+
+
+@dataclass(frozen=True)
+class _Root:
+    """Root R of margin + swing^2; at a change point, which has no margin, R is the swing."""
+
+    margin: float
+    swing: Array
+    root: Array
+
+    @classmethod
+    def of(cls, margin: float, swing: Array, square: Array) -> "_Root":
+        """That of a square which is not negative but for rounding."""
+        root = swing if margin == 0.0 else np.sqrt(np.maximum(square, 0.0))
+        return cls(margin, swing, root)
+
+    @property
+    def slope(self) -> Array:
+        """swing/R."""
+        return np.ones_like(self.swing) if self.margin == 0.0 else self.swing / self.root
+
+    @property
+    def bend(self) -> Array:
+        """margin/R^3."""
+        if self.margin == 0.0:
+            return np.zeros_like(self.swing)
+        return self.margin / self.root**3
