@@ -280,6 +280,31 @@ def test_the_scrub_bar_moves_plots_and_mechanism(folder: Path, browser: Any) -> 
         assert visit.run("state.sample") == 91
 
 
+def test_no_name_covers_another(folder: Path, browser: Any) -> None:
+    with CaseVisit(browser, folder / "hacksaw_recorded.html") as visit:
+        covered, hidden = visit.run(COVERED)
+        assert covered == 0
+        assert hidden > 0  # or there was nothing to leave out
+
+
+COVERED = """() => {
+  let [covered, hidden] = [0, 0];
+  for (let sample = 0; sample < current().x.length; sample += 10) {
+    goTo(sample);
+    const texts = [...document.querySelectorAll(".m-names text")];
+    const seen = texts.filter((one) => one.style.visibility !== "hidden");
+    const boxes = seen.map((one) => one.getBBox());
+    hidden += texts.length - boxes.length;
+    boxes.forEach((one, k) => boxes.slice(0, k).forEach((other) => {
+      const across = Math.min(one.x + one.width, other.x + other.width) - Math.max(one.x, other.x);
+      const down = Math.min(one.y + one.height, other.y + other.height) - Math.max(one.y, other.y);
+      covered += across > 0 && down > 3;  // lines of text leave as much above and below
+    }));
+  }
+  return [covered, hidden];
+}"""
+
+
 def test_a_plot_that_is_pointed_at_moves_the_mechanism(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@0") as visit:
         box = visit.plot("#above")

@@ -365,17 +365,36 @@ class Mechanism {
       });
       element.setAttribute("d", this.zigzag(...ends));
     }
+    this.drawNames(pose, solver, factor);
+    return there;
+  }
+
+  // The names beside bodies and loops; one that would cover another is left out.
+  drawNames(pose, solver, factor) {
+    const shown = [];
     for (const { text, body, middle, spot } of this.names) {
+      const letters = text.textContent.length;
+      const wide = Math.max(text.getComputedTextLength(), 8 * letters); // on a phone they are large
       const place = this.placeOf(body, pose, solver, factor) ?? [NaN, NaN, NaN];
       const [[across, up]] = [...this.moved(middle, place)];
-      if (Number.isFinite(across + up)) {
-        const left = this.across(across) > WIDTH - 9 * text.textContent.length - 20;
-        text.setAttribute("text-anchor", left ? "end" : "start");
-        text.setAttribute("x", (this.across(across) + (left ? -10 : 10)).toFixed(1));
-        text.setAttribute("y", (this.down(up) + (spot ? -8 : 18)).toFixed(1));
+      if (!Number.isFinite(across + up)) {
+        continue;
+      }
+      const left = this.across(across) > WIDTH - wide - 20;
+      const x = this.across(across) + (left ? -10 : 10);
+      const y = this.down(up) + (spot ? -8 : 18);
+      const [first, last] = left ? [x - wide, x] : [x, x + wide];
+      const covered = shown.some(
+        (one) => first < one.last && one.first < last && Math.abs(y - one.y) < (2 * wide) / letters,
+      );
+      text.style.visibility = covered ? "hidden" : "";
+      text.setAttribute("text-anchor", left ? "end" : "start");
+      text.setAttribute("x", x.toFixed(1));
+      text.setAttribute("y", y.toFixed(1));
+      if (!covered) {
+        shown.push({ first, last, y });
       }
     }
-    return there;
   }
 
   // The drawing of a spring from one point to another.
