@@ -191,7 +191,7 @@ def stages(links: Links, now: Array, then: Array) -> Array:
     """Values of the drives (stages, drives) on the way to new ones, in moves of at most MOVE."""
     scale = [1.0 if joint.hold.axis is None else links.extent for joint in links.drives]
     count = int(np.max(abs(then - now) / scale, initial=0.0) / MOVE) + 1
-    return np.linspace(now, then, count + 1)[1:]
+    return np.linspace(now, then, count + 1)[1:] if count > 1 else then[None]
 
 
 def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -> Array:

@@ -435,9 +435,9 @@ class Held:
         smooth = sizes(self.links, curved - there) < BENDS * sizes(self.links, move)
         if smooth and not beyond(self.stops, self.pose):
             there = curved
-        both = np.stack([there, self.pose])
-        amiss = np.abs(missing(self.links, both, target) / self.links.bounds).max(axis=-1)
-        if amiss[0] < amiss[1]:
+        bounds = self.links.bounds
+        off = np.abs(missing(self.links, there, target) / bounds).max()
+        if off < np.abs((target - here) / bounds[len(bounds) - len(here) :]).max():
             self.pose = there
 
     def _doubt(self, began: Array, target: Array) -> None:
@@ -491,17 +491,19 @@ class Held:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
 
         Chipmunk tells only the size of an impulse.  Its sign is found by letting one drive go for
-        a step: the joint falls the way that the drive held it back from.
+        a step: the joint falls the way that the drive held it back from.  It does so in the first
+        iteration already, which takes out the drive's impulse of the last step and leaves others.
         """
         here = values(self.links.drives, self.pose)
         self.step(here)
         size, fall = self.impulses() / self.dt, np.empty(self.driving)
+        usual, first = self.space.iterations, 1 if not self.free else self.space.iterations
         for k, drive in enumerate(self.drives[: self.driving]):
             if k:
                 self.step(here)
-            drive.max_force = 0.0
+            drive.max_force, self.space.iterations = 0.0, first
             self.step(here)
-            drive.max_force = float("inf")
+            drive.max_force, self.space.iterations = float("inf"), usual
             fall[k] = along(lambda p: values(self.links.drives, p), self.pose, self.velocity)[k]
         return -size * np.sign(fall)
 
@@ -522,7 +524,8 @@ class Held:
         if size == 0:
             return np.zeros_like(self.pose)
         ahead = values(self.links.drives, self.pose) + self.dt * rate / size
-        for _ in range(MOST[False]):
+        self.step(ahead)
+        for _ in range(1, MOST[False]):
             last = self.velocity
             self.step(ahead)
             if sizes(self.links, self.velocity - last) < STILL * sizes(self.links, self.velocity):
