@@ -416,20 +416,25 @@ class Search:
         return found
 
     def measured(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
-        """The findings after it was asked how far what nothing notices moves any channel."""
+        """The findings after it was asked how far what nothing notices moves any channel.
+
+        Alone, a number may be noticed that was not in a group, where others move the same errors.
+        """
         runs = self.runs()
         silent = [
             number for number, one in known.items() if not one.noticed and one.kind in MATERIAL
         ]
 
         def farthest(number: Number) -> Finding:
-            trials = [self.trial(run, [(number, number.step)], whole=True) for run in runs]
-            at = [k for k, trial in enumerate(trials) if not math.isnan(trial.moved)]
-            if not at:
-                return known[number]
-            k = max(at, key=lambda k: trials[k].moved)
-            moved = replace(known[number], run=runs[k].kind, solver=runs[k].solver)
-            return replace(moved, channel=trials[k].moves, moved=trials[k].moved)
+            found = known[number]
+            for run in runs:
+                trial = self.trial(run, [(number, number.step)], whole=True)
+                if trial.ratio > 1 and (one := self.single(run, number, whole=True)):
+                    return one
+                if not trial.moved <= found.moved and not math.isnan(trial.moved):
+                    found = replace(found, run=run.kind, solver=run.solver)
+                    found = replace(found, channel=trial.moves, moved=trial.moved)
+            return found
 
         asked = self.pool.map(farthest, silent)
         return {**known, **dict(zip(silent, asked, strict=True))}

@@ -7,10 +7,11 @@ judged as `proofmass check` does it.
 import json
 import math
 import random
+import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from shutil import copytree
+from shutil import copyfile, copytree
 from typing import ClassVar
 from xml.etree import ElementTree
 
@@ -21,7 +22,7 @@ from typer.testing import CliRunner
 from benchmarks.coverage import page, row, rows_of
 from proofmass import coverage as coverage_module
 from proofmass.case import Case
-from proofmass.changed import Baseline, baseline, limit, numbers, stride_of, thinned
+from proofmass.changed import Baseline, Trial, baseline, limit, numbers, stride_of, thinned
 from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.compare import compare
@@ -134,6 +135,8 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
         case kind:
             put(element("joint"), ATTRIBUTE[kind], [0.0], 0, change)
     tree.write(folder / case.model)
+    for file in case.model_path.parent.glob("*.csv"):  # recorded curves, profiles
+        copyfile(file, folder / file.name)
     runs = dict(case.run)
     if "equilibrium" in runs:  # places along the rod stay where they are
         length = min(rod.length for rod in case.rod.values())
@@ -242,7 +245,11 @@ def writable(case: Case, one: Finding) -> bool:
     """Whether `by_hand` knows how the file states a number."""
     text = case.model_path.read_text()
     if one.kind == "direction":
-        return "xyaxes" not in text and "euler" not in text
+        return not re.search("xyaxes|euler|freejoint|quat", text)
+    if one.kind in ("mass", "inertia", "centre of mass"):  # those of a body with geoms are theirs
+        name = one.of.split(" ")[0]
+        body = ElementTree.fromstring(text).find(f".//body[@name='{name}']")
+        return body is not None and (body.find("inertial") is not None or not body.findall("geom"))
     return one.kind not in ("range", "softness of the stop") and not one.of[-1:].isdigit()
 
 
@@ -309,6 +316,33 @@ def test_how_far_a_number_that_nothing_notices_moves_a_channel(name, covered, tm
         assert one.moved == pytest.approx(moved[most], rel=1e-3, abs=1e-9), one.name
         if one.moved > 1e-9:
             assert (one.run, one.solver, one.channel) == most
+
+
+def test_a_number_that_is_noticed_alone_is_noticed_though_not_in_its_group():
+    """A group that hides what one of its numbers does, as where others move the same error."""
+    mass, other = number("mass", "a", 1.0), number("mass", "b", 1.0)
+
+    class Asked(Search):
+        def __init__(self):
+            self.pool = ThreadPoolExecutor(1)
+
+        def runs(self):
+            return [Baseline(kind, "mujoco", {}, {}, {}, []) for kind in ("sweep", "dynamics")]
+
+        def trial(self, run, changes, whole=False):
+            ((one, change),) = changes
+            seen = run.kind == "dynamics" and one is mass
+            return Trial(3.0 if seen else 0.5, moved=2.5 if seen else 0.2 * change / one.step)
+
+        def single(self, run, one, whole):
+            assert (run.kind, one, whole) == ("dynamics", mass, True)
+            return Finding("mass", "a", "1", 1.0, 0.1, True, 0.04, "dynamics", "mujoco", "x")
+
+    known = {one: Finding("mass", one.of, "1", 1.0, 0.1, False) for one in (mass, other)}
+    found = Asked().measured(known)
+    assert found[mass].noticed
+    assert not found[other].noticed
+    assert found[other].moved == pytest.approx(0.2)
 
 
 def test_how_little_a_number_does_is_told_in_words():
