@@ -245,7 +245,7 @@ def writable(case: Case, one: Finding) -> bool:
     """Whether `by_hand` knows how the file states a number."""
     text = case.model_path.read_text()
     if one.kind == "direction":
-        return not re.search("xyaxes|euler|freejoint|quat", text)
+        return not re.search('xyaxes|euler|freejoint|quat|axis="0 -?1 0"', text)  # about z
     if one.kind in ("mass", "inertia", "centre of mass"):  # those of a body with geoms are theirs
         name = one.of.split(" ")[0]
         body = ElementTree.fromstring(text).find(f".//body[@name='{name}']")

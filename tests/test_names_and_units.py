@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from proofmass.solve import plan, solve
 from proofmass.units import powers, same_quantity, si_unit
 from proofmass.validate import validate
 from tests.report.test_report import curves_of, result_of
-from tests.shipped import MODELS, each_case, shipped
+from tests.shipped import MODELS, each_case, models_like, shipped
 
 FOURBAR = load_case(shipped("fourbar.toml"))
 MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'
@@ -292,6 +293,12 @@ def test_an_angle_is_a_quantity_of_its_own():
     assert same_quantity("rpm", "deg/s")
     assert powers("N m") == (2, 1, -2, 0)
     assert powers("deg") == (0, 0, 0, 1)
+
+
+def test_own_models_are_xml_that_other_programs_read():
+    """MuJoCo takes "--" in a comment, which XML does not have."""
+    for file in models_like("*.xml"):
+        ElementTree.parse(file)
 
 
 @pytest.mark.parametrize("file", each_case())
