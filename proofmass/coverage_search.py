@@ -11,7 +11,8 @@ change that is noticed.  This is repeated with twice the change that was told, u
 
 The quickest run is asked first, kind by kind.  What it does not notice is asked of the other runs,
 one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
-which what is noticed is noticed by the whole run as well.  At the end the whole sweeps are asked
+which what is noticed is noticed by the whole run as well, unless the model as it is cannot be swept
+there.  At the end the whole sweeps are asked
 once more for all numbers that nothing noticed, and the other runs for half of the changes that were
 told.  Masses, inertias, stiffnesses and friction that nothing noticed are then changed alone in
 each whole run, which tells how much of a tolerance they use.
@@ -193,6 +194,9 @@ class Search:
         there: list[Number] = []
         if not self.runs():
             self.left_out = "; ".join(self.lost())
+        for one in self.runs():  # where a drive turns back between the samples that are left
+            if self.strides[one.kind] > 1 and self.trial(one, []).lost:
+                self.strides[one.kind] = 1
         try:
             if self.runs():
                 there = self.call(next(iter(case.run)), numbers)
