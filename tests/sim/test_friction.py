@@ -245,6 +245,18 @@ def test_mujocos_own_friction_creeps(soft, rate):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_drive_that_rubs_leaves_the_rest_of_springs_as_it_is(engine, edit, models):
+    """It has the friction to carry beside their force, in the sense of its motion."""
+    case = load_case(models / "springs_parallel.toml")
+    smooth = run_here(case, "sweep", engine).channels
+    edit("springs_parallel.xml", '<joint name="handle"', '<joint name="handle" frictionloss="2"')
+    rough = run_here(case, "sweep", engine).channels
+    for name, curve in smooth.items():
+        added = 2.0 if name == "force" else 0.0
+        np.testing.assert_allclose(rough[name], curve + added, atol=1e-11)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_friction_that_holds_the_whole_mechanism_is_an_error(engine, edit):
     file = edit("shaft_pendulum.xml", 'frictionloss="0.3"', 'frictionloss="1.0"')
     run = replace(plan(SHAFT, "sweep", engine), x=np.array([0.0, 0.3, 0.6, 0.7]))
