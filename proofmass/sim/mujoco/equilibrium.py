@@ -205,16 +205,16 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     free = linkage.freedoms()
     if not free:
         return linkage
-    loose = model.dof_frictionloss.copy()  # of joints that the drives leave
-    loose[linkage.dofs] = 0.0
-    if not loose.any():
-        return Resting(model, data, joints, free, far, loads)
-    if loads:
-        joint = model.joint(model.dof_jntid[int(np.argmax(loose > 0))]).name
+    if loads and model.dof_frictionloss.any():
+        joint = model.joint(model.dof_jntid[int(np.argmax(model.dof_frictionloss > 0))]).name
         raise Unsupported(
             f"the load of actuator {loads[0]!r}, which changes, and frictionloss of joint "
             f"{joint!r} in one sweep with {free} degree(s) of freedom left"
         )
+    loose = model.dof_frictionloss.copy()  # of joints that the drives leave
+    loose[linkage.dofs] = 0.0
+    if not loose.any():
+        return Resting(model, data, joints, free, far, loads)
     return Rubbing(model, data, joints, free, far)
 
 
