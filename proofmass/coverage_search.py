@@ -3,7 +3,7 @@
 **What is tried.**  A number is changed by `SHARE` of its value, one that is 0 by `SHARE` of a
 natural size, to both sides.  Numbers of a kind that often nothing notices are changed together
 first, six times, by different random shares of at least that and to different sides: where none is
-noticed, none of the numbers alone is.  Where one is, the group is halved.
+noticed, none of the numbers alone is taken to be.  Where one is, the group is halved.
 
 **The smallest change.**  From the errors e0 before and e1 after a change d the rate of every
 error is (e1 - e0) / d at each sample, and the channel whose tolerance is used up first tells the
