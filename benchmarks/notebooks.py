@@ -24,7 +24,6 @@ from statistics import median
 from typing import Any
 
 from benchmarks import ROOT, command
-from benchmarks.pictures import chromium
 from proofmass import Explorer
 
 NOTEBOOKS = ROOT / "notebooks"
@@ -160,6 +159,8 @@ def waits(browser: Any, address: str, name: str) -> list[list[float]]:
 
 def in_browser() -> None:
     """Print how long sliders take in a browser."""
+    from benchmarks.pictures import chromium  # loads the report, which is slow
+
     print(f"{'notebook':24}{'sliders':>9}{'medians ms':>14}{'longest ms':>12}")
     with lab() as address, chromium() as browser:
         for name in NAMES:

@@ -12,10 +12,10 @@ change that is noticed.  This is repeated with twice the change that was told, u
 The quickest run is asked first, kind by kind.  What it does not notice is asked of the other runs,
 one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
 which what is noticed is noticed by the whole run as well, unless the model as it is cannot be swept
-there.  At the end the whole sweeps are asked
-once more for all numbers that nothing noticed, and the other runs for half of the changes that were
-told.  Masses, inertias, stiffnesses and friction that nothing noticed are then changed alone in
-each whole run, which tells how much of a tolerance they use.
+there.  At the end the whole sweeps are asked once more for all numbers that nothing noticed, and
+the other runs for half of the changes that were told.  Masses, inertias, stiffnesses and friction
+that nothing noticed are then changed alone in each whole run, which tells how much of a tolerance
+they use.
 """
 
 import math
@@ -194,9 +194,7 @@ class Search:
         there: list[Number] = []
         if not self.runs():
             self.left_out = "; ".join(self.lost())
-        for one in self.runs():  # where a drive turns back between the samples that are left
-            if self.strides[one.kind] > 1 and self.trial(one, []).lost:
-                self.strides[one.kind] = 1
+        self.keep_whole()
         try:
             if self.runs():
                 there = self.call(next(iter(case.run)), numbers)
@@ -229,6 +227,15 @@ class Search:
         found.clear()
         found[WHOLE] = [known[number] for number in there]
         yield total, total, WHOLE
+
+    def keep_whole(self) -> None:
+        """Search sweeps at all samples that at some of them are lost as they are.
+
+        So is one with dry friction whose drive turns back between the samples that are left.
+        """
+        for run in self.runs():
+            if self.strides[run.kind] > 1 and self.trial(run, []).lost:
+                self.strides[run.kind] = 1
 
     def call(self, kind: Kind, function: Callable, *args: object) -> Any:
         """Call a function of the case in a worker, within the limits of a run."""

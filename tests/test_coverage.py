@@ -494,6 +494,16 @@ def test_groups_are_of_one_kind_and_of_a_few():
     }
 
 
+@pytest.mark.parametrize(("name", "whole"), [("balancer_prototype", True), ("fourbar", False)])
+def test_a_sweep_that_needs_all_its_samples_is_searched_at_all(name, whole):
+    """Dry friction asks for a sample where the drive turns back."""
+    search = Search(load_case(shipped(f"{name}.toml")), ThreadPoolExecutor(1))
+    search.before = [baseline(search.case, "sweep", "mujoco")]
+    assert search.strides["sweep"] > 1
+    search.keep_whole()
+    assert (search.strides["sweep"] == 1) == whole
+
+
 def test_a_sweep_is_searched_at_some_of_its_own_samples():
     case = load_case(shipped("fourbar.toml"))
     assert stride_of(case, "sweep") == 15  # of 360 intervals
