@@ -32,7 +32,7 @@ from proofmass.outcome import FAILURES, LOST, Outcome
 from proofmass.sim.elements import NotWritten, Number
 from proofmass.sim.numbers import SHARE
 from proofmass.strict import Kind
-from proofmass.worker import isolated
+from proofmass.worker import TimedOut, isolated
 
 CHUNK = 6
 """Numbers of a kind that are tried together."""
@@ -48,6 +48,8 @@ IN_TURN = 3
 """Changes with which a run is lost, one after the other, until it is given up."""
 MOST = 2.0
 """Of the change that is tried alone: the largest in a group."""
+PATIENCE = 4.0
+"""Of the limit of time of a run: that of a trial that reached it, when it is asked once more."""
 SOONER = 0.8
 """Of the change that is told: what another solver has to promise to be asked."""
 QUIET = {
@@ -237,10 +239,11 @@ class Search:
             if self.strides[run.kind] > 1 and self.trial(run, []).lost:
                 self.strides[run.kind] = 1
 
-    def call(self, kind: Kind, function: Callable, *args: object) -> Any:
+    def call(self, kind: Kind, function: Callable, *args: object, patience: float = 1.0) -> Any:
         """Call a function of the case in a worker, within the limits of a run."""
         limits = self.case.run[kind]
-        return isolated(function, self.case, *args, timeout=limits.timeout, memory=limits.memory)
+        timeout = patience * limits.timeout
+        return isolated(function, self.case, *args, timeout=timeout, memory=limits.memory)
 
     def base(self, kind: Kind, solver: str) -> Baseline | None:
         """A run as it is; None of a solver of which no channel has a tolerance."""
@@ -287,10 +290,22 @@ class Search:
         """A run with changed numbers; one that is lost with its worker is a trial as well."""
         alike = [one for one in self.before if one.kind == run.kind and one.errors]
         stride = 1 if whole else self.strides[run.kind]
+        asked = run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
         try:
-            found: Trial = self.call(
-                run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
-            )
+            found: Trial = self.call(*asked)
+        except TimedOut:
+            return self.once_more(asked)
+        except tuple(FAILURES) as error:
+            return Trial(math.inf, lost=str(error))
+        return found
+
+    def once_more(self, asked: tuple[Any, ...]) -> Trial:
+        """A trial that reached its limit of time, with `PATIENCE` times that.
+
+        The run as it is keeps within it: a slow machine is more likely than a slower run.
+        """
+        try:
+            found: Trial = self.call(*asked, patience=PATIENCE)
         except tuple(FAILURES) as error:
             return Trial(math.inf, lost=str(error))
         return found

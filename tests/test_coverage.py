@@ -45,7 +45,7 @@ from proofmass.sim.elements import Number, Place
 from proofmass.sim.protocol import BadModel
 from proofmass.solve import solve
 from proofmass.terminal import failures
-from proofmass.worker import OutOfMemory
+from proofmass.worker import OutOfMemory, TimedOut, isolated
 from tests.shipped import models_like, shipped
 
 QUICK = ("fourbar", "pendulum", "rod_cantilever")
@@ -392,6 +392,26 @@ def test_a_run_that_reaches_a_limit_as_it_is_tells_nothing_and_is_asked_again(
     assert found.left_out.startswith(words)
     assert not found.numbers
     assert not list(tmp_path.rglob("*.json"))
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer_one(
+    again, monkeypatch
+):
+    asked = []
+
+    def slow(function, *args, timeout, memory):
+        asked.append(timeout)
+        if len(asked) == 1 or not again:
+            raise TimedOut(f"no answer in {timeout:g} s")
+        return isolated(function, *args, timeout=timeout, memory=memory)
+
+    search = searching("pendulum", "dynamics", "mujoco")
+    monkeypatch.setattr("proofmass.coverage_search.isolated", slow)
+    trial = search.trial(search.runs()[0], [])
+    limit = search.case.run["dynamics"].timeout
+    assert asked == [limit, 4 * limit]
+    assert trial.lost == ("" if again else f"no answer in {4 * limit:g} s")
 
 
 def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():
