@@ -423,6 +423,10 @@ class RodTable(Strict):
     ``NAME.tip`` stay in place whatever the number of `segments`.  `mass` is needed where gravity
     acts.  Without `axial`, EA [N], it does not stretch; without `shear`, GA [N], its sections stay
     normal to it.  `load` is a dead load per length in the axes of the world [N/m].
+
+    With `torsion`, GJ [N m2], it leaves the plane: its free end bends about the y axes of its
+    sections as well, against `stiffness_y`, and twists.  `curvature` is then its twist and its
+    curvatures about y and z without loads [1/m].
     """
 
     start: str = Field(alias="from")
@@ -440,6 +444,9 @@ class RodTable(Strict):
     axial: float | None = Field(None, gt=0)
     shear: float | None = Field(None, gt=0)
     load: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    torsion: float | None = Field(None, gt=0)
+    stiffness_y: float | None = Field(None, gt=0)
+    curvature: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @model_validator(mode="before")
     @classmethod
@@ -461,6 +468,19 @@ class RodTable(Strict):
             raise ValueError("a rod that is pinned here and free there swings; clamp it")
         return self
 
+    @model_validator(mode="after")
+    def _spatial(self) -> "RodTable":
+        if self.torsion is None:
+            said = {"stiffness_y": self.stiffness_y, "curvature": any(self.curvature)}
+            for key in (key for key, there in said.items() if there):
+                raise ValueError(f"{key} is of a rod in space: give torsion = GJ [N m2] too")
+        elif self.ends != ("clamped", "free") or self.scheme != "half":
+            raise ValueError(
+                "torsion is of a rod in space, which is clamped here and free there, with the "
+                "scheme half"
+            )
+        return self
+
     def built(self, name: str) -> Rod:
         """What a simulator is asked to build."""
         return Rod(
@@ -477,6 +497,9 @@ class RodTable(Strict):
             self.axial,
             self.shear,
             self.load,
+            self.torsion,
+            self.stiffness_y,
+            self.curvature,
         )
 
 
@@ -697,6 +720,12 @@ class Case(Strict):
                     f"run.{kind}.inertia: leave it out; inertia acts in dynamics always, and in "
                     f"equilibrium never"
                 )
+            for name, rod in self.rod.items():
+                if kind == "dynamics" and rod.torsion is not None:
+                    raise ValueError(
+                        f"run.dynamics: rod {name!r} twists, but nothing says what its inertia "
+                        "about its own axis is; a rod in space is for run.equilibrium and run.sweep"
+                    )
             if kind == "dynamics" and not (self.drive or run.until or self.recorded):
                 raise ValueError(f"run.{kind}.until is missing: the last time [s]")
             for solver in run.solvers:

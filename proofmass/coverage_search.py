@@ -73,6 +73,8 @@ MATERIAL = (
     "stiffness of a rod",
     "axial stiffness of a rod",
     "shear stiffness of a rod",
+    "torsion stiffness of a rod",
+    "stiffness of a rod about y",
     "friction",
 )
 """Kinds of which it is measured, where nothing notices them, how little they do."""

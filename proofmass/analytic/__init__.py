@@ -52,10 +52,11 @@ REFERENCES = {
             "rod_platform_driven",
             "rod_released",
             "rod_snap",
+            "spatial_rod",
             "slider_crank_elastic",
         )
     },
 }
 """Modules by the name that a sidecar gives as its ``reference``."""
-IN_SPACE = ("spatial", "refined")
-"""References of motions in space, which engines of the plane cannot run."""
+IN_SPACE = ("spatial", "refined", "spatial_rod")
+"""References of what moves or bends in space, which engines of the plane cannot run."""

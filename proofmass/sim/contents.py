@@ -9,11 +9,10 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import PARALLEL, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
+from proofmass.sim.rods import rod_parts, spoken_rod_parts
 
 KEPT = 64  # models whose sizes are remembered
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
-PARTS = {"x": "m", "y": "m", "z": "m", "angle": "rad", "moment": "N m"}
-"""Channels along a rod at rest, and their units."""
 UNITS = {
     S.mjSENS_FRAMEPOS: "m",
     S.mjSENS_FRAMELINVEL: "m/s",
@@ -159,10 +158,11 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
         There is no such sensor and no such rod.
     """
     name, _, part = channel.partition(".")
-    if name in [rod.name for rod in rods]:
-        if part not in PARTS:
-            raise BadModel(f"a rod has {name}.x, .y, .z, .angle and .moment, along its length")
-        return PARTS[part]
+    for rod in rods:
+        if rod.name == name:
+            if part not in rod_parts(rod):
+                raise BadModel(f"a rod has {spoken_rod_parts(rod)}, along its length")
+            return rod_parts(rod)[part]
     s = sensors(model).index(name) if name in sensors(model) else -1
     if s < 0:
         raise KeyError(name)

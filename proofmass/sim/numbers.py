@@ -86,6 +86,9 @@ KINDS = {
     "stiffness of a rod": "N m^2",
     "axial stiffness of a rod": "N",
     "shear stiffness of a rod": "N",
+    "torsion stiffness of a rod": "N m^2",
+    "stiffness of a rod about y": "N m^2",
+    "natural curvature of a rod": "1/m",
     "mass of a rod": "kg",
     "load of a rod": "N/m",
     "place": "m",
@@ -415,11 +418,17 @@ def of_rods(source: Source) -> Iterator[Number]:
             ("stiffness of a rod", "stiffness"),
             ("axial stiffness of a rod", "axial"),
             ("shear stiffness of a rod", "shear"),
+            ("torsion stiffness of a rod", "torsion"),
+            ("stiffness of a rod about y", "stiffness_y"),
             ("mass of a rod", "mass"),
         ):
             if (value := getattr(rod, attribute)) is not None:
                 place = Place("rod", k, attribute, rod=rod.name)
                 yield measured(kind, rod.name, float(value), place, 1.0)
+        for part, value in enumerate(rod.curvature if rod.spatial else ()):
+            place = Place("rod", k, "curvature", part, rod.name)
+            what = f"{rod.name} about {'xyz'[part]}"
+            yield measured("natural curvature of a rod", what, value, place, 1.0 / rod.length)
         for part, value in enumerate(rod.load):
             if value:
                 place = Place("rod", k, "load", part, rod.name)

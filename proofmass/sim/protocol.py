@@ -197,7 +197,7 @@ class Imposed:
 
 @dataclass(frozen=True)
 class Rod:
-    """An elastic rod between two sites of the MJCF, bending in the model's plane.
+    """An elastic rod on a site of the MJCF, bending in the model's plane, or in space.
 
     Attributes
     ----------
@@ -225,6 +225,12 @@ class Rod:
         EA and GA [N]; None: it does not stretch, and its sections stay normal to it.
     load : tuple of three float
         Dead load per length in the axes of the world [N/m], such as wind.
+    torsion : float, optional
+        GJ [N m^2]; None: the rod does not leave the plane of its site's x and y axes.
+    stiffness_y : float, optional
+        EI of bending about the y axes of its sections [N m^2], in space; None: as about z.
+    curvature : tuple of three float
+        Twist, and curvatures about the y and z axes of its sections, without loads [1/m], in space.
     """
 
     name: str
@@ -240,6 +246,14 @@ class Rod:
     axial: float | None = None
     shear: float | None = None
     load: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    torsion: float | None = None
+    stiffness_y: float | None = None
+    curvature: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def spatial(self) -> bool:
+        """Whether it may leave the plane of its site."""
+        return self.torsion is not None
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,13 @@ of them bears, cancels:
 
     o==xy==o==yx==o==xy==   springs bear what acts beyond the middle of a link: order 2
 
+A rod in space turns about three axes where a planar one bends: x, along the link before, y and z,
+with springs GJ/h, EI_y/h and EI/h whose rests are what its natural twist and curvatures make of h.
+Turns about different axes do not commute.  Which comes first changes from link to link, or the
+chain would be of order 1::
+
+    |-xyz--zyx--xyz--zyx-
+
 A rod starts in an arc that is closed with the least change of its bends.  A pinned far end is a
 ``connect``.  A clamped one is two, the second on a slider of the far body, so that nothing is held
 twice:
@@ -32,6 +39,7 @@ actuators and loops of the MJCF may name what is added:
 
     NAME.1, NAME.2, ...     bodies, joints, and sites in the links' middles
     NAME.1.x, NAME.1.y ...  bodies and joints behind slides, if it stretches or shears
+    NAME.1.bend_y, NAME.1.twist  joints of a rod in space, besides those that bend about z
     NAME.middle, NAME.tip   sites half way and at the far end, their x axes along the rod; they keep
                             their places when the rod is cut into other segments, but for half the
                             strain of a link where NAME.middle is in the middle of one
@@ -50,6 +58,16 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel, BadRod, Rod, Run
 
 SCHEMES = "half", "double", "naive"
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A hinge between two links: the number of its axis, its spring [N m/rad], its rest [rad]."""
+
+    name: str
+    axis: int
+    spring: float
+    rest: float
 
 
 @dataclass(frozen=True)
@@ -81,11 +99,29 @@ class Chain:
     def slides(self, link: int) -> tuple[str, ...]:
         """Axes of a link's slides, in their order along it."""
         axes = {"x": self.rod.axial, "y": self.rod.shear}
+        if self.rod.spatial:
+            axes["z"] = self.rod.shear
         return tuple(axis for axis, value in axes.items() if value is not None)[:: (-1) ** link]
+
+    def hinges(self, link: int) -> tuple["Hinge", ...]:
+        """The hinges that a link begins with, in their order."""
+        if not self.jointed[link]:
+            return ()
+        name, rod = self.names[link], self.rod
+        bend = Hinge(name, 2, float(self.springs[link]), 0.0)
+        if not rod.spatial:
+            return (bend,)
+        cell = rod.length / rod.segments
+        about = {"twist": rod.torsion, "bend_y": rod.stiffness_y or rod.stiffness}
+        found = [
+            Hinge(f"{name}.{what}", axis, float(value or 0.0) / cell, cell * rod.curvature[axis])
+            for axis, (what, value) in enumerate(about.items())
+        ]
+        return (*found, replace(bend, rest=cell * rod.curvature[2]))[:: (-1) ** link]
 
     @property
     def bodies(self) -> list[str]:
-        """All bodies, in their order along the rod; a joint has the name of the body it moves."""
+        """All bodies, in their order along the rod; a slide has the name of the body it moves."""
         return [
             body
             for k, name in enumerate(self.names)
@@ -132,7 +168,7 @@ def chain(rod: Rod) -> Chain:
 
 def check_rod(rod: Rod) -> None:
     """Raise `BadRod` if there is no such rod."""
-    for key in ("length", "stiffness", "mass", "axial", "shear"):
+    for key in ("length", "stiffness", "mass", "axial", "shear", "torsion", "stiffness_y"):
         value = getattr(rod, key)
         if value is not None and not value > 0:
             raise BadRod(rod.name, key, f"{value:g} must be positive")
@@ -142,6 +178,8 @@ def check_rod(rod: Rod) -> None:
         raise BadRod(rod.name, "scheme", f"{rod.scheme!r}; known: {', '.join(SCHEMES)}")
     if rod.ends[1] == "clamped" and rod.scheme != "half":
         raise BadRod(rod.name, "scheme", f"{rod.scheme!r} knows no clamp at the far end; use half")
+    if rod.spatial and (rod.ends != ("clamped", "free") or rod.scheme != "half"):
+        raise BadRod(rod.name, "torsion", "a rod in space is clamped here, free there; scheme half")
 
 
 MOVE = 0.1  # [rad] a joint turns no further in a Newton step, so that the arc's side is kept
@@ -233,8 +271,14 @@ PLAIN = {
 
 def joints_of(chain: Chain) -> list[str]:
     """The joints that a rod adds."""
-    fixed = {name for name, jointed in zip(chain.names, chain.jointed, strict=True) if not jointed}
-    joints = [name for name in chain.bodies if name not in fixed]
+    joints = [
+        joint
+        for k, name in enumerate(chain.names)
+        for joint in (
+            *(hinge.name for hinge in chain.hinges(k)),
+            *(f"{name}.{axis}" for axis in chain.slides(k)),
+        )
+    ]
     return [*joints, f"{chain.rod.name}.slider"] if chain.rod.ends[1] == "clamped" else joints
 
 
@@ -244,20 +288,19 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
     body, place, turn = spec.site(rod.start).parent, site.pos, site.quat
     half = rod.length / 2
     starts, ends = chain.vertices[:-1], chain.vertices[1:]
-    for k, (name, length, spring, first, last) in enumerate(
-        zip(chain.names, chain.lengths, chain.springs, starts, ends, strict=True)
+    for k, (name, length, first, last) in enumerate(
+        zip(chain.names, chain.lengths, starts, ends, strict=True)
     ):
         slides, reached = chain.slides(k), length / 2 if chain.slides(k) else length
         body = body.add_body(name=name, pos=place, quat=turn)
-        if np.isfinite(spring):
-            spring_joint(body, HINGE, [0, 0, 1], spring)
+        for hinge in chain.hinges(k):  # a file that says nothing has its angles in degrees
+            rest = np.degrees(hinge.rest) if spec.compiler.degree else hinge.rest
+            spring_joint(body, hinge.name, HINGE, hinge.axis, hinge.spring, rest)
         parts = [(body, 0.0, reached)]  # a body, and the part of the link that it is
         for axis in slides:
             body = body.add_body(name=f"{name}.{axis}", pos=[reached - parts[-1][1], 0, 0])
-            if axis == "x":
-                spring_joint(body, SLIDE, [1, 0, 0], rod.axial / length)
-            else:
-                spring_joint(body, SLIDE, [0, 1, 0], rod.shear / length)
+            along = rod.axial if axis == "x" else rod.shear
+            spring_joint(body, body.name, SLIDE, "xyz".index(axis), along / length)
             parts.append((body, reached, length if axis == slides[-1] else reached))
         for part, begin, end in parts:
             weigh(part, rod, length, len(parts), begin)
@@ -277,11 +320,17 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
         guide(spec, bare, rod, body, place[0], chain.lengths[-1])
 
 
-def spring_joint(body: mujoco._specs.MjsBody, kind: int, axis: list[int], spring: float) -> None:
-    """Let a body move against a spring; the joint has its name."""
-    stiffness = [spring, 0, 0]
+def spring_joint(
+    body: mujoco._specs.MjsBody, name: str, kind: int, axis: int, spring: float, rest: float = 0.0
+) -> None:
+    """Let a body move about or along one of its axes against a spring with a rest."""
     body.add_joint(
-        name=body.name, type=kind, axis=axis, pos=[0, 0, 0], stiffness=stiffness, **PLAIN
+        name=name,
+        type=kind,
+        axis=np.eye(3)[axis],
+        pos=[0, 0, 0],
+        stiffness=[spring, 0, 0],
+        **{**PLAIN, "springref": rest},
     )
 
 
@@ -345,8 +394,25 @@ def guide(
     connect(spec, name, f"{name}.end", name)
 
 
-PARTS = "x", "y", "z", "angle", "moment"
+PLACES = dict.fromkeys(("x", "y", "z"), "m")
+PARTS = {**PLACES, "angle": "rad", "moment": "N m"}
+"""What a rod shows along its length, with units."""
+NORMAL = "normal_x", "normal_y", "normal_z"
+MOMENTS = "twist_moment", "bend_moment_y", "bend_moment"
+SPATIAL_PARTS = {**PLACES, **dict.fromkeys(NORMAL, "1"), **dict.fromkeys(MOMENTS, "N m")}
+"""What a rod in space shows."""
 RodPose = tuple[Array, Array, Array]
+
+
+def rod_parts(rod: Rod) -> dict[str, str]:
+    """What a rod shows along its length, with units."""
+    return SPATIAL_PARTS if rod.spatial else PARTS
+
+
+def spoken_rod_parts(rod: Rod) -> str:
+    """The same, in words."""
+    first, *others, last = rod_parts(rod)
+    return f"{', '.join([f'{rod.name}.{first}', *(f'.{o}' for o in others)])} and .{last}"
 
 
 def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
@@ -361,11 +427,9 @@ def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
     for channel in run.channels:
         name, _, part = channel.partition(".")
         if name in rods:
-            if part not in PARTS:
-                raise BadModel(
-                    f"channel {channel!r}: a rod has {name}.x, .y, .z, .angle and "
-                    f".moment, along its length"
-                )
+            if part not in rod_parts(rods[name]):
+                there = spoken_rod_parts(rods[name])
+                raise BadModel(f"channel {channel!r}: a rod has {there}, along its length")
             found[channel] = rods[name], part
     return found
 
@@ -378,7 +442,8 @@ def shapes(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
     run : Run
     pose : callable
         Places (links + 1, 3) of a chain's vertices [m], angles [rad] of its links, and values [rad]
-        of their joints.
+        of their joints.  Of a chain in space: the places, the links' axes (links, 3, 3) by columns,
+        and the moments (links, 3) about the axes of the sections where links begin [N m].
     """
     curves: dict[str, Array] = {}
     poses: Mapping[str, RodPose] = {rod.name: pose(chain(rod)) for rod in run.rods}
@@ -390,12 +455,30 @@ def shapes(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
 def curve(one: Chain, part: str, pose: RodPose, s: Array) -> Array:
     """One part of a rod's shape at arc lengths s [m]."""
     places, angles, bends = pose
+    if part in NORMAL:
+        return along(one.nodes, angles[:, NORMAL.index(part), 0], s)
+    if part in MOMENTS:
+        moments = bends[one.jointed, MOMENTS.index(part)]
+        return along(*to_ends(one, moments), s)
     if part == "angle":
         return along(one.nodes, np.unwrap(angles), s)
     if part == "moment":
         sprung = one.jointed & (one.springs > 0)
         return along(one.vertices[:-1][sprung], one.springs[sprung] * bends[sprung], s)
     return along(one.vertices, places[:, "xyz".index(part)], s)
+
+
+def to_ends(one: Chain, moments: Array) -> tuple[Array, Array]:
+    """Joints of a chain in space with its ends, and the moments in them, at both ends by parabolas.
+
+    >>> rod = Rod("rod", "clamp", None, 3.0, 1.0, 3, ("clamped", "free"), torsion=1.0)
+    >>> [values.tolist() for values in to_ends(chain(rod), np.array([0.25, 2.25, 6.25]))]
+    [[0.0, 0.5, 1.5, 2.5, 3.0], [0.0, 0.25, 2.25, 6.25, 9.0]]
+    """
+    joints = one.vertices[:-1][one.jointed]
+    share = np.array([15.0, -10.0, 3.0]) / 8.0 if joints.size > 2 else np.array([1.5, -0.5])
+    begin, end = share @ moments[: share.size], share @ moments[: -share.size - 1 : -1]
+    return np.array([0.0, *joints, one.rod.length]), np.array([begin, *moments, end])
 
 
 def along(nodes: Array, values: Array, s: Array) -> Array:
@@ -449,7 +532,7 @@ def check_sites(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
     """Raise `BadRod` where a rod has no site to be held by, or no mass where it has weight."""
     there = [bare.site(i).name for i in range(bare.nsite)]
     for rod in rods:
-        tips = [f"{other.name}.tip" for other in rods if other is not rod]
+        tips = [f"{one.name}.tip" for one in rods if one is not rod and not one.spatial]
         for key, site, known in (("from", rod.start, there), ("to", rod.end, [*there, *tips])):
             if site is not None and site not in known:
                 raise BadRod(rod.name, key, f"no site {site!r}; there are: {', '.join(known)}")
@@ -498,6 +581,9 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
     }
     known, found = set(frames), dict[str, float]()
     for one in chains:
+        if one.rod.spatial:
+            found |= natural_pose(one)
+            continue
         place, turn = frames[one.rod.start]
         target = None
         if one.rod.end is not None:
@@ -524,6 +610,16 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
             ways = longer.lengths - one.lengths
             found |= {f"{n}.x": float(way) for n, way in zip(one.names, ways, strict=True)}
     return found
+
+
+def natural_pose(one: Chain) -> dict[str, float]:
+    """Values of the joints of a rod in space without loads, turned about z by its `turn`."""
+    arc = one.arc(one.rod.turn)
+    return {
+        hinge.name: hinge.rest + (float(bend) if hinge.axis == 2 else 0.0)
+        for k, bend in enumerate(arc)
+        for hinge in one.hinges(k)
+    }
 
 
 def start_rates(

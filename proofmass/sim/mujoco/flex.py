@@ -69,6 +69,8 @@ def points(rod: Rod) -> Chain:
         raise Unsupported(f"rod {rod.name!r}: a flex is clamped where it begins only")
     if rod.axial is not None or rod.shear is not None:
         raise Unsupported(f"rod {rod.name!r}: a flex has no axial and no shear stiffness of a rod")
+    if rod.spatial:
+        raise Unsupported(f"rod {rod.name!r}: a flex bends in a plane here, and has no torsion")
     if any(rod.load):
         raise Unsupported(f"rod {rod.name!r}: a flex has no load per length")
     n, clamped = rod.segments, rod.ends[0] == "clamped"

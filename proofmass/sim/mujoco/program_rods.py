@@ -117,6 +117,7 @@ def parts(body: mujoco._specs.MjsBody, plain: bool) -> Iterator[Element]:
             "axis": digits(joint.axis),
             "stiffness": digits(joint.stiffness[0] if plain else joint.stiffness),
             **PLAIN,
+            "springref": digits(joint.springref) if joint.springref else PLAIN["springref"],
         }
         yield Element("joint", {k: v for k, v in said.items() if not plain or v != PLAIN.get(k)})
     for geom in body.geoms:

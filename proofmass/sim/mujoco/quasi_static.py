@@ -16,6 +16,7 @@ import time
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.equilibrium import Resting, Rubbing, linkage_of
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import (
@@ -155,10 +156,14 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 
 def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
-    """Vertices, angles and bends of a rod's links."""
+    """Vertices, angles and bends of a rod's links; see `shapes` of one in space."""
     links = [model.body(name).id for name in one.names]
-    ahead = data.xmat[links].reshape(-1, 3, 3)[:, :, 0]
+    axes = data.xmat[links].reshape(-1, 3, 3)
+    ahead = axes[:, :, 0]
     places = np.vstack([data.xpos[links], data.site(f"{one.rod.name}.tip").xpos])
+    if one.rod.spatial:
+        moments = [moment(model, data, one, k, axes) for k in range(len(links))]
+        return places, axes, np.array(moments)
     x, y = find_plane(model, data).flat(ahead).T
     bends = np.array(
         [
@@ -167,3 +172,21 @@ def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
         ]
     )
     return places, np.arctan2(y, x), bends
+
+
+def moment(model: mujoco.MjModel, data: mujoco.MjData, one: Chain, k: int, axes: Array) -> Array:
+    """The moment (3,) in a rod in space where link k begins, about the axes of the section there.
+
+    The springs of the hinges show it about their own axes, which are neither those of the link
+    before nor those of the one after.
+    """
+    hinges = one.hinges(k)
+    if not hinges:
+        return np.full(3, np.nan)
+    numbers = [model.joint(hinge.name).id for hinge in hinges]
+    values = data.qpos[model.jnt_qposadr[numbers]]
+    about = [
+        hinge.spring * (value - hinge.rest) for hinge, value in zip(hinges, values, strict=True)
+    ]
+    left, _, right = np.linalg.svd(axes[k - 1] + axes[k])
+    return np.asarray(np.linalg.solve(data.xaxis[numbers], about) @ (left @ right))

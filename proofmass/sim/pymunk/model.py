@@ -67,6 +67,9 @@ def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, 
 
 
 def _compile(path: Path, run: Run) -> mujoco.MjModel:
+    for rod in run.rods:
+        if rod.spatial:
+            raise Unsupported(f"rod '{rod.name}', which twists and leaves the plane")
     model = compile_model(path, run.rods)
     if model.njnt == 0:
         raise Unsupported(f"{path.name}: a model without joints")

@@ -1,0 +1,358 @@
+r"""A clamped rod in space, under dead loads: it bends to two sides, twists, stretches and shears.
+
+::
+
+              z                      section at s: axes d1 along its normal, d2, d3 across
+              |   __                 R = [d1 d2 d3]
+        ######|__/  \__  d3
+        ######O        \_|_ d1       n(s), m(s): force and moment that the part beyond s
+             /          \|           puts on the part before
+            x            o--> F, M
+
+The equations are those of Cosserat's theory of rods, with a hat for the matrix of a cross product::
+
+    p' = R v              n' = -w
+    R' = R u^             m' = -p' x n
+    v = e1 + diag(1/EA, 1/GA, 1/GA) R^T n
+    u = u0 + diag(1/GJ, 1/EI_y, 1/EI_z) R^T m
+
+Without EA and GA they are Kirchhoff's, of a rod whose sections stay normal to it and that keeps its
+length.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.numerics import TURN, Array, finite, positive
+from proofmass.analytic.rods.elastica import compliant
+from proofmass.analytic.rods.shooting import march
+
+PARTS = "x", "y", "z"
+STEPS = 16
+"""Of order 8, for each turn of the rod without load; twice as many until they change nothing."""
+MOST_STEPS = 4096
+SAME = 1e-12
+"""[L] What twice as many steps may move the tip by."""
+FIRST = 0.125
+"""Of the loads: the first part by which they grow."""
+FAR = 0.5
+"""[EI/L] How far an equilibrium may be from where the last two point to."""
+NEAR = 1e-7
+"""[EI/L] Differences of the moment at the clamp for its derivatives."""
+TURNS = 12
+"""Newton steps that may be needed beside a known equilibrium."""
+EXACT, CLOSE, NEXT = 1e-14, 1e-11, 1e-7
+"""Of all moments: what the moment at the tip is off by at the end; less may be rounding; and what
+is enough for the next part of the loads."""
+SHORTEST = 1e-4
+"""Of the loads: the least part of them by which they grow."""
+LINKS = 32
+"""Parts of the rod, of which each may turn about three axes when its stability is asked."""
+
+
+@dataclass(frozen=True)
+class SpatialLoad:
+    """A rod and its loads, in the frame of its clamp.
+
+    Attributes
+    ----------
+    length : float
+        L [m].
+    yields, strains : ndarray (3,)
+        1/GJ, 1/EI_y, 1/EI_z [1/(N m^2)]; 1/EA, 1/GA, 1/GA [1/N].
+    natural : ndarray (3,)
+        u0, twist and curvatures without load [1/m].
+    force, moment, weight : ndarray (3,)
+        F [N] and M [N m] on the tip, w [N/m].
+    """
+
+    length: float
+    yields: Array
+    strains: Array
+    natural: Array
+    force: Array
+    moment: Array
+    weight: Array
+
+    @property
+    def scale(self) -> float:
+        """The moment that bends the rod by a radian [N m]."""
+        return float(1.0 / (self.yields.max() * self.length))
+
+
+def solve(
+    s: ArrayLike,
+    *,
+    length: float = 1.0,
+    stiffness: float = 1.0,
+    stiffness_y: float | None = None,
+    torsion: float = 1.0,
+    axial: float = np.inf,
+    shear: float = np.inf,
+    twist: float = 0.0,
+    curvature_y: float = 0.0,
+    curvature: float = 0.0,
+    force_x: float = 0.0,
+    force_y: float = 0.0,
+    force_z: float = 0.0,
+    moment_x: float = 0.0,
+    moment_y: float = 0.0,
+    moment_z: float = 0.0,
+    weight_x: float = 0.0,
+    weight_y: float = 0.0,
+    weight_z: float = 0.0,
+) -> dict[str, Array]:
+    r"""Shape of a clamped rod in space at arc lengths `s` from the clamp.
+
+    The clamp is at the origin, its section's axes along x, y and z.  Without loads the rod has the
+    twist and the curvatures that are given: it is straight, an arc, or a helix.  Its equilibrium is
+    the one that is reached when all loads grow together from zero.
+
+    Parameters
+    ----------
+    s : [m], in [0, length], of the rod without load  (...)
+    length : L [m]
+    stiffness, stiffness_y : EI [N m^2] of bending about the section's z and y axes; the second is
+        the first if it is left out
+    torsion : GJ [N m^2]
+    axial, shear : EA, and GA with the section's area of shear [N]; left out: without that strain
+    twist, curvature_y, curvature : u0 about the section's x, y and z axes [1/m]
+    force_x, force_y, force_z : F on the tip [N]
+    moment_x, moment_y, moment_z : M on the tip [N m]; it keeps its direction as well
+    weight_x, weight_y, weight_z : w, dead load per length of rod without load [N/m]
+
+    Returns
+    -------
+    dict of (...) arrays: x, y, z [m]; normal_x, normal_y, normal_z [1], the section's normal, which
+    is the tangent of a rod that does not shear; twist_moment, bend_moment_y, bend_moment [N m], m
+    about the section's axes; force_x, force_y, force_z [N], n.
+
+    Raises
+    ------
+    ValueError
+        A parameter out of its domain, an s beyond the rod, loads under which the rod buckles or
+        that cannot be followed from zero.
+
+    Notes
+    -----
+    Shooting from the clamp, whose moment is unknown, with a Runge-Kutta method of order 8 on so
+    many steps that twice as many change 1e-12 L.  An equilibrium is stable if the energy of
+    `LINKS` parts of the rod has no negative direction; close to where it buckles that is not exact.
+    Source: Pérez Gámiz 2018, eq. 1-23, which prints no numbers for them; in its axes the rod lies
+    along z, and its eq. 22, of a rod without shear, has a shear stiffness (docs/errata.md).
+    S. S. Antman, Nonlinear Problems of Elasticity, 2nd ed., Springer 2005, ch. 8.
+
+    Examples
+    --------
+    A quarter of a circle, twisted by a moment about the tangent of its tip:
+
+    >>> tip = solve(np.pi / 2, length=np.pi / 2, curvature=1.0, moment_y=0.1)
+    >>> [round(float(tip[name]), 6) for name in ("x", "y", "z", "twist_moment")]
+    [0.997665, 1.0, -0.057005, 0.1]
+    """
+    load = spatial_load(
+        length,
+        (torsion, stiffness if stiffness_y is None else stiffness_y, stiffness),
+        (axial, shear),
+        (twist, curvature_y, curvature),
+        {
+            "force": (force_x, force_y, force_z),
+            "moment": (moment_x, moment_y, moment_z),
+            "weight": (weight_x, weight_y, weight_z),
+        },
+    )
+    arc = np.asarray(s, float)
+    if not np.all((arc >= 0.0) & (arc <= length)):
+        raise ValueError(f"s must lie within [0, {length}] [m]")
+    place, frame, moment = shape(load, arc.ravel(), *equilibrium(load))
+    force = load.force + load.weight * (length - arc.ravel())[:, None]
+    local = np.einsum("kij,ki->kj", frame, moment)
+    columns = {
+        **dict(zip(PARTS, place.T, strict=True)),
+        **{f"normal_{name}": frame[:, k, 0] for k, name in enumerate(PARTS)},
+        "twist_moment": local[:, 0],
+        "bend_moment_y": local[:, 1],
+        "bend_moment": local[:, 2],
+        **{f"force_{name}": force[:, k] for k, name in enumerate(PARTS)},
+    }
+    return {name: values.reshape(arc.shape) for name, values in columns.items()}
+
+
+def spatial_load(
+    length: float,
+    stiffnesses: tuple[float, float, float],
+    strains: tuple[float, float],
+    natural: tuple[float, float, float],
+    loads: dict[str, tuple[float, float, float]],
+) -> SpatialLoad:
+    """The rod and its loads; ValueError for one that there is not."""
+    positive(length=length)
+    names = "torsion", "stiffness_y", "stiffness"
+    positive("N m^2", **dict(zip(names, stiffnesses, strict=True)))
+    finite(**dict(zip(names, stiffnesses, strict=True)))
+    compliant(*strains)
+    finite(**dict(zip(("twist", "curvature_y", "curvature"), natural, strict=True)))
+    for name, values in loads.items():
+        finite(**{f"{name}_{part}": value for part, value in zip(PARTS, values, strict=True)})
+    axial, shear = strains
+    return SpatialLoad(
+        length,
+        1.0 / np.array(stiffnesses),
+        1.0 / np.array([axial, shear, shear]),
+        np.array(natural, float),
+        *(np.array(loads[name], float) for name in ("force", "moment", "weight")),
+    )
+
+
+def equilibrium(load: SpatialLoad) -> tuple[Array, int]:
+    """The moment at the clamp (3,) [N m] where all loads have grown from zero, and the steps."""
+    turns = load.length * float(np.linalg.norm(load.natural)) / TURN
+    steps = STEPS * (1 + int(turns))
+    found = followed(load, steps)
+    while steps < MOST_STEPS:
+        steps *= 2
+        finer = beside(load, 1.0, found, steps)
+        if finer is None:
+            break
+        ends = [at_tip(load, one, n) for one, n in ((found, steps // 2), (finer, steps))]
+        found = finer
+        if np.abs(np.subtract(*ends)).max() <= SAME * load.length:
+            if negative_directions(load, found, steps):
+                raise ValueError("its loads buckle the rod before they have grown to the whole")
+            return found, steps
+    raise ValueError(f"the rod is bent too sharply for {MOST_STEPS} steps along it")
+
+
+def followed(load: SpatialLoad, steps: int) -> Array:
+    """The moment at the clamp (3,) [N m] while the loads grow from zero to the whole."""
+    share, step, here, tangent = 0.0, FIRST, np.zeros(3), np.zeros(3)
+    while share < 1.0:
+        step = min(step, 1.0 - share)
+        guess = here + step * tangent
+        found = beside(load, share + step, guess, steps)
+        if found is None or np.abs(found - guess).max() > FAR * load.scale:
+            step /= 2.0
+            if step < SHORTEST:
+                raise ValueError(
+                    f"no equilibrium of the rod is found beyond {share:.3g} of its loads, which "
+                    "grow together from zero"
+                )
+            continue
+        tangent, here, share = (found - here) / step, found, share + step
+        step *= 2.0
+    return here
+
+
+def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> Array | None:
+    """The moment at the clamp under a share of the loads, by Newton's method; None if it fails."""
+    here, least = guess, np.inf
+    width = NEAR * load.scale
+    size = load.scale + share * float(
+        np.abs(load.moment).max()
+        + load.length * np.abs(load.force).max()
+        + load.length**2 * np.abs(load.weight).max()
+    )
+    for _ in range(TURNS):
+        starts = here[:, None] + width * np.eye(3, 4, 1)
+        ends = integrated(load, share, starts, steps)[-1, MOMENT]
+        gap = ends[:, 0] - share * load.moment
+        left = float(np.abs(gap).max())
+        if not np.isfinite(left):
+            return None
+        enough = EXACT if share == 1.0 else NEXT
+        if left <= enough * size or (left <= CLOSE * size and left >= least / 2.0):
+            return here
+        least = min(least, left)
+        slopes = (ends[:, 1:] - ends[:, :1]) / width
+        here = here - np.linalg.lstsq(slopes, gap, rcond=None)[0]
+    return None
+
+
+DIRECTIONS, PLACE, MOMENT = slice(0, 9), slice(9, 12), slice(12, 15)
+"""Of a state: d1, d2, d3 one after the other [1]; p [m]; m [N m]."""
+
+
+def integrated(load: SpatialLoad, share: float, starts: Array, nodes: int | Array) -> Array:
+    """States (nodes, 15, rods) of rods that begin with the moments `starts` (3, rods) [N m]."""
+    s = np.linspace(0.0, load.length, nodes + 1) if isinstance(nodes, int) else nodes
+    state = np.zeros((15, starts.shape[1]))
+    state[DIRECTIONS] = np.eye(3).reshape(9, 1)
+    state[MOMENT] = starts
+    return march(partial(rate, load, share), state, s, "dop853")
+
+
+def rate(load: SpatialLoad, share: float, at: float, state: Array, out: Array) -> None:
+    """d/ds of the states (15, rods) at an arc length [m]."""
+    axes, moment = state[DIRECTIONS].reshape(3, 3, -1), state[MOMENT]
+    force = share * (load.force + load.weight * (load.length - at))
+    v = load.strains[:, None] * np.einsum("jir,i->jr", axes, force)
+    v[0] += 1.0
+    u = load.yields[:, None] * np.einsum("jir,ir->jr", axes, moment) + load.natural[:, None]
+    d1, d2, d3 = axes
+    ahead = np.einsum("jr,jir->ir", v, axes)
+    out[0:3] = u[2] * d2 - u[1] * d3
+    out[3:6] = u[0] * d3 - u[2] * d1
+    out[6:9] = u[1] * d1 - u[0] * d2
+    out[PLACE] = ahead
+    out[12] = force[1] * ahead[2] - force[2] * ahead[1]
+    out[13] = force[2] * ahead[0] - force[0] * ahead[2]
+    out[14] = force[0] * ahead[1] - force[1] * ahead[0]
+
+
+def shape(load: SpatialLoad, arc: Array, begin: Array, steps: int) -> tuple[Array, Array, Array]:
+    """Places (n, 3), axes (n, 3, 3) by their columns, and moments (n, 3) at arc lengths."""
+    nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, steps + 1), arc]))
+    states = integrated(load, 1.0, begin[:, None], nodes)[np.searchsorted(nodes, arc), :, 0]
+    axes = states[:, DIRECTIONS].reshape(-1, 3, 3).swapaxes(1, 2)
+    return states[:, PLACE], axes, states[:, MOMENT]
+
+
+def at_tip(load: SpatialLoad, begin: Array, steps: int) -> Array:
+    """Place of the tip (3,) [m]."""
+    return np.asarray(integrated(load, 1.0, begin[:, None], steps)[-1, PLACE, 0])
+
+
+def negative_directions(load: SpatialLoad, begin: Array, steps: int) -> int:
+    r"""In how many directions the energy falls at an equilibrium, of a rod in `LINKS` parts.
+
+    Between two parts stand three hinges, and slides where it stretches or shears, each against its
+    spring.  With a the axis of a hinge, b one beyond it at r, P the tip, and S the integral of the
+    places beyond r, as seen from there::
+
+        d2V/da db = -a . ((b x (P - r)) x F + (b x S) x w)     two hinges
+                    -a . (b x n)                               a hinge and a slide beyond it
+
+    A moment that keeps its direction has no energy: of what it adds, -M . (a x b), half stands on
+    either side of the diagonal.
+    """
+    h = load.length / LINKS
+    arc = h * (np.arange(LINKS + 1) + 0.5)
+    arc[-1] = load.length
+    place, axes, _ = shape(load, np.asarray(arc, float), begin, steps)
+    tip, place, axes = place[-1], place[:-1], axes[:-1].swapaxes(1, 2)
+    ahead = h * np.cumsum(place[::-1], axis=0)[::-1] - h / 2 * place
+    seen = ahead - (load.length - arc[:-1, None]) * place
+    hinges = axes.reshape(-1, 3)
+    arms, sums = np.repeat(tip - place, 3, axis=0), np.repeat(seen, 3, axis=0)
+    turned = np.cross(np.cross(hinges, arms), load.force)
+    turned += np.cross(np.cross(hinges, sums), load.weight) + np.cross(hinges, load.moment) / 2
+    beyond = load.force + load.weight * (load.length - arc[:-1, None])
+    slid = np.cross(axes, beyond[:, None]).reshape(-1, 3)
+    joint = np.arange(3 * LINKS) // 3
+    soft = np.tile(load.strains > 0.0, LINKS)
+    columns = np.concatenate([turned, slid[soft]])
+    of = np.concatenate([joint, joint[soft]])
+    earlier = np.where(joint[:, None] <= of, -hinges @ columns.T, 0.0)
+    size = of.size
+    matrix = np.zeros((size, size))
+    matrix[: 3 * LINKS] = earlier
+    matrix = np.where(matrix == 0.0, matrix.T, matrix)
+    matrix = (matrix + matrix.T) / 2
+    springs = np.tile(1.0 / load.yields, LINKS)
+    with np.errstate(divide="ignore"):
+        springs = np.append(springs, np.tile(1.0 / load.strains, LINKS)[soft])
+    matrix[np.diag_indices(size)] += springs / h
+    return int((np.linalg.eigvalsh(matrix) < 0.0).sum())

@@ -1,0 +1,318 @@
+"""Rods in space: another formulation, closed forms, other programs, laws, limits, bad input."""
+
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods import solve as planar_solve
+from proofmass.analytic.rods.spatial_rod import solve
+from tests.independent.rods.spatial import Sections, arc, quadratic, tip
+
+XYZ = "xyz"
+BEND = 100.0 * np.pi / 4  # of Bathe and Bolourchi: 45 degrees with a radius of 100
+EDGE = 100.0 * np.array([np.sin(np.pi / 4), 1.0 - np.cos(np.pi / 4), 0.0])  # its tip without load
+SECTION = {"axial": 1e7, "shear": 41.6667e5}
+STIFF = 8.333e5
+
+
+def bend(force: float, **others: float):
+    """Tip of the bend of 45 degrees."""
+    rod = solve(
+        BEND, length=BEND, stiffness=STIFF, torsion=STIFF, curvature=0.01, force_z=force, **others
+    )
+    return vector(rod, "")
+
+
+def vector(rod, prefix: str):
+    """Three components, the last axis."""
+    return np.stack([rod[prefix + name] for name in XYZ], axis=-1)
+
+
+def named(what: str, values):
+    """Three components as `solve` calls them."""
+    return {f"{what}_{name}": value for name, value in zip(XYZ, values, strict=True)}
+
+
+FORCE, MOMENT = (1.5, -2.0, 2.5), (0.4, 0.3, -0.5)
+
+
+@pytest.mark.parametrize(
+    ("natural", "strains"),
+    [
+        ((0.0, 0.0, 0.0), (np.inf, np.inf)),
+        ((0.0, 0.0, 0.0), (15.0, 9.0)),
+        ((1.2, -0.7, 2.0), (np.inf, np.inf)),
+        ((1.2, -0.7, 2.0), (15.0, 9.0)),
+    ],
+)
+def test_a_formulation_by_strains_in_which_no_moment_is_integrated(natural, strains):
+    """Three different stiffnesses, all loads at the tip, and any natural shape: to 1e-10."""
+    length, stiffnesses = 1.1, (0.6, 0.9, 1.4)
+    axial, shear = strains
+    line = arc(length, natural)
+    own = tip(line, Sections(stiffnesses, (axial, shear, shear)), FORCE, MOMENT)
+    rod = solve(
+        length,
+        length=length,
+        **dict(zip(("torsion", "stiffness_y", "stiffness"), stiffnesses, strict=True)),
+        axial=axial,
+        shear=shear,
+        **dict(zip(("twist", "curvature_y", "curvature"), natural, strict=True)),
+        **named("force", FORCE),
+        **named("moment", MOMENT),
+    )
+    # 12 Gauss points there; order 8 in steps of which twice as many change 1e-12 here
+    np.testing.assert_allclose(vector(rod, ""), own, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(("twist", "curvature"), [(1.1, 2.5), (0.4, 3.3), (0.9, 2.9)])
+def test_a_helix_under_a_wrench_along_its_axis_is_another_helix(twist, curvature):
+    """Love, sec. 270-272: moments and force follow from twist and curvature before and after."""
+    bending, torsion, natural, turns = 1.3, 0.9, (0.6, 3.0), 2.0
+    rate = np.hypot(curvature, twist)
+    length, radius = turns * 2.0 * np.pi / rate, curvature / rate**2
+    sine, cosine = twist / rate, curvature / rate
+    axis, inwards = np.array([sine, 0.0, cosine]), np.array([0.0, 1.0, 0.0])
+    about_tangent, about_binormal = (
+        torsion * (twist - natural[0]),
+        bending * (curvature - natural[1]),
+    )
+    pull = (about_tangent * cosine - about_binormal * sine) / radius * axis
+    wrench = (about_tangent * sine + about_binormal * cosine) * axis
+    s = np.linspace(0.0, length, 41)
+    turned = rate * s[:, None]
+    out = -np.cos(turned) * inwards - np.sin(turned) * np.cross(axis, inwards)
+    exact = radius * (inwards + out) + twist / rate * s[:, None] * axis
+    moment = wrench + np.cross(radius * inwards - exact[-1], pull)
+    rod = solve(
+        s,
+        length=length,
+        stiffness=bending,
+        torsion=torsion,
+        twist=natural[0],
+        curvature=natural[1],
+        **named("force", pull),
+        **named("moment", moment),
+    )
+    np.testing.assert_allclose(vector(rod, ""), exact, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rod["twist_moment"], about_tangent, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rod["bend_moment"], about_binormal, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rod["bend_moment_y"], 0.0, rtol=0, atol=1e-12)
+
+
+def test_the_bend_of_45_degrees_is_where_others_print_it():
+    """Printed with eight elements; what they are off by are their elements.
+
+    K.-J. Bathe and S. Bolourchi, Int. J. Numer. Methods Eng. 14 (1979) 961-986: 23.5, 13.4, 53.4
+    as displacements, of elements that shear; J. C. Simo and L. Vu-Quoc, Comput. Methods Appl. Mech.
+    Eng. 58 (1986) 79-116: 15.79, 47.23, 53.37 as place.
+    """
+    moved = bend(600.0, **SECTION) - EDGE
+    assert np.abs(moved - [-23.5, -13.4, 53.4]).max() < 0.25
+    assert np.abs(bend(600.0, **SECTION) - [47.23, 15.79, 53.37]).max() < 0.15
+    assert np.abs(bend(450.0, **SECTION) - [52.32, 18.62, 48.39]).max() < 0.15
+    assert np.abs(bend(300.0, **SECTION) - [58.84, 22.33, 40.08]).max() < 0.15
+
+
+KYNEMA = [-23.6459716009048, -13.7208006040058, 53.5776450626989]
+"""Tip displacement, docs/sphinx/testing/curved.rst of github.com/kynema/kynema, with 18 nodes; its
+test says the same of BeamDyn.  In axes in which the bend turns to the left."""
+
+
+def test_two_programs_agree_to_ten_digits_on_another_line():
+    """Their line is a parabola through three points of the arc, 3 degrees off where it is clamped.
+
+    The formulation by strains takes any line: of the parabola it finds their digits, of the arc
+    those of `solve`.
+    """
+    points = np.array([[0.0, 0.0], [38.2683, 7.61205], [70.7107, 29.2893]])
+    at = points[:, 0] / points[2, 0]
+    line = quadratic(points, at)
+    slope = np.polynomial.Polynomial.fit(points[:, 0], points[:, 1], 2).deriv()(0.0)
+    angle = np.arctan(slope)
+    c, s = np.cos(angle), np.sin(angle)
+    clamp = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    section = Sections((STIFF,) * 3, (1e7, 41.6667e5, 41.6667e5))
+    load = (0.0, 0.0, 600.0)
+    moved = tip(line, section, load, begin=clamp) - np.append(points[2], 0.0)
+    # twelve points along it: 1e-9; what they print has fourteen digits
+    np.testing.assert_allclose(moved, KYNEMA, rtol=0, atol=2e-9)
+    on_arc = tip(arc(BEND, (0.0, 0.0, 0.01)), section, load)
+    np.testing.assert_allclose(bend(600.0, **SECTION), on_arc, rtol=0, atol=1e-8)
+    assert np.abs(on_arc - EDGE - KYNEMA).max() > 0.1
+    assert angle == pytest.approx(np.radians(-3.15), abs=1e-4)
+
+
+LOADS = {
+    "force": {"force_x": -1.0, "force_y": 3.0},
+    "moment": {"force_y": 1.0, "moment": 2.0},
+    "weight": {"weight_x": 0.5, "weight_y": -4.0},
+}
+
+
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("strains", [{}, {"axial": 30.0, "shear": 12.0}])
+def test_in_its_plane_it_is_the_planar_rod(load, strains):
+    """Torsion and the other bending stiffness do nothing there."""
+    s = np.linspace(0.0, 1.2, 9)
+    flat = planar_solve(s, length=1.2, stiffness=0.8, **strains, **LOADS[load])
+    loads = dict(LOADS[load])
+    if "moment" in loads:
+        loads["moment_z"] = loads.pop("moment")
+    rod = solve(s, length=1.2, stiffness=0.8, stiffness_y=50.0, torsion=70.0, **strains, **loads)
+    for name, values in {
+        "x": flat["x"],
+        "y": flat["y"],
+        "z": 0.0,
+        "normal_x": np.cos(flat["theta"]),
+        "normal_y": np.sin(flat["theta"]),
+        "bend_moment": flat["m"],
+        "bend_moment_y": 0.0,
+        "twist_moment": 0.0,
+        "force_x": flat["force_x"],
+        "force_y": flat["force_y"],
+    }.items():
+        np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-11, err_msg=name)
+
+
+def test_bending_to_either_side_is_the_planar_rod():
+    """About y, a load along z bends a rod as one along y does about z, the other way round."""
+    s = np.linspace(0.0, 1.0, 5)
+    flat = planar_solve(s, stiffness=0.7, force_y=3.0)
+    rod = solve(s, stiffness=50.0, stiffness_y=0.7, torsion=70.0, force_z=3.0)
+    np.testing.assert_allclose(rod["z"], flat["y"], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(rod["bend_moment_y"], -flat["m"], rtol=0, atol=1e-11)
+
+
+NATURAL = {"twist": 0.8, "curvature_y": -0.5, "curvature": 1.5}
+STIFFNESSES = {"torsion": 0.6, "stiffness_y": 0.9, "stiffness": 1.4}
+
+
+def test_what_stays_constant_along_a_rod():
+    """Force and moment about a fixed point; of an even rod also n . v + m . (u + u0)/2."""
+    s = np.linspace(0.0, 1.0, 21)
+    rod = solve(
+        s,
+        **STIFFNESSES,
+        **NATURAL,
+        axial=12.0,
+        shear=8.0,
+        **named("force", FORCE),
+        **named("moment", MOMENT),
+    )
+    n = vector(rod, "force_")
+    np.testing.assert_allclose(n, np.tile(FORCE, (21, 1)), rtol=1e-15)
+    local = np.stack([rod["twist_moment"], rod["bend_moment_y"], rod["bend_moment"]], axis=1)
+    along = np.einsum("ij,ij->i", n, vector(rod, "normal_"))
+    across = np.einsum("ij,ij->i", n, n) - along**2
+    u0 = np.array(list(NATURAL.values()))
+    bent = local**2 / np.array(list(STIFFNESSES.values())) / 2 + local * u0
+    energy = bent.sum(axis=1) + along + along**2 / 24.0 + across / 16.0
+    # E of the steps: 1e-12 of the tip's place; of the terms, which are up to 10
+    assert np.ptp(energy) < 1e-10
+    assert np.ptp(along) > 0.1
+
+
+def test_moments_of_a_rod_with_weight_follow_from_the_part_beyond():
+    """m(s) = M + (p(L) - p(s)) x F + int (p - p(s)) x w over the part beyond, by a fine sum."""
+    s = np.linspace(0.0, 1.0, 2001)
+    weight = (0.5, 1.0, -2.0)
+    rod = solve(s, **STIFFNESSES, **NATURAL, **named("force", FORCE), **named("weight", weight))
+    place = vector(rod, "")
+    arm = np.trapezoid(place, s, axis=0) - place[0]
+    root = np.cross(place[-1] - place[0], FORCE) + np.cross(arm, weight)
+    clamp = [rod[name][0] for name in ("twist_moment", "bend_moment_y", "bend_moment")]
+    np.testing.assert_allclose(clamp, root, rtol=0, atol=1e-6)  # h^2/12 of the sum
+    np.testing.assert_allclose(vector(rod, "force_")[0], np.add(FORCE, weight), rtol=1e-15)
+
+
+def test_a_round_rod_turns_with_its_loads():
+    """A straight rod as stiff to all sides: loads that are turned about it turn its shape."""
+    turn = 0.7
+    c, s = np.cos(turn), np.sin(turn)
+    about = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    loads = [np.array(FORCE), np.array(MOMENT)]
+    rod, other = (
+        solve(1.0, torsion=0.7, **named("force", by @ loads[0]), **named("moment", by @ loads[1]))
+        for by in (np.eye(3), about)
+    )
+    np.testing.assert_allclose(vector(other, ""), about @ vector(rod, ""), rtol=0, atol=1e-11)
+
+
+def test_small_loads_twist_and_bend_as_in_textbooks():
+    small, length = 1e-6, 1.3
+    rod = solve(length, length=length, **STIFFNESSES, moment_x=small)
+    assert rod["normal_x"] == pytest.approx(1.0)
+    rod = solve(length, length=length, **STIFFNESSES, force_z=small)
+    assert rod["z"] == pytest.approx(small * length**3 / 3.0 / 0.9, rel=1e-9)
+    quarter = {"length": np.pi / 2, "curvature": 1.0}
+    rod, free = (
+        solve(np.pi / 2, **quarter, stiffness=2.0, torsion=0.5, force_z=force)
+        for force in (small, 0.0)
+    )
+    # Castigliano: arms sin(a) about the normal and 1 - cos(a) about the tangent, a from the tip
+    bent, twisted = np.pi / 4, 3 * np.pi / 4 - 2.0
+    assert rod["z"] - free["z"] == pytest.approx(small * (bent / 2.0 + twisted / 0.5), rel=1e-8)
+
+
+LATERAL = 4.01259934  # sqrt of the first root of J_{-1/4}(x/2) = 0 and so on: 4.0126 EI_y GJ
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.98, True), (1.02, False)])
+@pytest.mark.parametrize("y", [False, True])
+def test_a_deep_cantilever_topples_where_prandtl_says(share, stands, y):
+    """A. G. M. Michell and L. Prandtl 1899: F L^2 = 4.0126 sqrt(EI GJ), stiff in the load's plane.
+
+    The part bent before is small, as its bending stiffness is 1e5 times the other.
+    """
+    stiff = {"stiffness": 1e5, "stiffness_y": 1.0} if y else {"stiffness": 1.0, "stiffness_y": 1e5}
+    load = {"force_y" if y else "force_z": share * LATERAL * np.sqrt(0.7)}
+    if stands:
+        rod = solve(1.0, torsion=0.7, **stiff, **load)
+        assert abs(rod["z" if y else "y"]) < 1e-9
+    else:
+        with pytest.raises(ValueError, match="buckle"):
+            solve(1.0, torsion=0.7, **stiff, **load)
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.98, True), (1.02, False), (2.0, False)])
+@pytest.mark.parametrize("strains", [{}, {"axial": 1e6, "shear": 25.0}])
+def test_a_column_as_stiff_to_all_sides_buckles_where_euler_says(share, stands, strains):
+    """Twice at once, so that no determinant changes its sign; less with shear, by Engesser."""
+    euler = np.pi**2 / 4
+    critical = euler / (1.0 + euler / strains["shear"]) if strains else euler
+    load = {"force_x": -share * critical}
+    if stands:
+        assert solve(1.0, torsion=0.7, **strains, **load)["y"] == 0.0
+    else:
+        with pytest.raises(ValueError, match="buckle"):
+            solve(1.0, torsion=0.7, **strains, **load)
+
+
+def test_a_column_buckles_under_its_weight_where_greenhill_says():
+    """w L^3 = 7.8373 EI, A. G. Greenhill 1881."""
+    solve(1.0, torsion=0.7, weight_x=-0.98 * 7.8373)
+    with pytest.raises(ValueError, match="buckle"):
+        solve(1.0, torsion=0.7, weight_x=-1.02 * 7.8373)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"length": 0.0}, "length"),
+        ({"torsion": -1.0}, "torsion"),
+        ({"stiffness_y": 0.0}, "stiffness_y"),
+        ({"stiffness": np.inf}, "stiffness"),
+        ({"shear": 0.0}, "shear"),
+        ({"curvature": np.nan}, "curvature"),
+        ({"moment_y": np.inf}, "moment_y"),
+        ({"weight_z": np.nan}, "weight_z"),
+    ],
+)
+def test_what_is_out_of_its_domain_is_named(wrong, words):
+    with pytest.raises(ValueError, match=words):
+        solve(0.5, **{"length": 1.0, **wrong})
+
+
+def test_a_place_beyond_the_rod_is_refused():
+    with pytest.raises(ValueError, match="s must lie within"):
+        solve([0.5, 1.5])

@@ -1,0 +1,199 @@
+"""Chains of rods in space: their order, their moments, wrong numbers, what cannot be run."""
+
+from shutil import copyfile
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic.rods.spatial_rod import solve
+from proofmass.check import check
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.mujoco.engine import ENGINE
+from proofmass.sim.mujoco.program_rods import write_rods
+from proofmass.sim.protocol import BadModel, BadRod, Rod, Run
+from proofmass.sim.rods import Chain, chain
+from tests.shipped import shipped
+from tests.verdicts import verdicts
+
+LENGTH = 1.2
+STIFF = {"torsion": 0.6, "stiffness_y": 0.9, "stiffness": 1.4}
+NATURAL = (0.9, -0.6, 1.5)
+LOAD = (1.0, -1.5, 2.0)
+WIND = (0.3, 0.5, -0.4)
+PARTS = "x", "y", "z", "normal_x", "normal_y", "normal_z"
+MOMENTS = "twist_moment", "bend_moment_y", "bend_moment"
+MODEL = """<mujoco><option gravity="0 0 0"/><worldbody><site name="clamp"/></worldbody><actuator>
+  <motor name="load" site="rod.tip" refsite="clamp" gear="{:g} {:g} {:g} 0 0 0"/></actuator>
+  <keyframe><key name="start" ctrl="1"/></keyframe></mujoco>"""
+
+
+def rod(segments: int, **others) -> Rod:
+    """A rod with three different stiffnesses, twisted and curved to both sides."""
+    named = {**STIFF, "curvature": NATURAL, "load": WIND, **others}
+    return Rod("rod", "clamp", None, LENGTH, segments=segments, ends=("clamped", "free"), **named)
+
+
+def rest(tmp_path, one: Rod, force=LOAD, parts=PARTS + MOMENTS):
+    """Curves of a rod at rest at its vertices' arc lengths."""
+    file = tmp_path / "rod.xml"
+    file.write_text(MODEL.format(*force))
+    arcs = np.linspace(0.0, LENGTH, 2 * one.segments + 1)
+    return ENGINE.simulate(
+        file, Run("equilibrium", arcs, tuple(f"rod.{p}" for p in parts), rods=(one,))
+    )
+
+
+def errors(tmp_path, segments: int, **others) -> dict[str, float]:
+    """Largest errors of all parts of a rod's shape."""
+    curves = rest(tmp_path, rod(segments, **others))
+    exact = solve(
+        curves.x,
+        length=LENGTH,
+        **STIFF,
+        **{key: others[key] for key in ("axial", "shear") if key in others},
+        **dict(zip(("twist", "curvature_y", "curvature"), NATURAL, strict=True)),
+        **{f"force_{name}": value for name, value in zip("xyz", LOAD, strict=True)},
+        **{f"weight_{name}": value for name, value in zip("xyz", WIND, strict=True)},
+    )
+    return {
+        name: float(np.abs(curves.channels[f"rod.{name}"] - exact[name]).max())
+        for name in PARTS + MOMENTS
+    }
+
+
+@pytest.mark.parametrize("strains", [{}, {"axial": 40.0, "shear": 25.0}])
+def test_errors_fall_with_the_square_of_the_links(strains, tmp_path):
+    one, two = (errors(tmp_path, n, **strains) for n in (12, 24))
+    for name in PARTS[:3]:
+        # of second order; what is of fourth order changes the ratio by a tenth
+        assert one[name] / two[name] == pytest.approx(4.0, rel=0.1), name
+    for name in PARTS[3:] + MOMENTS:  # they go up and down from link to link
+        assert 2.8 < one[name] / two[name] < 6.0, name
+    assert all(value < 0.02 for value in two.values())
+
+
+def test_turns_in_one_order_all_along_are_of_first_order(tmp_path, monkeypatch):
+    hinges = Chain.hinges
+    monkeypatch.setattr(
+        Chain, "hinges", lambda self, link: tuple(sorted(hinges(self, link), key=lambda h: h.axis))
+    )
+    one, two = (errors(tmp_path, n) for n in (12, 24))
+    for name in PARTS[:3]:
+        assert one[name] / two[name] < 2.6, name
+
+
+def test_moments_bear_what_is_beyond_them(tmp_path):
+    """The rest of the chain itself: a force at the tip and its lever, to Newton's last step."""
+    one = rod(9, load=(0.0, 0.0, 0.0))
+    curves = rest(tmp_path, one).channels
+    place = np.stack([curves[f"rod.{name}"] for name in "xyz"], axis=1)
+    levers = np.cross(place[-1] - place, LOAD)
+    found = np.stack([curves[f"rod.{name}"] for name in MOMENTS], axis=1)
+    sprung = np.arange(1, 2 * one.segments, 2)  # at h/2, 3h/2, ...
+    np.testing.assert_allclose(
+        np.linalg.norm(found[sprung], axis=1), np.linalg.norm(levers[sprung], axis=1), rtol=1e-9
+    )
+
+
+def test_without_loads_a_chain_keeps_its_natural_shape(tmp_path):
+    """It is a helix: its links' ends lie evenly along an axis."""
+    one = rod(12, load=(0.0, 0.0, 0.0), curvature=(0.9, 0.0, 1.5))
+    curves = rest(tmp_path, one, force=(0.0, 0.0, 0.0)).channels
+    for name in MOMENTS:
+        np.testing.assert_allclose(curves[f"rod.{name}"], 0.0, atol=1e-12)
+    exact = solve(np.linspace(0.0, LENGTH, 25), length=LENGTH, twist=0.9, curvature=1.5)
+    for name in PARTS[:3]:
+        np.testing.assert_allclose(curves[f"rod.{name}"], exact[name], atol=5e-3)  # chords, h^2
+    model = compile_model(tmp_path / "rod.xml", (one,))
+    about = {hinge.name: hinge.rest for k in range(13) for hinge in chain(one).hinges(k)}
+    assert model.njnt == len(about) == 36
+    for name, angle in about.items():
+        assert model.key_qpos[0, model.joint(name).qposadr[0]] == angle
+        assert model.qpos_spring[model.joint(name).qposadr[0]] == angle
+    assert sum(about.values()) == pytest.approx(LENGTH * (0.9 + 1.5))
+
+
+def test_either_side_bends_against_its_own_stiffness(tmp_path):
+    """Small loads: F L^3 / 3EI, less what a chain of twenty links lacks, 1/(4 n^2) of it."""
+    straight = {"curvature": (0.0, 0.0, 0.0), "load": (0.0, 0.0, 0.0)}
+    for axis, stiffness in ((1, STIFF["stiffness"]), (2, STIFF["stiffness_y"])):
+        force = 1e-4 * np.eye(3)[axis]
+        curves = rest(tmp_path, rod(20, **straight), force=force, parts=PARTS)
+        way = curves.channels[f"rod.{'xyz'[axis]}"][-1]
+        assert way == pytest.approx(1e-4 * LENGTH**3 / 3.0 / stiffness, rel=2e-3)
+
+
+def test_a_wrong_stiffness_about_z_differs(edit):
+    """5 % of it, in the bend; the load of the coil hardly bends it about z."""
+    edit("rod_bend.toml", r"(?s)\[refine\].*?\n\n", "")
+    new = "stiffness = 8.75e5\nstiffness_y = 8.333e5"
+    file = edit("rod_bend.toml", r"(?s)(\[rod.rod\].*?)stiffness = [^ \n]*", rf"\1{new}")
+    assert "differs" in [c.outcome for c in verdicts(file)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("torsion = [^ \n]*", "torsion = 0.0083"),
+        ("torsion =", "stiffness_y = 0.0124\ntorsion ="),
+        ("curvature = [^\n]*", "curvature = [9.93347, 0.0, 101.0]"),
+        ("curvature = [^\n]*", "curvature = [11.0, 0.0, 99.0033]"),
+        ("curvature = [^\n]*", "curvature = [9.93347, 2.0, 99.0033]"),
+    ],
+)
+def test_a_wrong_number_of_the_rod_differs(old, new, edit):
+    """By 6 to 20 %, or 1 and 2 per metre; the reference keeps its own."""
+    edit("rod_coil.toml", r"(?s)\[refine\].*?\n\n", "")
+    file = edit("rod_coil.toml", rf"(?s)(\[rod.rod\].*?){old}", rf"\1{new}")
+    assert "differs" in [c.outcome for c in verdicts(file)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        ("torsion = 8.333e5\naxial", "axial", "rod.rod", "curvature is of a rod in space"),
+        ("segments", 'scheme = "double"\nsegments', "rod.rod", "torsion is of a rod in space"),
+        ("segments", 'to = "clamp"\nsegments', "rod.rod", "torsion is of a rod in space"),
+        ("torsion = 8.333e5\naxial", "torsion = 0\naxial", "rod.rod.torsion", "greater than 0"),
+        ('"rod.x"', '"rod.angle"', "channels.rod.angle", "rod.x, .y, .z, .normal_x"),
+        ("[run.equilibrium]", "[run.dynamics]\nuntil = 1.0", "run.dynamics", "twists"),
+        ('["mujoco"]', '["pymunk"]', "run.equilibrium.solvers", "rod 'rod', which twists"),
+    ],
+)
+def test_bad_input_is_named(old, new, key, words, tmp_path):
+    text = shipped("rod_bend.toml").read_text(encoding="utf-8")
+    text = text[: text.index("[refine]")] + text[text.index("[channels]") :]
+    assert old in text
+    copyfile(shipped("rod_bend.xml"), tmp_path / "rod_bend.xml")
+    file = tmp_path / "rod_bend.toml"
+    file.write_text(text.replace(old, new), encoding="utf-8")
+    (error,) = check([file]).errors
+    assert f"rod_bend.toml: {key}: " in str(error)
+    assert words in str(error)
+
+
+def test_a_rod_in_space_cannot_hold_another(tmp_path):
+    other = Rod("other", "clamp", "rod.tip", 2.0, 1.0, 5, ("clamped", "pinned"))
+    file = tmp_path / "rod.xml"
+    file.write_text(MODEL.format(*LOAD))
+    with pytest.raises(BadRod, match=r"no site 'rod\.tip'"):
+        compile_model(file, (rod(5), other))
+
+
+def test_a_program_has_the_rests_of_its_springs(tmp_path):
+    """It compiles to the numbers of the model, or is refused."""
+    file = tmp_path / "rod.xml"
+    file.write_text(MODEL.format(*LOAD))
+    root = ElementTree.parse(file).getroot()
+    root.remove(root.find("keyframe"))
+    write_rods(root, file, (rod(5),))
+    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    rest = model.qpos_spring[model.joint("rod.2.twist").qposadr[0]]
+    assert rest == pytest.approx(NATURAL[0] * LENGTH / 5)
+
+
+def test_a_part_that_a_rod_in_space_lacks_is_named(tmp_path):
+    with pytest.raises(BadModel, match="normal_x"):
+        rest(tmp_path, rod(4), parts=("moment",))
