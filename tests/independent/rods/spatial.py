@@ -95,7 +95,7 @@ def tip(
     moment: tuple[float, float, float] = (0.0, 0.0, 0.0),
     begin: np.ndarray | None = None,
     points: int = 12,
-    parts: int = 4,
+    parts: int = 1,
     steps: int = STEPS,
 ) -> np.ndarray:
     """Place of the tip (3,), the loads growing in some parts."""
