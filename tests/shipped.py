@@ -72,6 +72,8 @@ def written_out(file: Path) -> str:
     text = file.read_text(encoding="utf-8")
     if re.search(r"equals = .*unit = ", text):
         return text
-    head = re.split(r"(?m)^\[(?:run\b|channels\])", re.sub(r"(?m)^accuracy\..*\n", "", text))[0]
+    head = re.split(
+        r"(?m)^\[(?:run\b|channels\]|settings\b)", re.sub(r"(?m)^accuracy\..*\n", "", text)
+    )[0]
     filled = as_toml(loaded(file), every=False)
     return f"{head.rstrip()}\n\n{filled[filled.index('[run.') :]}"

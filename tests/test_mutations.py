@@ -109,6 +109,11 @@ LENGTHS = {
         "bar": [at(SITE, "bar_tip")],
         "ground_x": [at(BODY, "bar")],
     },
+    "swinging_block_forces": {
+        "crank": [at(BODY, "rod")],
+        "pivot_x": [at(SITE, "pivot")],
+        "pivot_y": [at(SITE, "pivot", 1)],
+    },
     "inverted_slider_crank_classic": {
         "crank": [at(BODY, "rod")],
         "rod": [at(SITE, "rod_end")],
@@ -380,6 +385,11 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
         ("threeprr_forces", "0.166666666666667", "0.183333333333333"),
         ("fivebar_forces", "10.4166666666667 10.4166666666667", "11.45 11.45"),
         ("inverted_slider_crank_forces", "0.01 0.01 0.01", "0.011 0.011 0.011"),
+        (
+            "swinging_block_forces",
+            "10.416666666666667 10.416666666666667",
+            "11.45 11.45",
+        ),
         (
             "fourbar_forces",
             "0.0833333333333333 0.0833333333333333",
