@@ -109,14 +109,14 @@ LENGTHS = {
         "bar": [at(SITE, "bar_tip")],
         "ground_x": [at(BODY, "bar")],
     },
-    "swinging_block_forces": {
-        "crank": [at(BODY, "rod")],
-        "pivot_x": [at(SITE, "pivot")],
-        "pivot_y": [at(SITE, "pivot", 1)],
-    },
     "inverted_slider_crank_classic": {
         "crank": [at(BODY, "rod")],
         "rod": [at(SITE, "rod_end")],
+        "pivot_x": [at(SITE, "pivot")],
+        "pivot_y": [at(SITE, "pivot", 1)],
+    },
+    "swinging_block_forces": {
+        "crank": [at(BODY, "rod")],
         "pivot_x": [at(SITE, "pivot")],
         "pivot_y": [at(SITE, "pivot", 1)],
     },
