@@ -361,10 +361,10 @@ def motor_angles(
         ChartLine(start.inputs[:1], start.inputs[1:], "here", points=True),
     )
     whole = mesh.triangles(m.reached)
-    slopes = derivatives(m.states).direct, derivatives(ends).direct
+    slopes = derivatives(m.states).direct, derivatives(mesh.ends).direct
     panels = [Panel(lines, determinants(mesh, *slopes, "det(dP/dq)", "m²/rad²"), "Singularities")]
     for k, name in enumerate(("x", "y")):
-        values = mesh.values(m.states.pose[..., k], ends.pose[:, k], inverse.pose[:, k])
+        values = mesh.values(m.states.pose[..., k], mesh.ends.pose[:, k], inverse.pose[:, k])
         panels.append(
             Panel(lines, over_mesh(mesh, values, f"{name} of the pin", "m", whole), f"Pin: {name}")
         )
@@ -374,8 +374,9 @@ def motor_angles(
         tuple(panels),
         f"Motor angles that this equilibrium can be followed to, {m.reached.mean():.0%} "
         "of the window. Beyond a direct singularity it is gone and the pin jumps; in an "
-        "inverse singularity the motors cannot move the pin in some direction. White "
-        "bands part equilibria: which one is there depends on the way.",
+        "inverse singularity the motors cannot move the pin in some direction. Where "
+        "contours break off, equilibria lie over each other: which one is there depends on "
+        "the way.",
     )
 
 

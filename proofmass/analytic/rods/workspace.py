@@ -32,7 +32,9 @@ from proofmass.analytic.rods.equilibrium import (
 ASIDE = np.array([[0, 1], [0, -1], [1, 0], [-1, 0]])
 """Neighbours of a node."""
 HALVINGS = 2
-"""How often a stride from node to node may be halved."""
+"""How often a stride on a sheet may be halved, if not said otherwise."""
+MORE = 4
+"""How often one from node to node."""
 BISECTIONS = 30
 """Halvings of an edge of the grid towards a singularity on it."""
 
@@ -72,6 +74,7 @@ def spread(
     *,
     name: str = "pose",
     axes: tuple[int, int] = (0, 1),
+    most: int = MORE,
 ) -> Map:
     r"""Spread a sheet of equilibria from one state over a grid, without jumping.
 
@@ -90,6 +93,7 @@ def spread(
         Increasing values of two coordinates [m or rad].
     name : "pose" (the inverse problem at each node) or "inputs" (the direct problem)
     axes : which two coordinates
+    most : how often a stride from node to node may be halved
 
     Raises
     ------
@@ -126,21 +130,19 @@ def spread(
         )
     vectors = np.full((*shape, start.vector.size), np.nan)
     vectors[root] = trail.last.vector
-    front = np.array([root])
-    while front.size:
-        front = _advance(start, vectors, front, grid, at, name)
-    return Map(name, axes, *grid, RodState(start.assembly, vectors))
+    m = Map(name, axes, *grid, RodState(start.assembly, vectors))
+    for halvings in dict.fromkeys(
+        (HALVINGS, most)
+    ):  # few at first: a node is tried from each of its neighbours
+        front = np.argwhere(m.reached)
+        while front.size:
+            front = _advance(m, front, at, halvings)
+    return m
 
 
-def _advance(
-    start: RodState,
-    vectors: Array,
-    front: Columns,
-    grid: tuple[Array, Array],
-    at: Columns,
-    name: str,
-) -> Columns:
-    """Solve the neighbours of a front of nodes; the new front."""
+def _advance(m: Map, front: Columns, at: Columns, halvings: int) -> Columns:
+    """Solve the neighbours of a front of nodes, in place; the new front."""
+    vectors = m.states.vector
     old = np.repeat(front, len(ASIDE), axis=0)
     new = old + np.tile(ASIDE, (len(front), 1))
     inside = ((new >= 0) & (new < vectors.shape[:2])).all(axis=1)
@@ -149,9 +151,9 @@ def _advance(
     old, new = old[fresh], new[fresh]
     if not len(new):
         return new
-    goal = np.stack([line[i] for line, i in zip(grid, new.T, strict=True)], axis=1)
-    here = RodState(start.assembly, vectors[old[:, 0], old[:, 1]])
-    there, good = onward(here, goal, at, name)
+    goal = np.stack([m.first[new[:, 0]], m.second[new[:, 1]]], axis=1)
+    here = RodState(m.states.assembly, vectors[old[:, 0], old[:, 1]])
+    there, good = onward(here, goal, at, m.name, halvings)
     vectors[new[good, 0], new[good, 1]] = there.vector[good]
     return np.unique(new[good], axis=0)
 
@@ -245,12 +247,12 @@ def _edges(m: Map) -> tuple[RodState, RodState]:
     there = np.isfinite(low.vector[:, 0]) & np.isfinite(high.vector[:, 0])
     low, high = low[there], high[there]
     at = columns(m.states.assembly, m.name)[list(m.axes)]
-    met, good = onward(low, high.vector[:, at], at, m.name)
+    met, good = onward(low, high.vector[:, at], at, m.name, MORE)
     good[good] = (np.abs(met.vector - high.vector)[good] < 1e-6).all(axis=1)
     return low[good], high[good]
 
 
-FITS, LOOSE, MARGIN = 3, 0.5, 2
+FITS, LOOSE, MARGIN = 5, 0.5, 2
 """Windows tried for a sheet; share of one that is left if it fits; edges about the sheet."""
 SAME = 1e-6
 """Of a state's vector: neighbours that follow from each other."""
@@ -271,25 +273,20 @@ def sheet(start: RodState, nodes: int) -> Map:
     at = np.stack([clamp.real, clamp.imag])
     widest = np.stack([(at - reach).max(axis=1), (at + reach).min(axis=1)])
     window = widest
-    for _ in range(FITS):
-        m = spread(
-            start,
-            *(
-                through(x, low, high, nodes)
-                for x, (low, high) in zip(start.pose, window.T.tolist(), strict=False)
-            ),
-        )
-        step = (window[1] - window[0]) / (nodes - 1)
-        seen = m.states.pose[m.reached][:, :2]
-        fitted = np.stack(
-            [
-                np.maximum(widest[0], seen.min(axis=0) - MARGIN * step),
-                np.minimum(widest[1], seen.max(axis=0) + MARGIN * step),
-            ]
-        )
-        if LOOSE <= np.prod((fitted[1] - fitted[0]) / (window[1] - window[0])) <= 1.0:
-            break
-        window = fitted
+    for count, most in ((max(5, nodes // 2), MORE - 1), (nodes, MORE)):
+        for _ in range(FITS):
+            sides = zip(start.pose, window.T.tolist(), strict=False)
+            grid = [through(x, low, high, count) for x, (low, high) in sides]
+            m = spread(start, *grid, most=most)
+            step = (window[1] - window[0]) / (count - 1)
+            seen = m.states.pose[m.reached][:, :2]
+            low, high = seen.min(axis=0) - MARGIN * step, seen.max(axis=0) + MARGIN * step
+            fitted = np.stack([np.maximum(widest[0], low), np.minimum(widest[1], high)])
+            spare = np.stack([fitted[0] - window[0], window[1] - fitted[1]])
+            share = np.prod((fitted[1] - fitted[0]) / (window[1] - window[0]))
+            if (spare >= -ON_LINE * step).all() and share >= LOOSE:
+                break
+            window = fitted
     return m
 
 
@@ -308,13 +305,15 @@ def several(nodes: int) -> None:
 
 @dataclass(frozen=True)
 class MapMesh:
-    """A sheet over triangles: whole cells of its grid, and those at its rim cut off there.
+    """A sheet over triangles: whole cells of its grid, and those at its rim and at tears cut off.
 
     Attributes
     ----------
     map : Map
     ends, loci : RodState (e,), (l,)
-        Of `rim`, and direct or inverse singularities of `loci`.
+        Of `rim` and of `tears`, and direct or inverse singularities of `loci`.
+    nodes, ways : ndarray (e, 2)
+        The nodes that the ends are beside, and on which side.
     right, up : ndarray (m - 1, n), (m, n - 1)
         Whether neighbours follow from each other; a sheet that lies over itself is torn elsewhere.
     """
@@ -322,6 +321,8 @@ class MapMesh:
     map: Map
     ends: RodState
     loci: RodState
+    nodes: Columns
+    ways: Columns
     right: NDArray[np.bool_]
     up: NDArray[np.bool_]
 
@@ -341,56 +342,51 @@ class MapMesh:
     def triangles(
         self, inside: NDArray[np.bool_], *, within: bool = False, beyond: bool = False
     ) -> Index:
-        """Triangles (t, 3) over the nodes (m, n) inside, out to the rim.
+        """Triangles (t, 3) over the nodes (m, n) inside, out to the rim and to tears.
 
-        `within` stops at the loci; `beyond` goes on from those that lie before the rim.
+        `within` stops at the loci; `beyond` goes on from those that lie before the rim.  In a cell
+        at the rim or at a tear, corners that follow from each other are a polygon with the ends
+        beside them.
         """
         m, n = inside.shape
         number = np.arange(m * n).reshape(m, n)
-        i, j = np.nonzero(
-            np.all([inside[dx : m - 1 + dx, dy : n - 1 + dy] for dx, dy in CORNERS], axis=0)
-            & (self.right[:, :-1] & self.right[:, 1:] & self.up[:-1] & self.up[1:])
-        )
+        there = np.array([inside[dx : m - 1 + dx, dy : n - 1 + dy] for dx, dy in CORNERS])
+        follows = np.array([self.right[:, :-1], self.up[1:], self.right[:, 1:], self.up[:-1]])
+        follows &= there & np.roll(there, -1, axis=0)
+        i, j = np.nonzero(follows.all(axis=0))
         a, b, c, d = (number[i + dx, j + dy] for dx, dy in CORNERS)
         found = [np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]
-        count = sum(inside[dx : m - 1 + dx, dy : n - 1 + dy].astype(int) for dx, dy in CORNERS)
         rims, passed = self.rims, self.crossings if within else {}
-        for cell in np.argwhere((count > 0) & (count < len(CORNERS))).tolist():
-            corners = [(cell[0] + dx, cell[1] + dy) for dx, dy in CORNERS]
-            there = [bool(inside[one]) for one in corners]
-            first = (there.index(False) + 2) % 4 if sum(there) == 3 else there.index(True)
-            ring: list[tuple[int | None, int | None]] = []  # up to a singularity, and to the rim
-            for k in range(first, first + 4):
-                here, after = corners[k % 4], corners[(k + 1) % 4]
-                if there[k % 4]:
-                    ring.append((int(number[here]), None))
-                if there[k % 4] and there[(k + 1) % 4]:
-                    follows = self.right if here[1] == after[1] else self.up
-                    ring += [] if follows[min(here, after)] else [(None, None)]
-                elif there[k % 4] or there[(k + 1) % 4]:
-                    one, other = (here, after) if there[k % 4] else (after, here)
-                    key = (*one, other[0] - one[0], other[1] - one[1])
-                    end = rims.get(key)
-                    ring.append((passed.get(key, end), end))
-            if len(ring) > 2 and all(inner is not None for inner, _ in ring):
+
+        def end(corner: tuple[int, int], other: tuple[int, int]) -> tuple[int | None, int | None]:
+            """Up to a singularity, and up to the rim or the tear."""
+            key = (*corner, other[0] - corner[0], other[1] - corner[1])
+            return passed.get(key, rims.get(key)), rims.get(key)
+
+        for x, y in np.argwhere(there.any(axis=0) & ~follows.all(axis=0)).tolist():
+            corners = [(x + dx, y + dy) for dx, dy in CORNERS]
+            on = follows[:, x, y]
+            for k in np.flatnonzero(there[:, x, y] & ~np.roll(on, 1)).tolist():
+                ring = [end(corners[k], corners[k - 1]), (int(number[corners[k]]), None)]
+                while on[k]:
+                    k = (k + 1) % 4
+                    ring.append((int(number[corners[k]]), None))
+                ring.append(end(corners[k], corners[(k + 1) % 4]))
+                if None in (ring[0][0], ring[-1][0]):
+                    continue
                 found.append(fan([inner for inner, _ in ring]))
-                found += [
-                    fan([one[0], one[1], other[1], other[0]])
-                    for one, other in zip(ring, [*ring[1:], ring[0]], strict=True)
-                    if beyond
-                    and None not in (one[1], other[1])
-                    and (one[0] != one[1] or other[0] != other[1])
-                ]
+                (one, rim_one), (other, rim_other) = ring[-1], ring[0]
+                if beyond and None not in (rim_one, rim_other):
+                    last = [one, rim_one, rim_other, other]
+                    last = list(dict.fromkeys(last))  # at a corner the singularity is the rim
+                    found += [fan(last)] if len(last) > 2 else []
         return np.concatenate(found).astype(np.intp)
 
     @property
     def rims(self) -> dict[tuple[int, ...], int]:
         """Numbers of the ends, by node and way along a line of the grid."""
-        nodes, ways = outward(self.map)
-        return {
-            (*node, *way): self.map.reached.size + k
-            for k, (node, way) in enumerate(zip(nodes.tolist(), ways.tolist(), strict=True))
-        }
+        pairs = zip(self.nodes.tolist(), self.ways.tolist(), strict=True)
+        return {(*node, *way): self.map.reached.size + k for k, (node, way) in enumerate(pairs)}
 
     @property
     def crossings(self) -> dict[tuple[int, ...], int]:
@@ -429,7 +425,10 @@ CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
 def meshed(m: Map, edges: Columns, ends: RodState, loci: RodState) -> MapMesh:
-    """A sheet over triangles, by the edges that follow from each other, its rim and its loci."""
+    """A sheet over triangles, by the edges that follow from each other, its rim and its loci.
+
+    Between neighbours that do not follow from each other it is cut half way.
+    """
     rows, columns_ = m.reached.shape
     right = np.zeros((rows - 1, columns_), bool)
     up = np.zeros((rows, columns_ - 1), bool)
@@ -437,7 +436,25 @@ def meshed(m: Map, edges: Columns, ends: RodState, loci: RodState) -> MapMesh:
     level = high - low == 1
     up[low[level] // columns_, low[level] % columns_] = True
     right[low[~level] // columns_, low[~level] % columns_] = True
-    return MapMesh(m, ends, loci, right, up)
+    nodes, ways = outward(m)
+    beside, over = torn(m, right, up)
+    cut = marched(m, beside, over, np.full(len(beside), 0.5))
+    states = RodState(ends.assembly, np.concatenate([ends.vector, cut.vector]))
+    nodes, ways = np.concatenate([nodes, beside]), np.concatenate([ways, over])
+    return MapMesh(m, states, loci, nodes, ways, right, up)
+
+
+def torn(m: Map, right: NDArray[np.bool_], up: NDArray[np.bool_]) -> tuple[Columns, Columns]:
+    """Nodes (e, 2) and ways (e, 2) to neighbours that are reached, and do not follow from them."""
+    found = []
+    for follows, way in ((right, (1, 0)), (up, (0, 1))):
+        dx, dy = way
+        low = np.argwhere(
+            m.reached[: m.first.size - dx, : m.second.size - dy] & ~follows & m.reached[dx:, dy:]
+        )
+        found += [(low, np.tile(way, (len(low), 1))), (low + way, -np.tile(way, (len(low), 1)))]
+    nodes, ways = (np.concatenate(part) for part in zip(*found, strict=True))
+    return nodes, ways
 
 
 def over_poses(start: RodState, m: Map, unit: str) -> Chart:
@@ -451,8 +468,8 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
         *line(m, ends, "inverse singularity"),
         *posture(start),
     )
-    nodes, last = derivatives(m.states), derivatives(ends)
-    at = tuple(outward(m)[0].T)
+    nodes, last = derivatives(m.states), derivatives(mesh.ends)
+    at = tuple(mesh.nodes.T)
     beside = own[at] & (nodes.direct_determinant[at] * last.direct_determinant > 0.0)
     panels = [
         Panel(
@@ -464,7 +481,9 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
             lines,
             over_mesh(
                 mesh,
-                mesh.values(stiffness_of(m.states, own), stiffness_of(ends, beside), np.zeros(1)),
+                mesh.values(
+                    stiffness_of(m.states, own), stiffness_of(mesh.ends, beside), np.zeros(1)
+                ),
                 "least stiffness",
                 "N/m",
                 mesh.triangles(own, within=True),
@@ -479,7 +498,7 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
             if start.assembly.guide is None
             else (f"slide {k + 1}", "m")
         )
-        values = mesh.values(m.states.inputs[..., k], ends.inputs[:, k], singular.inputs[:, k])
+        values = mesh.values(m.states.inputs[..., k], mesh.ends.inputs[:, k], singular.inputs[:, k])
         panels.append(
             Panel(lines, over_mesh(mesh, values, name, own_unit, whole), name.capitalize())
         )
@@ -490,8 +509,9 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
         f"Poses that are reached from here: {area(m, ends, ways):.3g} m², of which "
         f"{own.sum() / m.reached.sum():.0%} without a singularity on the way. In an "
         "inverse singularity some motion of the platform needs infinite rates of the "
-        "motors; in a direct one it gives way with the motors held. White bands within "
-        "part inputs: which ones hold a pose depends on the way to it.",
+        "motors; in a direct one it gives way with the motors held. Where contours break "
+        "off within, sheets lie over each other: which inputs hold a pose depends on the "
+        "way to it.",
         alike=True,
     )
 
@@ -513,7 +533,7 @@ def determinants(mesh: MapMesh, nodes: Array, ends: Array, name: str, unit: str)
     """
     inner, outer = determinant(nodes), determinant(ends)
     most = np.nanquantile(np.abs(inner), COMMON)
-    beside = inner[tuple(outward(mesh.map)[0].T)]
+    beside = inner[tuple(mesh.nodes.T)]
     crossings = mesh.crossings
     known = np.array([key in crossings for key in mesh.rims], bool)
     outer = np.where((outer * beside > 0.0) | known, outer, np.nan)
@@ -568,7 +588,7 @@ def joined(m: Map) -> tuple[Columns, NDArray[np.bool_]]:
     for way in (1, -1):
         left = np.flatnonzero(~good)
         here, there = flat[ends[left, ::way]].swapaxes(0, 1)
-        moved, met = onward(RodState(m.states.assembly, here), there[:, at], at, m.name)
+        moved, met = onward(RodState(m.states.assembly, here), there[:, at], at, m.name, MORE)
         good[left[met]] = (np.abs(moved.vector - there)[met] < SAME).all(axis=1)
     torn = np.zeros(m.reached.size, bool)
     torn[ends[~good]] = True
@@ -582,22 +602,23 @@ def rim(m: Map) -> tuple[RodState, Columns]:
     is nearly straight makes Newton's method fail first.
     """
     nodes, ways = outward(m)
-    border = (nodes + ways < 0) | (nodes + ways >= m.reached.shape)
-    step = (
-        np.stack(
-            [np.mean(np.diff(m.first)) * ways[:, 0], np.mean(np.diff(m.second)) * ways[:, 1]],
-            axis=1,
-        )
-        * ~border
-        / 2.0
-    )
+    border = ((nodes + ways < 0) | (nodes + ways >= m.reached.shape)).any(axis=1)
+    return marched(m, nodes, ways, np.where(border, 0.0, np.inf)), ways
+
+
+def marched(m: Map, nodes: Columns, ways: Columns, room: Array) -> RodState:
+    """Last states (e,) from nodes along lines of the grid, no further than `room` of an edge."""
+    edge = ways * [np.mean(np.diff(m.first)), np.mean(np.diff(m.second))]
     at = columns(m.states.assembly, m.name)[list(m.axes)]
     last = RodState(m.states.assembly, m.states.vector[tuple(nodes.T)])
+    share = np.minimum(room, 0.5)
     for _ in range(TRIES):
-        there, good = onward(last, last.vector[:, at] + step, at, m.name, 0)
+        goal = last.vector[:, at] + share[:, None] * edge
+        there, good = onward(last, goal, at, m.name, 0)
         last.vector[good] = there.vector[good]
-        step[~good] /= 2.0
-    return last, ways
+        room = room - share * good
+        share = np.minimum(np.where(good, share, share / 2.0), room)
+    return last
 
 
 def outward(m: Map) -> tuple[Columns, Columns]:

@@ -291,6 +291,48 @@ def test_triangles_fill_the_sheet_to_its_rim():
     assert (last >= m.reached.size).sum() > 0.8 * inside.sum() > 10
 
 
+def test_a_tear_is_cut_half_way_from_both_sides():
+    """An edge is taken out as if its ends did not follow from each other: nothing stays white."""
+    m, (ends, _), mesh = small()
+    edges, whole = joined(m)[0], mesh.triangles(m.reached)
+    within = np.isin(edges, np.flatnonzero(eroded(m.reached))).all(axis=1)
+    k = int(np.flatnonzero(within)[0])
+    cut = meshed(m, np.delete(edges, k, axis=0), ends, mesh.loci)
+    first, last = m.reached.size + len(mesh.ends.vector), m.reached.size + len(cut.ends.vector)
+    assert last - first == 2
+    middle = cut.xy[edges[k]].mean(axis=0)
+    np.testing.assert_allclose(cut.xy[first:last], [middle, middle], rtol=0, atol=1e-12)
+    triangles = cut.triangles(m.reached)
+    both = np.isin(triangles, edges[k]).sum(axis=1) == 2
+    assert not both.any()
+    assert (np.isin(whole, edges[k]).sum(axis=1) == 2).any()
+    area_of = [
+        np.abs(sizes_of(corners_of(*one))).sum() for one in ((mesh, whole), (cut, triangles))
+    ]
+    assert area_of[1] == pytest.approx(area_of[0], rel=1e-12)
+
+
+def eroded(inside):
+    """Nodes all of whose eight neighbours are inside."""
+    padded = np.pad(inside, 1)
+    rows, columns = inside.shape
+    return np.all(
+        [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0
+    )
+
+
+@pytest.mark.slow
+def test_no_cell_of_a_sheet_stays_white():
+    """Two nodes of 245 are torn from others; cells of tears left out 10 % of the sheet before."""
+    m = sheet(pair("S4"), 24)
+    rims = rim(m)
+    edges, torn = joined(m)
+    mesh = meshed(m, edges, rims[0], loci(m, "direct", rims))
+    covered = np.abs(sizes_of(corners_of(mesh, mesh.triangles(m.reached)))).sum()
+    assert covered == pytest.approx(area(m, *rims), rel=0.03)  # chords of the rim
+    assert torn.sum() < 10
+
+
 def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
     m = folded()
     rims = rim(m)
@@ -307,7 +349,9 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
     for part, sign in zip(parts, (1, -1), strict=True):
         nodes = np.unique(part[part < m.reached.size])
         assert (sign * det.ravel()[nodes] > 0.0).all()
-    field = determinants(mesh, derivatives(m.states).inverse, derivatives(rims[0]).inverse, "", "1")
+    field = determinants(
+        mesh, derivatives(m.states).inverse, derivatives(mesh.ends).inverse, "", "1"
+    )
     corners, first = np.unique(field.triangles), m.reached.size + len(mesh.ends.vector)
     assert (corners >= first).sum() > 3
     assert (field.values[corners[corners >= first]] == 0.0).all()  # loci
