@@ -65,13 +65,13 @@ def errors(tmp_path, segments: int, **others) -> dict[str, float]:
 
 @pytest.mark.parametrize("strains", [{}, {"axial": 40.0, "shear": 25.0}])
 def test_errors_fall_with_the_square_of_the_links(strains, tmp_path):
-    one, two = (errors(tmp_path, n, **strains) for n in (12, 24))
+    one, two = (errors(tmp_path, n, **strains) for n in (8, 16))
     for name in PARTS[:3]:
-        # of second order; what is of fourth order changes the ratio by a tenth
-        assert one[name] / two[name] == pytest.approx(4.0, rel=0.1), name
+        # of second order; what is of fourth order changes the ratio by 14 % with eight links
+        assert one[name] / two[name] == pytest.approx(4.0, rel=0.2), name
     for name in PARTS[3:] + MOMENTS:  # they go up and down from link to link
         assert 2.8 < one[name] / two[name] < 6.0, name
-    assert all(value < 0.02 for value in two.values())
+    assert all(value < 0.05 for value in two.values())
 
 
 def test_turns_in_one_order_all_along_are_of_first_order(tmp_path, monkeypatch):
@@ -79,7 +79,7 @@ def test_turns_in_one_order_all_along_are_of_first_order(tmp_path, monkeypatch):
     monkeypatch.setattr(
         Chain, "hinges", lambda self, link: tuple(sorted(hinges(self, link), key=lambda h: h.axis))
     )
-    one, two = (errors(tmp_path, n) for n in (12, 24))
+    one, two = (errors(tmp_path, n) for n in (8, 16))
     for name in PARTS[:3]:
         assert one[name] / two[name] < 2.6, name
 
