@@ -293,8 +293,11 @@ def test_triangles_fill_the_sheet_to_its_rim():
 
 def test_a_tear_is_cut_half_way_from_both_sides():
     """An edge is taken out as if its ends did not follow from each other: nothing stays white."""
-    m, (ends, _), mesh = small()
-    edges, whole = joined(m)[0], mesh.triangles(m.reached)
+    m = folded()
+    edges, rims = joined(m)[0], rim(m)
+    ends = rims[0]
+    mesh = meshed(m, edges, ends, loci(m, "direct", rims))
+    whole = mesh.triangles(m.reached)
     within = np.isin(edges, np.flatnonzero(eroded(m.reached))).all(axis=1)
     k = int(np.flatnonzero(within)[0])
     cut = meshed(m, np.delete(edges, k, axis=0), ends, mesh.loci)
