@@ -471,9 +471,12 @@ class RodTable(Strict):
     @model_validator(mode="after")
     def _spatial(self) -> "RodTable":
         if self.torsion is None:
-            said = {"stiffness_y": self.stiffness_y, "curvature": any(self.curvature)}
-            for key in (key for key, there in said.items() if there):
-                raise ValueError(f"{key} is of a rod in space: give torsion = GJ [N m2] too")
+            for key, said in (
+                ("stiffness_y", self.stiffness_y is not None),
+                ("curvature", any(self.curvature)),
+            ):
+                if said:
+                    raise ValueError(f"{key} is of a rod in space: give torsion = GJ [N m2] too")
         elif self.ends != ("clamped", "free") or self.scheme != "half":
             raise ValueError(
                 "torsion is of a rod in space, which is clamped here and free there, with the "

@@ -293,24 +293,17 @@ class Search:
         alike = [one for one in self.before if one.kind == run.kind and one.errors]
         stride = 1 if whole else self.strides[run.kind]
         asked = run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
-        try:
-            found: Trial = self.call(*asked)
-        except TimedOut:
-            return self.once_more(asked)
-        except tuple(FAILURES) as error:
-            return Trial(math.inf, lost=str(error))
-        return found
-
-    def once_more(self, asked: tuple[Any, ...]) -> Trial:
-        """A trial that reached its limit of time, with `PATIENCE` times that.
-
-        The run as it is keeps within it: a slow machine is more likely than a slower run.
-        """
-        try:
-            found: Trial = self.call(*asked, patience=PATIENCE)
-        except tuple(FAILURES) as error:
-            return Trial(math.inf, lost=str(error))
-        return found
+        why = ""
+        for patience in (1.0, PATIENCE):  # the run as it is keeps within its limit of time
+            try:
+                found: Trial = self.call(*asked, patience=patience)
+            except TimedOut as error:
+                why = str(error)
+            except tuple(FAILURES) as error:
+                return Trial(math.inf, lost=str(error))
+            else:
+                return found
+        return Trial(math.inf, lost=why)
 
     def tried(self, group: Sequence[Number]) -> list[Finding]:
         """What the first run tells of a group of numbers of one kind."""

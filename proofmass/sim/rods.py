@@ -103,21 +103,24 @@ class Chain:
             axes["z"] = self.rod.shear
         return tuple(axis for axis, value in axes.items() if value is not None)[:: (-1) ** link]
 
-    def hinges(self, link: int) -> tuple["Hinge", ...]:
+    def hinges(self, link: int) -> tuple[Hinge, ...]:
         """The hinges that a link begins with, in their order."""
         if not self.jointed[link]:
             return ()
         name, rod = self.names[link], self.rod
-        bend = Hinge(name, 2, float(self.springs[link]), 0.0)
-        if not rod.spatial:
-            return (bend,)
+        if rod.torsion is None:
+            return (Hinge(name, 2, float(self.springs[link]), 0.0),)
         cell = rod.length / rod.segments
-        about = {"twist": rod.torsion, "bend_y": rod.stiffness_y or rod.stiffness}
+        about = {
+            f"{name}.twist": rod.torsion,
+            f"{name}.bend_y": rod.stiffness_y or rod.stiffness,
+            name: rod.stiffness,
+        }
         found = [
-            Hinge(f"{name}.{what}", axis, float(value or 0.0) / cell, cell * rod.curvature[axis])
-            for axis, (what, value) in enumerate(about.items())
+            Hinge(joint, axis, value / cell, cell * rod.curvature[axis])
+            for axis, (joint, value) in enumerate(about.items())
         ]
-        return (*found, replace(bend, rest=cell * rod.curvature[2]))[:: (-1) ** link]
+        return tuple(found[:: (-1) ** link])
 
     @property
     def bodies(self) -> list[str]:

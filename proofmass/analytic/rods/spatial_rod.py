@@ -42,8 +42,8 @@ FAR = 0.5
 """[EI/L] How far an equilibrium may be from where the last two point to."""
 NEAR = 1e-7
 """[EI/L] Differences of the moment at the clamp for its derivatives."""
-TURNS = 12
-"""Newton steps that may be needed beside a known equilibrium."""
+MOST_ITERATIONS = 12
+"""Steps of Newton's method that may be needed beside a known equilibrium."""
 EXACT, CLOSE, NEXT = 1e-14, 1e-11, 1e-7
 """Of all moments: what the moment at the tip is off by at the end; less may be rounding; and what
 is enough for the next part of the loads."""
@@ -212,14 +212,14 @@ def equilibrium(load: SpatialLoad) -> tuple[Array, int]:
     turns = load.length * float(np.linalg.norm(load.natural)) / TURN
     steps = STEPS * (1 + int(turns))
     found = followed(load, steps)
+    tip = at_tip(load, found, steps)
     while steps < MOST_STEPS:
         steps *= 2
         finer = beside(load, 1.0, found, steps)
         if finer is None:
             break
-        ends = [at_tip(load, one, n) for one, n in ((found, steps // 2), (finer, steps))]
-        found = finer
-        if np.abs(np.subtract(*ends)).max() <= SAME * load.length:
+        found, before, tip = finer, tip, at_tip(load, finer, steps)
+        if np.abs(tip - before).max() <= SAME * load.length:
             if negative_directions(load, found, steps):
                 raise ValueError("its loads buckle the rod before they have grown to the whole")
             return found, steps
@@ -255,7 +255,7 @@ def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> Array |
         + load.length * np.abs(load.force).max()
         + load.length**2 * np.abs(load.weight).max()
     )
-    for _ in range(TURNS):
+    for _ in range(MOST_ITERATIONS):
         starts = here[:, None] + width * np.eye(3, 4, 1)
         ends = integrated(load, share, starts, steps)[-1, MOMENT]
         gap = ends[:, 0] - share * load.moment

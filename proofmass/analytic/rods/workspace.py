@@ -131,9 +131,7 @@ def spread(
     vectors = np.full((*shape, start.vector.size), np.nan)
     vectors[root] = trail.last.vector
     m = Map(name, axes, *grid, RodState(start.assembly, vectors))
-    for halvings in dict.fromkeys(
-        (HALVINGS, most)
-    ):  # few at first: a node is tried from each of its neighbours
+    for halvings in (HALVINGS, most):  # few at first: a node is tried from all of its neighbours
         front = np.argwhere(m.reached)
         while front.size:
             front = _advance(m, front, at, halvings)
@@ -311,7 +309,7 @@ class MapMesh:
     ----------
     map : Map
     ends, loci : RodState (e,), (l,)
-        Of `rim` and of `tears`, and direct or inverse singularities of `loci`.
+        Of `rim` and beside what is `torn`, and direct or inverse singularities of `loci`.
     nodes, ways : ndarray (e, 2)
         The nodes that the ends are beside, and on which side.
     right, up : ndarray (m - 1, n), (m, n - 1)

@@ -242,6 +242,7 @@ def test_small_loads_twist_and_bend_as_in_textbooks():
     small, length = 1e-6, 1.3
     rod = solve(length, length=length, **STIFFNESSES, moment_x=small)
     assert rod["normal_x"] == pytest.approx(1.0)
+    assert rod["twist_moment"] == pytest.approx(small)
     rod = solve(length, length=length, **STIFFNESSES, force_z=small)
     assert rod["z"] == pytest.approx(small * length**3 / 3.0 / 0.9, rel=1e-9)
     quarter = {"length": np.pi / 2, "curvature": 1.0}
@@ -254,7 +255,7 @@ def test_small_loads_twist_and_bend_as_in_textbooks():
     assert rod["z"] - free["z"] == pytest.approx(small * (bent / 2.0 + twisted / 0.5), rel=1e-8)
 
 
-LATERAL = 4.01259934  # sqrt of the first root of J_{-1/4}(x/2) = 0 and so on: 4.0126 EI_y GJ
+LATERAL = 4.01259934  # twice the first root of Bessel's function J of order -1/4
 
 
 @pytest.mark.parametrize(("share", "stands"), [(0.98, True), (1.02, False)])
