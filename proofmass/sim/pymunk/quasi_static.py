@@ -218,6 +218,8 @@ ROUGH = 1e-6
 """The same between samples, where the pose only has to stay on its branch."""
 CALM = 2
 """Steps in turn that must leave so little at a sample; between samples one is enough."""
+NONE = 1e-14
+"""A move that is rounding: one step that leaves so little is enough where nothing is free."""
 DOUBT = 12
 """Steps after which it is asked whether the loops can be closed at all."""
 BESIDE = 1e-3
@@ -235,6 +237,8 @@ CONVERGED = 1e-15
 """Share by which impulses may still change in a repeated step."""
 HELD = 1e-9
 """Largest move in a step, in extents or radians, of joints that limited motors hold."""
+LESS = 1e-7
+"""Share of the largest effort that a drive holds less, to see which way it holds."""
 ROUNDING = 1e-16
 """What an iteration adds to the move in a step, in extents or radians."""
 AGREED = 1e-6
@@ -292,7 +296,10 @@ class Held:
     ``velocity`` is what the last step of ``dt`` [s] gave to the pose, which stood still; ``usual``
     and ``most`` are iterations of the solver in a step: at first, and used so far; ``past`` are the
     drives' values and poses of up to `BEFORE` rests before this one; ``friction`` are the motors of
-    joints that rub, with what each has to give in ``rub`` [N m or N].
+    joints that rub, with what each has to give in ``rub`` [N m or N].  ``moving`` is a space of its
+    own for rates, if the drives leave nothing free: Chipmunk begins each step with the impulses of
+    the last one, and those of a motion are far from those of a rest.  ``largest`` is the largest
+    effort [N m or N] until now.
     """
 
     links: Links
@@ -309,6 +316,8 @@ class Held:
     past: tuple[Rest, ...] = ()
     friction: list[Friction] = field(default_factory=list)
     rub: Array = field(default_factory=lambda: np.zeros(0))
+    moving: "Held | None" = None
+    largest: float = 0.0
 
     def carry(self, links: Links, error_bias: float) -> None:
         """Go on in a space whose links have other loads, at the present pose."""
@@ -400,6 +409,8 @@ class Held:
             # a step to a stop is as short as the way there, and small whatever the forces are
             steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
             calm = calm + 1 if steady and solved else 0
+            if calm and moved < NONE and not self.free:
+                calm = CALM
             if calm == CALM or (calm and still > STILL):
                 if not self._missed(target):
                     self.most = max(self.most, self.space.iterations)
@@ -490,18 +501,22 @@ class Held:
     def efforts(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
 
-        Chipmunk tells only the size of an impulse.  Its sign is found by letting one drive go for
-        a step: the joint falls the way that the drive held it back from.  It does so in the first
-        iteration already, which takes out the drive's impulse of the last step and leaves others.
+        Chipmunk tells only the size of an impulse.  Its sign is found by letting one drive hold
+        less for a step: the joint falls the way that the drive held it back from.  It does so in
+        the first iteration already, which lessens the drive's impulse of the last step and leaves
+        others.  The drive holds less by `LESS` of the largest effort, so that the next rest begins
+        with impulses that are nearly right, and nothing if its effort is smaller than that.
         """
         here = values(self.links.drives, self.pose)
         self.step(here)
         size, fall = self.impulses() / self.dt, np.empty(self.driving)
+        self.largest = max(self.largest, float(size.max(initial=0.0)))
+        held = np.maximum(size - LESS * self.largest, 0.0)
         usual, first = self.space.iterations, 1 if not self.free else self.space.iterations
         for k, drive in enumerate(self.drives[: self.driving]):
             if k:
                 self.step(here)
-            drive.max_force, self.space.iterations = 0.0, first
+            drive.max_force, self.space.iterations = float(held[k]), first
             self.step(here)
             drive.max_force, self.space.iterations = float("inf"), usual
             fall[k] = along(lambda p: values(self.links.drives, p), self.pose, self.velocity)[k]
@@ -523,14 +538,17 @@ class Held:
         size = np.abs(rate).max()
         if size == 0:
             return np.zeros_like(self.pose)
+        moving = self.moving or self
+        moving.pose, moving.space.iterations = self.pose, self.space.iterations
         ahead = values(self.links.drives, self.pose) + self.dt * rate / size
-        self.step(ahead)
+        moving.step(ahead)
         for _ in range(1, MOST[False]):
-            last = self.velocity
-            self.step(ahead)
-            if sizes(self.links, self.velocity - last) < STILL * sizes(self.links, self.velocity):
+            last = moving.velocity
+            moving.step(ahead)
+            change = sizes(self.links, moving.velocity - last)
+            if change < STILL * sizes(self.links, moving.velocity):
                 break
-        return size * self.velocity
+        return size * moving.velocity
 
 
 @dataclass
@@ -703,23 +721,31 @@ def hold(links: Links, settings: Settings) -> Held:
     BadModel
         The loops cannot be closed there.
     """
-    space = space_of(links, settings["iterations"], settings["error_bias"])
     pose = close(links, links.pose, values(links.drives, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
-    friction, loose = add_friction(space, links), set(links.rubbing) - set(links.driven)
-    return (HeldRubbing if loose and len(moves) else Held)(
-        links,
-        space,
-        StillBodies(space, links),
-        add_drives(space, links),
-        find_stops(links, space),
-        _step(links, pose),
-        len(moves) > 0,
-        links.pose + _beside(links, moves),
-        settings["iterations"],
-        friction=friction,
-        rub=np.zeros(len(friction)),
-    )
+    loose = set(links.rubbing) - set(links.driven)
+    dt, begin = _step(links, pose), links.pose + _beside(links, moves)
+
+    def held(kind: type[Held], rubs: bool) -> Held:
+        space = space_of(links, settings["iterations"], settings["error_bias"])
+        friction = add_friction(space, links) if rubs else []
+        return kind(
+            links,
+            space,
+            StillBodies(space, links),
+            add_drives(space, links),
+            find_stops(links, space),
+            dt,
+            len(moves) > 0,
+            begin,
+            settings["iterations"],
+            friction=friction,
+            rub=np.zeros(len(friction)),
+        )
+
+    made = held(HeldRubbing if loose and len(moves) else Held, rubs=True)
+    made.moving = None if made.free else held(Held, rubs=False)
+    return made
 
 
 def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
