@@ -24,7 +24,7 @@ from mujoco import MjModel
 from proofmass.analytic import spatial
 from proofmass.analytic.planar import Branch, read
 from proofmass.analytic.planar.kinematics import freedoms, nearest
-from proofmass.analytic.planar.mechanism import refuse_contacts, refuse_servos
+from proofmass.analytic.planar.mechanism import refuse_actuators, refuse_contacts
 from proofmass.check import SAMPLES, run_one
 from proofmass.check import read as read_sidecar
 from proofmass.compare import Comparison, compare
@@ -174,7 +174,7 @@ def look_at(path: Path) -> Look:
         free = freedoms(mechanism, pose)
         if free > 1:
             refuse_contacts(model)
-            refuse_servos(model, ())
+            refuse_actuators(model, ())
     except ValueError as error:
         return look_in_space(path, model, start, str(error))
     motors = {joint_of(model, a) for a in range(model.nactuator)}
@@ -183,7 +183,7 @@ def look_at(path: Path) -> Look:
         at, unit = float(pose[j]), TURN if joint.hinge else mechanism.size
         low, high = joint.range
         try:
-            refuse_servos(model, (joint.name,))
+            refuse_actuators(model, (joint.name,))
             below, above = (
                 float(Branch(mechanism, (joint.name,)).walk(np.array([[end]]))[0].q[-1, j])
                 for end in (max(at - unit, low), min(at + unit, high))

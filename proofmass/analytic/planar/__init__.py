@@ -54,8 +54,8 @@ from proofmass.analytic.planar.mechanism import (
     SingularHere,
     is_fixed,
     read,
+    refuse_actuators,
     refuse_contacts,
-    refuse_servos,
     rotation,
 )
 from proofmass.analytic.stops import Stop, StoppedMotion
@@ -178,7 +178,7 @@ def solve(
     [1.4375, 1.95156187, -0.5]
     """
     mechanism, reader = _read(model, start)
-    refuse_servos(model, joints)
+    refuse_actuators(model, joints)
     refuse_changes(model, {**(controls or {}), **(control_laws or {})})
     own, stopped = dict[str, Array](), np.zeros(1)
     free = not joints or (in_time is not None and leaves_freedoms(mechanism, joints))

@@ -745,21 +745,25 @@ def refuse(model: Any) -> None:
             raise NotCovered(f"it has {what}")
 
 
-def refuse_servos(model: Any, driven: tuple[str, ...]) -> None:
-    """Raise NotCovered, by name, for what actuators that follow their joints may not have.
+def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
+    """Raise NotCovered, by name, for what actuators have that is not covered.
 
     Those of driven joints do not act, whatever they have.
     """
     for a in range(model.nactuator):
         joint = int(model.actuator_trnid[a, 0])
-        if not is_affine(model, a) or model.joint(joint).name in driven:
+        if model.joint(joint).name in driven:
             continue
+        servo = is_affine(model, a)
         for what, there in {
-            "acts on a joint with a range of actuator forces": model.jnt_actfrclimited[joint],
+            "acts on a joint with a range of actuator forces": servo
+            and model.jnt_actfrclimited[joint],
             "has armature or damping": resists(model, a),
+            "has a delay": is_late(model, a),
         }.items():
             if there:
-                raise NotCovered(f"servo {model.actuator(a).name!r} {what}")
+                kind = "servo" if servo else "motor"
+                raise NotCovered(f"{kind} {model.actuator(a).name!r} {what}")
 
 
 def resists(model: Any, a: int) -> bool:
@@ -768,6 +772,11 @@ def resists(model: Any, a: int) -> bool:
         part[a].any()
         for part in (model.actuator_armature, model.actuator_damping, model.actuator_dampingpoly)
     )
+
+
+def is_late(model: Any, a: int) -> bool:
+    """Whether actuator number a acts by controls of an earlier time."""
+    return bool(model.actuator_delay[a])
 
 
 def is_affine(model: Any, a: int) -> bool:

@@ -20,6 +20,7 @@ from proofmass.analytic.planar.mechanism import (
     beside_springs,
     disabled,
     is_affine,
+    is_late,
     joined,
     read_actuator,
     refuse_contacts,
@@ -530,7 +531,7 @@ def refuse_actuators(model: Any) -> None:
             and model.actuator_trntype[a] != TRN.mjTRN_TENDON,
             "acts on a ball or a free joint": wide,
             "has armature or damping": resists(model, a),
-            "has a delay": model.actuator_delay[a] or model.actuator_history[a].any(),
+            "has a delay": is_late(model, a),
         }.items():
             if there:
                 raise NotCovered(f"actuator {model.actuator(a).name!r} {what}")

@@ -288,8 +288,6 @@ def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
             model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
             and (follows or model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE)
             and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
-            and not model.actuator_damping[a].any()
-            and not model.actuator_armature[a]
         )
         name = f"actuator '{model.actuator(a).name}'"
         if not plain or (joint < 0 and not load_on_site(model, a)):
@@ -299,6 +297,13 @@ def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
             )
         elif follows and (model.actuator_forcelimited[a] or model.jnt_actfrclimited[joint]):
             yield f"the range of forces of {name}, which follows its joint"
+        for what, there in {
+            "armature": model.actuator_armature[a],
+            "damping": model.actuator_damping[a].any() or model.actuator_dampingpoly[a].any(),
+            "delay": model.actuator_delay[a],
+        }.items():
+            if there:
+                yield f"{what} of {name}"
 
 
 def servo(model: mujoco.MjModel, j: int) -> tuple[float, float]:

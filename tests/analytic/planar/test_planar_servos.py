@@ -140,18 +140,28 @@ def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Pa
             assert np.abs(curve - known[name]).max() < 1e-4 * np.ptp(known[name])
 
 
+@pytest.mark.parametrize("kind", ["servo", "motor"])
 @pytest.mark.parametrize(
-    ("more", "why"),
+    ("more", "why", "in_chipmunk"),
     [
-        ('damping="1"', "servo 'hold' has armature or damping"),
-        ('armature="1"', "servo 'hold' has armature or damping"),
+        ('damping="1"', "has armature or damping", "damping"),
+        ('damping="0 1"', "has armature or damping", "damping"),
+        ('armature="1"', "has armature or damping", "armature"),
+        ('delay="0.1" nsample="20"', "has a delay", "delay"),
     ],
 )
-def test_what_a_servo_may_not_have_is_named(more: str, why: str, tmp_path: Path):
-    file = four_bar(tmp_path, MOTOR + SERVO.replace("/>", f" {more}/>"), "0 2")
+def test_what_an_actuator_may_not_have_is_named(kind, more, why, in_chipmunk, tmp_path: Path):
+    """Not on a driven joint: there it does not act, whatever it has."""
+    own = SERVO if kind == "servo" else '<motor name="hold" joint="rocker"/>'
+    file = four_bar(tmp_path, MOTOR.replace("/>", f" {more}/>") + own, "0 2")
     model = mujoco.MjModel.from_xml_path(str(file))
-    with pytest.raises(NotCovered, match=why):
+    assert planar.solve(ANGLE, model=model, joints=("crank",))
+    file = four_bar(tmp_path, MOTOR + own.replace("/>", f" {more}/>"), "0 2")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    with pytest.raises(NotCovered, match=f"{kind} 'hold' {why}"):
         planar.solve(ANGLE, model=model, joints=("crank",))
+    with pytest.raises(Unsupported, match=f"{in_chipmunk} of actuator 'hold'"):
+        in_pymunk(file, swept(file, ANGLE))
 
 
 def test_a_range_of_forces_is_for_the_reference_and_mujoco(tmp_path: Path):
