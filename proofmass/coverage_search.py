@@ -77,7 +77,13 @@ MATERIAL = (
     "stiffness of a rod about y",
     "friction",
 )
-"""Kinds of which it is measured, where nothing notices them, how little they do."""
+"""What mechanisms are made of: the kinds that a case should notice."""
+ALONE = (*MATERIAL, "armature", "damping")
+"""Kinds of which it is measured, where nothing notices them, how little they do.
+
+A change of an armature or a damping that is 0 is of the size of the whole mechanism, and in a group
+nearly all that it does is to keep the mechanism from moving.
+"""
 WHOLE = "all together"
 """Label of what is asked at the end."""
 Some = TypeVar("Some")
@@ -442,9 +448,7 @@ class Search:
         Alone, a number may be noticed that was not in a group, where others move the same errors.
         """
         runs = self.runs()
-        silent = [
-            number for number, one in known.items() if not one.noticed and one.kind in MATERIAL
-        ]
+        silent = [number for number, one in known.items() if not one.noticed and one.kind in ALONE]
 
         def farthest(number: Number) -> Finding:
             found = known[number]
