@@ -13,9 +13,8 @@ The quickest run is asked first, kind by kind.  What it does not notice is asked
 one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
 which what is noticed is noticed by the whole run as well, unless the model as it is cannot be swept
 there.  At the end the whole sweeps are asked once more for all numbers that nothing noticed, and
-the other runs for half of the changes that were told.  Masses, inertias, stiffnesses and friction
-that nothing noticed are then changed alone in each whole run, which tells how much of a tolerance
-they use.
+the other runs for half of the changes that were told.  What is `ALONE` and nothing noticed is then
+changed alone in each whole run, which tells how much of a tolerance it uses.
 """
 
 import math

@@ -758,25 +758,20 @@ def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
         for what, there in {
             "acts on a joint with a range of actuator forces": servo
             and model.jnt_actfrclimited[joint],
-            "has armature or damping": resists(model, a),
-            "has a delay": is_late(model, a),
+            **beside_force(model, a),
         }.items():
             if there:
                 kind = "servo" if servo else "motor"
                 raise NotCovered(f"{kind} {model.actuator(a).name!r} {what}")
 
 
-def resists(model: Any, a: int) -> bool:
-    """Whether actuator number a has armature or damping of its own."""
-    return any(
-        part[a].any()
-        for part in (model.actuator_armature, model.actuator_damping, model.actuator_dampingpoly)
-    )
-
-
-def is_late(model: Any, a: int) -> bool:
-    """Whether actuator number a acts by controls of an earlier time."""
-    return bool(model.actuator_delay[a])
+def beside_force(model: Any, a: int) -> dict[str, Any]:
+    """What actuator number a may have beside its force, and whether it does."""
+    resisting = model.actuator_armature, model.actuator_damping, model.actuator_dampingpoly
+    return {
+        "has armature or damping": any(part[a].any() for part in resisting),
+        "has a delay": model.actuator_delay[a],
+    }
 
 
 def is_affine(model: Any, a: int) -> bool:

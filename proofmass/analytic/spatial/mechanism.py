@@ -17,14 +17,13 @@ import numpy as np
 from proofmass.analytic.controls import AffineActuator
 from proofmass.analytic.numerics import Array, Index, NotCovered
 from proofmass.analytic.planar.mechanism import (
+    beside_force,
     beside_springs,
     disabled,
     is_affine,
-    is_late,
     joined,
     read_actuator,
     refuse_contacts,
-    resists,
     rotation,
 )
 
@@ -530,8 +529,7 @@ def refuse_actuators(model: Any) -> None:
             "acts neither on a joint nor on a tendon": not joined(model, a)
             and model.actuator_trntype[a] != TRN.mjTRN_TENDON,
             "acts on a ball or a free joint": wide,
-            "has armature or damping": resists(model, a),
-            "has a delay": is_late(model, a),
+            **beside_force(model, a),
         }.items():
             if there:
                 raise NotCovered(f"actuator {model.actuator(a).name!r} {what}")
