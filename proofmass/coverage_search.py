@@ -2,8 +2,8 @@
 
 **What is tried.**  A number is changed by `SHARE` of its value, one that is 0 by `SHARE` of a
 natural size, to both sides.  Numbers of a kind that often nothing notices are changed together
-first, six times, by different random shares of at least that and to different sides: where none is
-noticed, none of the numbers alone is taken to be.  Where one is, the group is halved.
+first, by random shares of at least that and to random sides, then to the opposite sides: where
+neither is noticed, they wait.  Where one is, the group is halved.
 
 **The smallest change.**  From the errors e0 before and e1 after a change d the rate of every
 error is (e1 - e0) / d at each sample, and the channel whose tolerance is used up first tells the
@@ -12,9 +12,9 @@ change that is noticed.  This is repeated with twice the change that was told, u
 The quickest run is asked first, kind by kind.  What it does not notice is asked of the other runs,
 one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
 which what is noticed is noticed by the whole run as well, unless the model as it is cannot be swept
-there.  At the end the whole sweeps are asked once more for all numbers that nothing noticed, and
-the other runs for half of the changes that were told.  What is `ALONE` and nothing noticed is then
-changed alone in each whole run, which tells how much of a tolerance it uses.
+there.  In a group one number may hide another, so that each that nothing noticed is then changed
+alone, to both sides, in each whole run, which tells how much of a tolerance it uses.  At the end
+the other runs are asked for half of the changes that were told.
 """
 
 import math
@@ -77,12 +77,6 @@ MATERIAL = (
     "friction",
 )
 """What mechanisms are made of: the kinds that a case should notice."""
-ALONE = (*MATERIAL, "armature", "damping")
-"""Kinds of which it is measured, where nothing notices them, how little they do.
-
-A change of an armature or a damping that is 0 is of the size of the whole mechanism, and in a group
-nearly all that it does is to keep the mechanism from moving.
-"""
 WHOLE = "all together"
 """Label of what is asked at the end."""
 Some = TypeVar("Some")
@@ -139,7 +133,7 @@ class Finding:
         Why the run is lost with the change, where no channel tells a smaller one.
     moved : float
         Of a number that nothing notices: how much of its tolerance that channel moves by with the
-        change that was tried, upwards [1]; NaN where that was not asked.
+        change that was tried [1]; NaN where no channel is left to tell it.
     """
 
     kind: str
@@ -214,8 +208,12 @@ class Search:
         waiting: dict[Future[list[Finding]], str] = {
             self.pool.submit(self.tried, groups[label]): label for label in missing
         }
-        later = [f"then {run.kind} {run.solver}" for run in self.runs()[1:]] if groups else []
-        total = len(groups) + len(later) + bool(groups)
+        runs = self.runs()
+        later: list[tuple[str, Callable[..., dict[Number, Finding]], Baseline]] = [
+            *((f"then {run.kind} {run.solver}", self.asked, run) for run in runs[1:]),
+            *((f"alone {run.kind} {run.solver}", self.alone, run) for run in runs),
+        ]
+        total = len(groups) + len(later) + 1 if groups else 0
         while waiting:
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 label = waiting.pop(future)
@@ -225,14 +223,14 @@ class Search:
             return
         pairs = (pair for k in groups for pair in zip(groups[k], found[k], strict=True))
         known = dict(pairs)
-        for label, run in zip(later, self.runs()[1:], strict=True):
+        for label, ask, run in later:
             if label in found:
                 known = dict(zip(there, found[label], strict=True))
                 continue
-            known = self.asked(run, known)
+            known = ask(run, known)
             found[label] = [known[number] for number in there]
             yield len(found), total, label
-        known = self.measured(self.asked_at_last(known))
+        known = self.sooner(known)
         found.clear()
         found[WHOLE] = [known[number] for number in there]
         yield total, total, WHOLE
@@ -319,26 +317,44 @@ class Search:
         found = self.one_by_one(run, alone, map)
         return [found.get(number) or not_noticed(number) for number in group]
 
-    def asked(
-        self, run: Baseline, known: Mapping[Number, Finding], whole: bool = False
-    ) -> dict[Number, Finding]:
+    def asked(self, run: Baseline, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
         """The findings after another run was asked for all numbers that nothing noticed."""
         pending = [number for number, one in known.items() if not one.noticed]
-        alone = parted(pending, lambda some: self.moves(run, some, whole), self.pool.map)
-        return {**known, **self.one_by_one(run, alone, self.pool.map, whole)}
+        alone = parted(pending, lambda some: self.moves(run, some), self.pool.map)
+        return {**known, **self.one_by_one(run, alone, self.pool.map)}
 
-    def moves(self, run: Baseline, group: Sequence[Number], whole: bool = False) -> bool:
-        """Whether a run notices a group that is changed as one, however it is."""
-        return any(self.trial(run, changes, whole).ratio > 1 for changes in draws(group))
+    def moves(self, run: Baseline, group: Sequence[Number]) -> bool:
+        """Whether a run notices a group that is changed as one, to these sides or to the others."""
+        return any(self.trial(run, changes).ratio > 1 for changes in draws(group))
 
     def one_by_one(
-        self, run: Baseline, group: Sequence[Number], each: Each, whole: bool = False
+        self, run: Baseline, group: Sequence[Number], each: Each
     ) -> dict[Number, Finding]:
         """Those of a group that are noticed alone."""
-        found = each(lambda number: self.single(run, number, whole), group)
+        found = each(lambda number: self.single(run, number), group)
         return {number: one for number, one in zip(group, found, strict=True) if one}
 
-    def single(self, run: Baseline, number: Number, whole: bool) -> Finding | None:
+    def alone(self, run: Baseline, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
+        """The findings after a whole run was asked for each number alone that nothing noticed.
+
+        Of what is not noticed either, it is told what it moves most.
+        """
+
+        def farthest(number: Number) -> Finding:
+            found = known[number]
+            for side in sides_of(number):
+                trial = self.trial(run, [(number, side * number.step)], whole=True)
+                if trial.ratio > 1 and (one := self.single(run, number, whole=True)):
+                    return one
+                if not trial.moved <= found.moved and not math.isnan(trial.moved):
+                    found = replace(found, run=run.kind, solver=run.solver)
+                    found = replace(found, channel=trial.moves, moved=trial.moved)
+            return found
+
+        silent = [number for number, one in known.items() if not one.noticed]
+        return {**known, **dict(zip(silent, self.pool.map(farthest, silent), strict=True))}
+
+    def single(self, run: Baseline, number: Number, whole: bool = False) -> Finding | None:
         """What a run notices of a number; None if it does not notice the change that is tried."""
         small = SMALL * number.step
         trial = self.trial(run, [(number, small)], whole)
@@ -419,11 +435,9 @@ class Search:
                     )
         return None
 
-    def asked_at_last(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
-        """The findings after the whole runs were asked for what is open; see the module."""
+    def sooner(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
+        """The findings after other runs were asked for half of the changes that were told."""
         found = dict(known)
-        for run in (one for one in self.runs() if self.strides[one.kind] > 1):
-            found = self.asked(run, found, whole=True)
         for run in self.runs():
             for alike in (True, False):
                 others = [
@@ -434,36 +448,14 @@ class Search:
                     and (one.run, one.solver) != run.name
                     and (one.run == run.kind) == alike
                 ]
-                for number in self.sooner(run, others, found, alike):
+                for number in self.noticed_sooner(run, others, found, alike):
                     one = found[number]
                     other = self.smallest(run, number, one.change, None, whole=True)
                     if other and abs(other.change) < abs(one.change):
                         found[number] = other
         return found
 
-    def measured(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
-        """The findings after it was asked how far what nothing notices moves any channel.
-
-        Alone, a number may be noticed that was not in a group, where others move the same errors.
-        """
-        runs = self.runs()
-        silent = [number for number, one in known.items() if not one.noticed and one.kind in ALONE]
-
-        def farthest(number: Number) -> Finding:
-            found = known[number]
-            for run in runs:
-                trial = self.trial(run, [(number, number.step)], whole=True)
-                if trial.ratio > 1 and (one := self.single(run, number, whole=True)):
-                    return one
-                if not trial.moved <= found.moved and not math.isnan(trial.moved):
-                    found = replace(found, run=run.kind, solver=run.solver)
-                    found = replace(found, channel=trial.moves, moved=trial.moved)
-            return found
-
-        asked = self.pool.map(farthest, silent)
-        return {**known, **dict(zip(silent, asked, strict=True))}
-
-    def sooner(
+    def noticed_sooner(
         self,
         run: Baseline,
         group: Sequence[Number],
@@ -565,28 +557,29 @@ def parted(
     return alone
 
 
+def goes_below(kind: str, value: float, step: float) -> bool:
+    """Whether a number is made smaller as well as larger."""
+    return kind not in POSITIVE or value >= step
+
+
 def sides_of(number: Number) -> tuple[int, ...]:
     """To which sides a number is changed."""
-    below = number.kind not in POSITIVE or number.value - number.step >= 0
-    return (1, -1) if below else (1,)
+    return (1, -1) if goes_below(number.kind, number.value, number.step) else (1,)
 
 
 def draws(group: Sequence[Number]) -> Iterator[Changes]:
-    """Sets of random changes of a group, to both sides where there are two, none less than alone.
+    """Random changes of a group, to both sides where there are two, and those to the other sides.
 
-    Two numbers next to each other, or next but one, are changed to the same side in some sets and
-    to opposite sides in others: what cancels in one of them does not in the other.
+    None is less than what is tried alone.
     """
     chosen = random.Random(" ".join(number.name for number in group))
     sides = [chosen.choice((1, -1)) for _ in group]
-    for together in (None, 1, 2):  # as many neighbours that go to the same side
-        for turn in (1, -1):
-            changes = []
-            for k, (number, side) in enumerate(zip(group, sides, strict=True)):
-                opposite = together is not None and k // together % 2
-                sign = turn * side * (-1 if opposite else 1) if len(sides_of(number)) > 1 else 1
-                changes.append((number, sign * chosen.uniform(1.0, MOST) * number.step))
-            yield changes
+    for turn in (1, -1):
+        yield [
+            (number, (turn * side if len(sides_of(number)) > 1 else 1) * share * number.step)
+            for number, side in zip(group, sides, strict=True)
+            for share in (chosen.uniform(1.0, MOST),)
+        ]
 
 
 def noticed(number: Number, change: float, run: Baseline, channel: str, lost: str = "") -> Finding:

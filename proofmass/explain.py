@@ -14,7 +14,7 @@ from proofmass.case import Case
 from proofmass.check import load
 from proofmass.command import answering, counting, errors, one_case
 from proofmass.coverage import Coverage, coverage_of
-from proofmass.coverage_search import Finding
+from proofmass.coverage_search import Finding, goes_below
 from proofmass.reference import compiled, facts
 from proofmass.sim.numbers import SHARE
 from proofmass.solve import with_computing_solvers
@@ -272,17 +272,16 @@ def little(some: Sequence[Finding]) -> str:
 
     >>> ball = Finding("mass", "ball", "kg", 2.0, 0.2, False, moved=1e-12)
     >>> little([ball])
-    'no checked channel depends on it: 10 % more moves none by a millionth of its tolerance'
+    'no checked channel depends on it: 10 % more or less moves none by a millionth of its tolerance'
     """
     if not some or any(math.isnan(one.moved) for one in some):
         return ""
     one = max(some, key=lambda one: one.moved)
     it = "it" if len(some) == 1 else "one of them"
-    more = (
-        f"{number(one.tried, 2)} {pretty(one.unit)} more"
-        if not one.value
-        else (f"{number(100 * one.tried / abs(one.value), 2)} % more")
-    )
+    step = f"{number(one.tried, 2)} {pretty(one.unit)}"
+    if one.value:
+        step = f"{number(100 * one.tried / abs(one.value), 2)} %"
+    more = f"{step} more or less" if goes_below(one.kind, one.value, one.tried) else f"{step} more"
     if one.moved < NOTHING:
         return (
             f"no checked channel depends on {it}: {more} moves none by a millionth of its tolerance"
