@@ -81,6 +81,31 @@ class AffineActuator:
 
 
 @dataclass(frozen=True, eq=False)
+class SiteLoad:
+    """A force and a moment that an actuator on a site gives its body, however the body moves.
+
+    Attributes
+    ----------
+    actuator : AffineActuator
+        Its force depends on its control alone.
+    body : int
+    at : ndarray (3,)
+        The site, in the frame of the body [m].
+    force, moment : ndarray (3,)
+        Of a unit of the actuator's force [1, m], in the frame of the body, or of the ground.
+    follows : bool
+        Whether the load turns with the body; otherwise it is a dead load.
+    """
+
+    actuator: AffineActuator
+    body: int
+    at: Array
+    force: Array
+    moment: Array
+    follows: bool
+
+
+@dataclass(frozen=True, eq=False)
 class ControlsInTime:
     """All controls of a model, of which some follow laws.
 

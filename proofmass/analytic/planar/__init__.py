@@ -29,6 +29,7 @@ from proofmass.analytic.planar.dynamics import UNDRIVEN, Prescribed, free_motion
 from proofmass.analytic.planar.forces import (
     Forces,
     kinetic,
+    loaded,
     motors,
     potential,
     solve_forces,
@@ -53,10 +54,15 @@ from proofmass.analytic.planar.mechanism import (
     Reader,
     SingularHere,
     is_fixed,
+    joined,
+    loads_site,
     read,
+    read_actuator,
+    read_site_load,
     refuse_actuators,
     refuse_contacts,
     rotation,
+    switched_on,
 )
 from proofmass.analytic.stops import Stop, StoppedMotion
 
@@ -229,8 +235,9 @@ def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
     """Raise NotCovered if a control changes whose joint has a range of actuator forces."""
     controls_by_place(model, named)  # ValueError if there is no such actuator
     for name in named:
-        joint = int(model.actuator_trnid[model.actuator(name).id, 0])
-        if model.jnt_actfrclimited[joint]:
+        actuator = model.actuator(name).id
+        joint = int(model.actuator_trnid[actuator, 0])
+        if joined(model, actuator) and model.jnt_actfrclimited[joint]:
             raise NotCovered(
                 f"the control of actuator {name!r} changes, and its joint "
                 f"{model.joint(joint).name!r} has a range of actuator forces"
@@ -498,31 +505,67 @@ def forces(
     found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub, ctrl)
     for s, kind in sensors.items():
         name = reader.model.sensor(s).name
-        if kind in MOTORS:
-            found[name] = of_motor(reader, s, solved.drives, d, motors(m, *joint[:2], ctrl))
+        number = int(reader.model.sensor_objid[s])
+        if kind == S.mjSENS_ACTUATORFRC:
+            found[name] = of_actuator(reader, m, joint, number, solved.drives, d, ctrl)
+        elif kind == S.mjSENS_JOINTACTFRC:
+            found[name] = of_joint(m, motion, joint, number, solved.drives, d, ctrl)
         else:
-            parts = interaction(reader, m, motion, s, solved)
+            parts = interaction(reader, m, motion, s, solved, ctrl)
             found |= {f"{name}.{part}": curve for part, curve in parts.items()}
     return found
 
 
-def of_motor(reader: Reader, s: int, drives: Array, d: Drives, own: Array) -> Array:
-    """The moment of a driven joint (n,), what the motors `own` of another do to it."""
-    model, i = reader.model, reader.model.sensor_objid[s]
-    actuator = S(model.sensor_type[s]) == S.mjSENS_ACTUATORFRC
-    joint = int(model.actuator_trnid[i, 0] if actuator else i)
-    place = np.flatnonzero(d.driven == joint)
-    moment = drives[:, place[0]] if place.size else own[:, joint]
-    return np.asarray(moment / model.actuator_gear[i, 0] if actuator else moment)
+def of_actuator(
+    reader: Reader,
+    m: Mechanism,
+    state: tuple[Array, Array, Array],
+    a: int,
+    drives: Array,
+    d: Drives,
+    ctrl: Array | None,
+) -> Array:
+    """Force of actuator number a (n,); of a driven joint what its drive does, over the gear."""
+    model = reader.model
+    joint = int(model.actuator_trnid[a, 0]) if joined(model, a) else -1
+    if (place := np.flatnonzero(d.driven == joint)).size:
+        return np.asarray(drives[:, place[0]] / model.actuator_gear[model.actuator_outadr[a], 0])
+    if a not in switched_on(model):
+        return np.zeros(1)
+    one = read_site_load(model, a).actuator if loads_site(model, a) else read_actuator(model, a)
+    control = (m.ctrl[None] if ctrl is None else ctrl)[:, one.place]
+    length, rate = (np.zeros(1) if joint < 0 else one.gear * part[:, joint] for part in state[:2])
+    return one.force(control, length, rate)
+
+
+def of_joint(
+    m: Mechanism,
+    motion: BodyMotion,
+    state: tuple[Array, Array, Array],
+    joint: int,
+    drives: Array,
+    d: Drives,
+    ctrl: Array | None,
+) -> Array:
+    """What the drive of a joint does to it (n,), or all actuators to one without a drive."""
+    if (place := np.flatnonzero(d.driven == joint)).size:
+        return np.asarray(drives[:, place[0]])
+    own = motors(m, *state[:2], ctrl)[:, joint]
+    return np.asarray(own + loaded(m, motion, ctrl)[:, joint] if m.point_loads else own)
 
 
 def interaction(
-    reader: Reader, m: Mechanism, motion: BodyMotion, s: int, solved: Forces
+    reader: Reader,
+    m: Mechanism,
+    motion: BodyMotion,
+    s: int,
+    solved: Forces,
+    ctrl: Array | None,
 ) -> dict[str, Array]:
     """Parts of the force or moment of a site's body's parent on it, in the frame of the site."""
     body, at, turn = seat(reader, s)
     place = motion.point(body, reader.flat(at))
-    force, moment = transmitted(m, motion, solved.loops, body, place)
+    force, moment = transmitted(m, motion, solved.loops, body, place, ctrl)
     if S(reader.model.sensor_type[s]) == S.mjSENS_TORQUE:
         return {part: moment * (reader.normal @ turn[:, k]) for k, part in enumerate("xyz")}
     own = force * motion.w[0][body].conj()

@@ -11,6 +11,8 @@ from proofmass.analytic.numerics import Array, Complex, cross
 from proofmass.analytic.planar.kinematics import BodyMotion, Drives, jacobian, loop_jacobian
 from proofmass.analytic.planar.mechanism import Mechanism, PointSpring
 
+NONE = np.zeros(1)
+
 
 def centres(m: Mechanism, motion: BodyMotion) -> Complex:
     """Derivatives of the centres of the bodies that have inertia by the joints (n, k, joints)."""
@@ -38,7 +40,7 @@ def applied(
             length = spring_length(m, motion, k)
             rate = (length.rows * v).sum(axis=-1) if spring.damping else 0.0
             found = found + tension(spring, length.value, rate)[:, None] * -length.rows
-    return np.asarray(found)
+    return np.asarray(found + loaded(m, motion, ctrl) if m.point_loads else found)
 
 
 def motors(m: Mechanism, q: Array, v: Array, ctrl: Array | None = None) -> Array:
@@ -65,6 +67,28 @@ def ranged(m: Mechanism, q: Array, v: Array | float, ctrl: Array | None) -> Arra
         elif ctrl is not None:
             found[:, j] += gear * (one.asked(control) - one.asked(key))
     return found
+
+
+def loads_of(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> tuple[Complex, Array]:
+    """Forces [N] and moments [N m] of the loads at points, in n poses (loads, n)."""
+    force = np.empty((len(m.point_loads), motion.place.shape[1]), complex)
+    moment = np.empty(force.shape)
+    for k, load in enumerate(m.point_loads):
+        place = load.actuator.place
+        size = load.actuator.force(m.ctrl[[place]] if ctrl is None else ctrl[:, place], NONE, NONE)
+        force[k] = size * load.force * (motion.w[0][load.body] if load.follows else 1.0)
+        moment[k] = size * load.moment
+    return force, moment
+
+
+def loaded(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> Array:
+    """What the loads at points do to the joints (n, joints) [N m or N]."""
+    bodies = np.array([load.body for load in m.point_loads], np.intp)
+    points = np.array([load.point for load in m.point_loads], complex).reshape(-1, 1)
+    moves = jacobian(m, motion, bodies, motion.points(bodies, points))
+    force, moment = loads_of(m, motion, ctrl)
+    pushed = (force.conj().T[..., None] * moves).real.sum(axis=1)
+    return np.asarray(pushed + moment.T @ m.frames.turning[m.frames.body[bodies]])
 
 
 @dataclass(frozen=True)
@@ -184,12 +208,17 @@ def solve_forces(
 
 
 def transmitted(
-    m: Mechanism, motion: BodyMotion, loops: Array, body: int, at: Complex
+    m: Mechanism,
+    motion: BodyMotion,
+    loops: Array,
+    body: int,
+    at: Complex,
+    ctrl: Array | None = None,
 ) -> tuple[Complex, Array]:
     """Force [N] and moment about points `at` (n,) [N m] of a body's parent on it (n,).
 
-    Newton and Euler for the body and all that it carries: its inertia and weight, less what loops
-    and springs between points do to it.
+    Newton and Euler for the body and all that it carries: its inertia and weight, less what loops,
+    springs between points and loads at points do to it.
 
     Parameters
     ----------
@@ -201,6 +230,8 @@ def transmitted(
     body : int
     at : ndarray (n,), complex
         Points in the plane [m].
+    ctrl : ndarray (n, controls)
+        By default those of the key [SI].
     """
     carried = {body}
     for b, one in enumerate(m.bodies):
@@ -230,6 +261,10 @@ def transmitted(
             if b in carried:
                 force = force - sign * pull
                 moment = moment - sign * cross(motion.point(b, on) - at, pull)
+    for load, push, turn in zip(m.point_loads, *loads_of(m, motion, ctrl), strict=True):
+        if load.body in carried:
+            force = force - push
+            moment = moment - turn - cross(motion.point(load.body, load.point) - at, push)
     return force, moment
 
 

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.controls import AffineActuator
+from proofmass.analytic.controls import AffineActuator, SiteLoad
 from proofmass.analytic.numerics import Array, Complex, Index, NotCovered, normal_of_slides
 from proofmass.analytic.stops import Stop, read_stops
 
@@ -124,6 +124,21 @@ class PointSpring:
         return np.asarray(length - np.clip(length, *self.slack))
 
 
+@dataclass(frozen=True)
+class PointLoad:
+    """A load at a point of a body: force and moment for a unit of an actuator's force [1, m].
+
+    It turns with the body from the reference pose on if it `follows`; otherwise it is a dead load.
+    """
+
+    actuator: AffineActuator
+    body: int
+    point: complex
+    force: complex
+    moment: float
+    follows: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """Bodies, joints, loops and springs between points; body 0 is the ground.
@@ -143,6 +158,8 @@ class Mechanism:
         part of the joints' own loads and servos.
     ctrl : ndarray (controls,)
         Controls of the key [SI].
+    point_loads : tuple of PointLoad
+        Of the actuators on sites.
     """
 
     bodies: tuple[Body, ...]
@@ -155,6 +172,7 @@ class Mechanism:
     point_springs: tuple[PointSpring, ...] = ()
     actuators: tuple[AffineActuator, ...] = ()
     ctrl: Array = field(default_factory=lambda: np.zeros(0))
+    point_loads: tuple[PointLoad, ...] = ()
 
     @cached_property
     def moved_by(self) -> NDArray[np.bool_]:
@@ -472,14 +490,8 @@ class Reader:
     def acting(self, j: int) -> list[int]:
         """The actuators that act on joint number j."""
         model = self.model
-        if disabled(model, OFF.mjDSBL_ACTUATION):
-            return []
         return [
-            a
-            for a in range(model.nactuator)
-            if model.actuator_trnid[a, 0] == j
-            and joined(model, a)
-            and not model.opt.disableactuator & 1 << int(model.actuator_group[a])
+            a for a in switched_on(model) if model.actuator_trnid[a, 0] == j and joined(model, a)
         ]
 
     def constant(self, j: int) -> list[int]:
@@ -498,6 +510,32 @@ class Reader:
             for a in self.acting(j):
                 one = read_actuator(self.model, a)
                 yield replace(one, range=(-np.inf, np.inf)) if a in constant else one
+
+    def point_load(self, a: int) -> PointLoad:
+        """The load of actuator number a on a site.
+
+        Raises
+        ------
+        NotCovered
+            It leaves the plane of motion.
+        """
+        one = read_site_load(self.model, a)
+        force, moment = one.force, one.moment
+        if one.follows:
+            force, moment = self.turn[one.body] @ force, self.turn[one.body] @ moment
+        across = np.append(force @ self.normal, moment - (moment @ self.normal) * self.normal)
+        if np.abs(across).max() > PARALLEL * np.abs([force, moment]).max():
+            raise NotCovered(
+                f"the load of actuator {one.actuator.name!r} leaves the plane of motion"
+            )
+        return PointLoad(
+            one.actuator,
+            one.body,
+            self.point(one.body, one.at),
+            self.flat(force),
+            float(moment @ self.normal),
+            one.follows,
+        )
 
     def servo(self, j: int) -> tuple[float, float]:
         """Stiffness and damping that actuators without a range of forces give joint number j."""
@@ -632,6 +670,24 @@ def read_actuator(model: Any, a: int) -> AffineActuator:
     )
 
 
+def read_site_load(model: Any, a: int) -> SiteLoad:
+    """The load of actuator number a of a compiled model, which acts on a site."""
+    site, frame = map(int, model.actuator_trnid[a])
+    turn = rotation(model.site_quat[site if frame < 0 else frame])
+    over = 0 if frame < 0 else int(model.site_bodyid[frame])
+    while over:
+        turn, over = rotation(model.body_quat[over]) @ turn, int(model.body_parentid[over])
+    force, moment = model.actuator_gear[model.actuator_outadr[a]].reshape(2, 3) @ turn.T
+    return SiteLoad(
+        replace(read_actuator(model, a), tendon=-1, gear=1.0),
+        int(model.site_bodyid[site]),
+        np.array(model.site_pos[site]),
+        force,
+        moment,
+        frame < 0,
+    )
+
+
 def ends(values: Array, limited: bool) -> tuple[float, float]:
     """The ends of a range, infinite where there is none."""
     return (float(values[0]), float(values[1])) if limited else (-np.inf, np.inf)
@@ -640,6 +696,25 @@ def ends(values: Array, limited: bool) -> tuple[float, float]:
 def disabled(model: Any, *flags: int) -> bool:
     """Whether a model sets one of these disable flags."""
     return any(model.opt.disableflags & int(flag) for flag in flags)
+
+
+def switched_on(model: Any) -> list[int]:
+    """The actuators that a model does not switch off."""
+    if disabled(model, OFF.mjDSBL_ACTUATION):
+        return []
+    return [
+        a
+        for a in range(model.nactuator)
+        if not model.opt.disableactuator & 1 << int(model.actuator_group[a])
+    ]
+
+
+def loads_site(model: Any, a: int) -> bool:
+    """Whether actuator number a loads a site, in directions of its body or of the ground."""
+    if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_SITE or is_affine(model, a):
+        return False
+    frame = int(model.actuator_trnid[a, 1])
+    return frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0
 
 
 def joined(model: Any, a: int) -> bool:
@@ -702,6 +777,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         tuple(reader.point_spring(t) for t in range(model.ntendon) if not is_fixed(model, t)),
         tuple(reader.actuators()),
         np.array(ctrl),
+        tuple(reader.point_load(a) for a in switched_on(model) if loads_site(model, a)),
     ), reader
 
 
@@ -733,8 +809,11 @@ def refuse(model: Any) -> None:
             and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
         )
         name = model.actuator(a).name
-        if not (motor and joined(model, a)):
-            raise NotCovered(f"actuator {name!r} is no motor or servo on a joint")
+        if not (motor and (joined(model, a) or loads_site(model, a))):
+            raise NotCovered(
+                f"actuator {name!r} is no motor or servo on a joint, and no motor on a site whose "
+                "refsite, if any, is of the ground"
+            )
     refuse_tendons(model)
     for what, there in {
         "a flex": model.nflex,
@@ -751,8 +830,8 @@ def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
     Those of driven joints do not act, whatever they have.
     """
     for a in range(model.nactuator):
-        joint = int(model.actuator_trnid[a, 0])
-        if model.joint(joint).name in driven:
+        joint = int(model.actuator_trnid[a, 0]) if joined(model, a) else -1
+        if joint >= 0 and model.joint(joint).name in driven:
             continue
         servo = is_affine(model, a)
         for what, there in {

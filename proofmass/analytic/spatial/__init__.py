@@ -195,6 +195,7 @@ def conserved(tree: Tree, followed: Followed) -> str:
     """How well energy is kept, in words; nothing where something takes or gives some."""
     if (
         tree.actuators
+        or tree.site_loads
         or tree.damping.any()
         or any(any(tendon.damping) for tendon in tree.tendons)
         or len(followed.held.q) < 2

@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from proofmass.analytic.controls import AffineActuator
+from proofmass.analytic.controls import AffineActuator, SiteLoad
 from proofmass.analytic.numerics import Array, Index, NotCovered
 from proofmass.analytic.planar.mechanism import (
     beside_force,
@@ -22,9 +22,12 @@ from proofmass.analytic.planar.mechanism import (
     disabled,
     is_affine,
     joined,
+    loads_site,
     read_actuator,
+    read_site_load,
     refuse_contacts,
     rotation,
+    switched_on,
 )
 
 OFF, EQ, TRN = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
@@ -186,7 +189,7 @@ class Tree:
     Attributes
     ----------
     bodies, joints, tendons, actuators, loops, ties
-        What it is made of.
+        What it is made of.  Actuators are those of joints and tendons.
     damping : ndarray (rates, 3)
         Of all rates, coefficients of 1, of the speed and of its square [SI].
     armature : ndarray (rates,)
@@ -199,6 +202,8 @@ class Tree:
         Size of the model [m].
     ctrl : ndarray (controls,)
         Controls of the key [SI].
+    site_loads : tuple of SiteLoad
+        Of the actuators on sites.
     """
 
     bodies: tuple[TreeBody, ...]
@@ -214,6 +219,7 @@ class Tree:
     start_rate: Array
     extent: float
     ctrl: Array
+    site_loads: tuple[SiteLoad, ...] = ()
 
     @cached_property
     def moved(self) -> Array:
@@ -299,7 +305,6 @@ def read_tree(model: Any, start: str) -> Tree:
     active = [int(e) for e in np.flatnonzero(model.eq_active0)] if held else []
     damped = not disabled(model, OFF.mjDSBL_DAMPER)
     damping = np.column_stack([model.dof_damping, model.dof_dampingpoly]) * damped
-    acting = not disabled(model, OFF.mjDSBL_ACTUATION)
     ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
     return Tree(
         tuple(read_body(model, b) for b in range(model.nbody)),
@@ -307,8 +312,8 @@ def read_tree(model: Any, start: str) -> Tree:
         tuple(read_tendon(model, t) for t in range(model.ntendon)),
         tuple(
             read_actuator(model, a)
-            for a in range(model.nactuator)
-            if acting and not model.opt.disableactuator & 1 << int(model.actuator_group[a])
+            for a in switched_on(model)
+            if model.actuator_trntype[a] != TRN.mjTRN_SITE
         ),
         tuple(
             read_loop(model, e)
@@ -327,6 +332,7 @@ def read_tree(model: Any, start: str) -> Tree:
         np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
         float(model.stat.extent),
         np.array(ctrl),
+        tuple(read_site_load(model, a) for a in switched_on(model) if loads_site(model, a)),
     )
 
 
@@ -526,7 +532,8 @@ def refuse_actuators(model: Any) -> None:
             "has a bias that is not affine": (
                 model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE and not is_affine(model, a)
             ),
-            "acts neither on a joint nor on a tendon": not joined(model, a)
+            "acts neither on a joint nor on a tendon, nor is a motor on a site whose refsite, if "
+            "any, is of the ground": not (joined(model, a) or loads_site(model, a))
             and model.actuator_trntype[a] != TRN.mjTRN_TENDON,
             "acts on a ball or a free joint": wide,
             **beside_force(model, a),

@@ -125,7 +125,8 @@ def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Term
     mass, bias = inertial_terms(tree, motion)
     lengths = [lengthened(tree, motion, q, v, tendon) for tendon in tree.tendons]
     gaps, rows, drifts = held_terms(tree, motion, lengths, q, v)
-    return Terms(mass, bias, acting(tree, lengths, q, v, ctrl), gaps, rows, drifts)
+    force = acting(tree, lengths, q, v, ctrl) + loaded(tree, motion, ctrl)
+    return Terms(mass, bias, force, gaps, rows, drifts)
 
 
 def centre_rows(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
@@ -259,6 +260,23 @@ def acting(
             value, rate = one.gear * length.value, one.gear * length.rate
         force = force + one.force(controls[:, one.place], value, rate)[:, None] * rows
     return np.asarray(force)
+
+
+def loaded(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array:
+    """What loads on sites do to the joints (n, rates)."""
+    controls, found = tree.ctrl[None] if ctrl is None else ctrl, np.zeros(motion.axes.shape[:2])
+    for load in tree.site_loads:
+        none = np.zeros(1)
+        size = load.actuator.force(controls[:, load.actuator.place], none, none)[:, None]
+        push, twist = size * load.force, size * load.moment
+        if load.follows:
+            turn = motion.turn[:, load.body]
+            push, twist = (np.einsum("nij,nj->ni", turn, part) for part in (push, twist))
+        rows = point_rows(tree, motion, load.body, motion.point(load.body, load.at))
+        found = found + np.einsum("ni,nir->nr", np.broadcast_to(push, rows.shape[:2]), rows)
+        rows = turn_rows(tree, motion, load.body)
+        found = found + np.einsum("ni,nir->nr", np.broadcast_to(twist, rows.shape[:2]), rows)
+    return np.asarray(found)
 
 
 def stretched(kind: str, rest: Array, own: Array) -> Array:

@@ -233,6 +233,8 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
     servos = (a for a in range(model.nactuator) if joint_of(model, a) == joint)
     if joint >= 0 and any(follows_joint(model, a) for a in servos):
         return "the force of a servo is not rebuilt for pymunk"
+    if of_joint and any(pull.actuator >= 0 for pull in links.pulls):
+        return "what loads on sites do to a joint is not rebuilt for pymunk"
     force = (
         links.joints[joint].load
         if of_joint

@@ -26,7 +26,7 @@ from tests.shipped import shipped
 EVERYTHING = """
 <mujoco><option><flag contact="disable"/></option>
 <worldbody>
-  <site name="wall" pos="1 .2 .3"/>
+  <body pos=".1 .2 .3" euler="50 60 70"><site name="wall" pos=".3 .2 .3" euler="10 20 30"/></body>
   <body name="a" pos=".1 .2 1"><joint name="free" type="free" damping=".1"/>
     <inertial pos=".1 .02 .03" mass="1.5" fullinertia=".1 .2 .25 .01 .02 .03"/>
     <site name="on_a" pos=".1 0 .2" euler="10 20 30"/>
@@ -65,6 +65,8 @@ EVERYTHING = """
   <motor name="motor" joint="hinge" gear="2"/>
   <position name="servo" joint="slide" kp="3" kv="1" forcerange="-1 2"/>
   <position name="winch" tendon="spring" kp="4" gear="2"/>
+  <motor name="dead" site="on_c" refsite="wall" gear="1 2 3 .4 .5 .6"/>
+  <motor name="following" site="on_b" gear="1 -2 3 .4 -.5 .6" forcerange="-1 .5"/>
 </actuator>
 <equality>
   <connect name="c1" body1="c" body2="d" anchor=".1 .2 .3"/>
@@ -78,7 +80,7 @@ EVERYTHING = """
   <tendon name="t2" tendon1="three" polycoef=".1"/>
   <tendon name="t3" tendon1="fixed" tendon2="spring" polycoef=".1 .7"/>
 </equality>
-<keyframe><key name="start" ctrl=".3 .4 .5"/></keyframe>
+<keyframe><key name="start" ctrl=".3 .4 .5 .6 .7"/></keyframe>
 </mujoco>
 """
 SWINGING = """
