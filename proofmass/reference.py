@@ -394,6 +394,9 @@ def call(
         "controls": lambda: {
             name: law(np.asarray(x, float))[0] for name, law in control_laws(case, kind).items()
         },
+        "control_rates": lambda: {
+            name: law(np.asarray(x, float))[1] for name, law in control_laws(case, kind).items()
+        },
         "control_laws": lambda: control_laws(case, kind) if kind == "dynamics" else {},
         "load_rates": dict,
         "in_time": lambda: (

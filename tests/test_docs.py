@@ -37,6 +37,7 @@ OWN = (
     "inertia",
     "only",
     "controls",
+    "control_rates",
     "control_laws",
     "in_time",
     "terms",

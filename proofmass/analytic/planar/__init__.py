@@ -26,6 +26,7 @@ from proofmass.analytic.controls import (
 from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
 from proofmass.analytic.planar.dynamics import UNDRIVEN, Prescribed, free_motion
+from proofmass.analytic.planar.equilibrium import Held, Resting
 from proofmass.analytic.planar.forces import (
     Forces,
     kinetic,
@@ -102,6 +103,7 @@ def solve(
     joints: tuple[str, ...] = (),
     inertia: bool = False,
     controls: Mapping[str, ArrayLike] | None = None,
+    control_rates: Mapping[str, ArrayLike] | None = None,
     in_time: tuple[Array, Sequence[Law]] | None = None,
     control_laws: Mapping[str, Law] | None = None,
 ) -> dict[str, Array]:
@@ -124,7 +126,9 @@ def solve(
     or with `inertia` of the motion; joints with dry friction rub against their motion, or as before
     where they stand.  Without driven joints the motion is free and `value` is time
     (`proofmass.analytic.planar.dynamics`); where the drives leave degrees of freedom and move
-    in time, these move freely beside them, from the start pose.
+    in time, these move freely beside them, from the start pose.  Where they do not move in time,
+    springs, weights and loads hold these degrees of freedom at rest, in the stable rest that the
+    start pose falls to (`proofmass.analytic.planar.equilibrium`).
 
     Parameters
     ----------
@@ -141,6 +145,8 @@ def solve(
         those at rest; those of a free motion are always.
     controls : mapping of str to array_like (n,)
         Of actuators of joints that are not driven, at the samples [1]; left out: those of the key.
+    control_rates : mapping of str to array_like (n,)
+        Their rates [1/s]; zero where they are left out.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
         Times [s] of the samples, and of each drive its law: values, rates and accelerations as
         functions of time.  Asked where the drives leave degrees of freedom, whose motion depends on
@@ -153,7 +159,8 @@ def solve(
     -------
     dict of str to ndarray (n,) [SI]
         By channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...; and of a
-        driven linkage ``condition``, by which rounding grows in a pose.
+        driven linkage ``condition``, by which rounding grows in a pose.  A path of rests has rates,
+        and no accelerations: these are NaN.
 
     Raises
     ------
@@ -166,6 +173,8 @@ def solve(
         be a defect of it.
     Overconstrained
         A loop repeats what others hold.
+    Unstable
+        A path of rests ends on the way, where the mechanism would fall to another one.
     ValueError
         The model is not a planar linkage; says what in it is not.
 
@@ -173,7 +182,7 @@ def solve(
     -----
     Domain: every pose that the start pose is connected with by regular poses or change points.
     Accuracy: rounding times the condition of the pose, 1e-15 of the mechanism's size where the
-    transmission angle is good; free motions 1e-12 a second.
+    transmission angle is good; free motions 1e-12 a second; rests 1e-13, their rates 1e-11.
 
     Examples
     --------
@@ -187,8 +196,23 @@ def solve(
     refuse_actuators(model, joints)
     refuse_changes(model, {**(controls or {}), **(control_laws or {})})
     own, stopped = dict[str, Array](), np.zeros(1)
-    free = not joints or (in_time is not None and leaves_freedoms(mechanism, joints))
-    if not free:
+    loose = not joints or leaves_freedoms(mechanism, joints)
+    free = loose and (not joints or in_time is not None)
+    if loose and not free:
+        refuse_contacts(model)
+        if inertia:
+            raise NotCovered("a path of rests has no inertia: leave out inertia of the sweep")
+        values = np.atleast_2d(np.asarray(value, float))
+        q, v, stopped, d = _rested(
+            mechanism,
+            joints,
+            np.ascontiguousarray(values.T),
+            np.ascontiguousarray(np.broadcast_to(np.asarray(rate, float), values.shape).T),
+            controls_at_samples(model, mechanism.ctrl, controls),
+            controls_at_samples(model, np.zeros(mechanism.ctrl.size), control_rates),
+        )
+        a = np.full_like(q, np.nan)
+    elif not free:
         values = np.atleast_2d(np.asarray(value, float))
         q, d = _swept(mechanism, joints, values.shape, values.tobytes())
         moving = (
@@ -265,6 +289,7 @@ def facts(
     return {"stops": events} if events else {}
 
 
+@lru_cache(maxsize=32)
 def leaves_freedoms(m: Mechanism, joints: tuple[str, ...]) -> bool:
     """Whether joints whose values are known leave degrees of freedom."""
     return freedoms(m, nearest(m, m.start)) > len(joints)
@@ -294,6 +319,40 @@ def _swept(
     if failure is not None:
         raise failure
     return q, branch.d
+
+
+def _rested(
+    mechanism: Mechanism,
+    joints: tuple[str, ...],
+    values: Array,
+    rate: Array,
+    ctrl: Array | None,
+    ctrl_rate: Array | None,
+) -> tuple[Array, Array, Array, Drives]:
+    """Rests and their rates (n, joints) over values of the drives (n, drives) and controls.
+
+    And what stops do to the joints there (n, joints).
+    """
+    resting = Resting(mechanism, Drives.of(mechanism, joints))
+    packed = (
+        values.tobytes(),
+        values.shape,
+        None if ctrl is None else (ctrl.tobytes(), ctrl.shape),
+    )
+    q, stops = _rests(mechanism, joints, pickle.dumps(packed))
+    v, pushes = resting.beside(q, stops, values, rate, ctrl, ctrl_rate)
+    return q, v, pushes, resting.d
+
+
+@lru_cache(maxsize=32)
+def _rests(
+    mechanism: Mechanism, joints: tuple[str, ...], packed: bytes
+) -> tuple[Array, list[Held]]:
+    """Rests (n, joints) and their stops; kept, since a report asks for them again."""
+    values, shape, ctrl = pickle.loads(packed)
+    resting = Resting(mechanism, Drives.of(mechanism, joints))
+    controls = None if ctrl is None else np.frombuffer(ctrl[0]).reshape(ctrl[1])
+    return resting.follow(np.frombuffer(values).reshape(shape), controls)
 
 
 def _on_the_way(

@@ -176,7 +176,9 @@ class LimitedJoints:
         return ", ".join(self.names[k] for k in np.flatnonzero(self.side))
 
 
-NUDGE = 6e-6  # [rad, or extents] cube root of rounding: central differences to 1e-10, as rates are
+NUDGE = 6e-6  # [rad, or extents] cube root of rounding: central differences to 1e-10
+WIDER = 5e-4  # [rad, or extents] of differences of fourth order, to 1e-12, as rates are
+KINKED = 1e-5  # of the largest stiffness: over twice that it differs by more where a force kinks
 FAR = 0.5  # [rad, or extents] a start pose further from rest than this misses a drive
 MOST = {False: 15, True: 200}  # Newton steps to follow a rest, and to descend to one
 FAST = 0.1  # a step that shortens to this share of the last one needs no new stiffness
@@ -235,9 +237,12 @@ class Resting(Linkage):
     ----------
     shortest : float
         Share of a stride [1]: a rest that cannot be followed so far is lost.
+    rated : bool
+        Whether rates of the path are asked for, which takes a finer stiffness.
     """
 
     shortest = SHORTEST
+    rated = True
 
     def __init__(
         self,
@@ -349,7 +354,7 @@ class Resting(Linkage):
         for _ in range(MOST[descend]):
             there = size <= NEAR and (fresh or size**2 <= EXACT * before)
             fresh = there or size > FAST * before
-            steady, move = self.step(values, descend, fresh)
+            steady, move = self.step(values, descend, fresh, fine=there and self.rated)
             if there and steady:
                 mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
                 self.step(values, descend, fresh=False)
@@ -370,7 +375,9 @@ class Resting(Linkage):
             joint = self.model.joint(self.model.dof_jntid[moved.argmax()]).name
             raise Lost(f"joint {joint!r} moves by more than {far:g} (rad, or extents)")
 
-    def step(self, values: Array, descend: bool, fresh: bool = True) -> tuple[bool, Array]:
+    def step(
+        self, values: Array, descend: bool, fresh: bool = True, fine: bool = False
+    ) -> tuple[bool, Array]:
         """Newton's step with the stops that hold after it, and whether they held before it.
 
         Unless it is to be `fresh`, the stiffness of the step before does.
@@ -383,7 +390,7 @@ class Resting(Linkage):
         if fresh:
             rows = np.vstack([held, bars])
             pushes = np.linalg.lstsq(rows.T, force, DEPENDENT)[0]
-            self.stiffness = self.lagrangian(pushes[: gap.size])
+            self.stiffness = self.lagrangian(pushes[: gap.size], fine)
         for turn in range(self.stops.turns):
             past, bars = self.stops.held(pose)
             self.balance = Balance(
@@ -411,19 +418,30 @@ class Resting(Linkage):
         held = data.qfrc_bias + self.rub - data.qfrc_passive - data.qfrc_actuator
         return np.asarray(held - self.pushed())
 
-    def lagrangian(self, pushes: Array) -> Array:
+    def lagrangian(self, pushes: Array, fine: bool = False) -> Array:
         """K: how the forces change with the joints (nv, nv) while the loops keep their pushes."""
-        pose, slopes = self.data.qpos.copy(), []
-        for nudge in np.diag(NUDGE * self.reach):
-            ends = []
-            for way in (nudge, -nudge):
-                self.data.qpos[:] = pose
-                mujoco.mj_integratePos(self.model, self.data.qpos, way, 1.0)
-                jacobian = self.rows()[1]
-                ends.append(self.force() - jacobian.T @ pushes)
-            slopes.append((ends[0] - ends[1]) / (2 * nudge.sum()))
+        pose = self.data.qpos.copy()
+
+        def slopes(step: float) -> Array:
+            found = []
+            for nudge in np.diag(step * self.reach):
+                ends = []
+                for way in (nudge, -nudge):
+                    self.data.qpos[:] = pose
+                    mujoco.mj_integratePos(self.model, self.data.qpos, way, 1.0)
+                    jacobian = self.rows()[1]
+                    ends.append(self.force() - jacobian.T @ pushes)
+                found.append((ends[0] - ends[1]) / (2 * nudge.sum()))
+            return np.array(found).T
+
+        if fine:
+            one, two = slopes(WIDER), slopes(2 * WIDER)
+            found = (4 * one - two) / 3
+            fine = bool(np.abs(one - two).max() <= KINKED * np.abs(one).max())
+        if not fine:
+            found = slopes(NUDGE)
         self.data.qpos[:] = pose
-        return np.array(slopes).T
+        return found
 
     def check(self) -> Array:
         """The tangent of a rest whose loops and stops are closed, and which is not singular."""

@@ -1,0 +1,228 @@
+"""What drives leave at rest on springs, weights, loads and stops: the planar solver and others."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import planar
+from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.planar.equilibrium import Unstable
+from proofmass.check import check
+from proofmass.reference import compiled, evaluate
+from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.engine import simulate as in_mujoco
+from proofmass.sim.protocol import ChangingLoad, Drive, Run
+from proofmass.sim.pymunk.engine import simulate as in_pymunk
+from proofmass.solve import plan
+from tests.shipped import shipped
+
+LIMBS = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0">
+  <flag contact="disable" energy="enable"/></option><worldbody><site name="ground"/>
+  <body name="bar"><joint name="bar"/><inertial pos=".5 0 0" mass="2" diaginertia=".1 .1 .2"/>
+    <body name="two" pos="1 0 0"><joint name="two" stiffness="30" damping=".1" {two}/>
+      <inertial pos=".2 0 0" mass="1" diaginertia=".1 .1 .2"/>
+      <body name="three" pos=".4 0 0"><joint name="three" stiffness="10" springref=".3" {three}/>
+        <inertial pos=".1 .1 0" mass=".5" diaginertia=".01 .01 .01"/>
+        <site name="end" pos=".2 .1 0"/></body></body></body></worldbody>
+  <actuator><motor name="drive" joint="bar"/>
+    <motor name="pull" site="end" refsite="ground" gear="3 2 0 0 0 0"/></actuator>
+  <sensor><actuatorfrc name="moment" actuator="drive"/><e_potential name="level"/>
+    <jointpos name="two" joint="two"/><jointpos name="three" joint="three"/>
+    <jointvel name="two_rate" joint="two"/><jointvel name="three_rate" joint="three"/>
+    <framepos name="end" objtype="site" objname="end"/>
+    <framelinvel name="velocity" objtype="site" objname="end"/>
+    <framelinacc name="acceleration" objtype="site" objname="end"/></sensor>
+  <keyframe><key name="start" qpos=".3 0 0" ctrl="0 {pull}"/></keyframe></mujoco>"""
+ANGLES = np.linspace(0.3, 4.0, 38)
+
+
+def limbs(folder: Path, two: str = "", three: str = "", pull: float = 1.0) -> Path:
+    """A driven bar, and two links that springs hold on it."""
+    file = folder / f"limbs{len(list(folder.iterdir()))}.xml"
+    file.write_text(LIMBS.format(two=two, three=three, pull=pull))
+    return file
+
+
+def rests(file: Path, angles: np.ndarray = ANGLES, **more: object) -> dict[str, np.ndarray]:
+    """The reference of its sweep."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    return planar.solve(angles, model=model, joints=("bar",), **more)
+
+
+def bar(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The law of the drive."""
+    return t, np.ones_like(t), np.zeros_like(t)
+
+
+STOPPED = (
+    "balancer_sine_preload",
+    "balancer_sine_free_preload",
+    "balancer_progressive_contact",
+    "balancer_progressive_locked",
+)
+BALANCERS = ("balancer4_sine", "balancer_weight", "balancer_extending", *STOPPED)
+
+
+@pytest.mark.parametrize("name", BALANCERS)
+def test_balancers_are_those_of_their_own_reference(name):
+    """Chains of segments with preloads and stops, solved there in another way.
+
+    Rates have the rounding of differences of forces, 1e-12 of the stiffness.
+    """
+    case = load_case(shipped(f"{name}.toml"))
+    run = plan(case, "sweep", "mujoco")
+    state, model = run.motion(run.x), compiled(case)
+    wanted = evaluate(case, "sweep", run.x, state).channels
+    joints = tuple(drive.joint for drive in case.drive)
+    args = (part[0] if len(part) == 1 else part for part in state)
+    found = planar.solve(*args, model=model, start=case.start, joints=joints)
+    shared = wanted.keys() & found.keys()
+    assert len(shared) > 15
+    for one in shared:
+        error = 1e-11 if one.endswith("_rate") or "velocity" in one else 1e-12
+        assert np.abs(found[one] - wanted[one]).max() < error * max(1.0, np.ptp(wanted[one])), one
+    if name in STOPPED:
+        stopped = [
+            np.isclose(found[f"winding{k}"], end, rtol=0, atol=1e-12).any()
+            for k in (1, 2, 3)
+            for joint in [model.joint(f"joint{k}")]
+            for end in joint.range
+            if model.jnt_limited[joint.id]
+        ]
+        assert any(stopped)
+
+
+def test_the_drive_does_the_work_of_the_energy(tmp_path):
+    """Its moment is the slope of the energy of springs and weights, less the load's work."""
+    file, step = limbs(tmp_path, pull=2.0), 1e-4
+
+    def energy(angles: np.ndarray) -> np.ndarray:
+        found = rests(file, angles)
+        return found["level"] - 6 * found["end.x"] - 4 * found["end.y"]
+
+    found = rests(file)
+    slope = [energy(np.array([a - step, a, a + step])) for a in ANGLES[::6]]
+    slope = [(after - before) / (2 * step) for before, _, after in slope]
+    assert np.abs(found["moment"][::6] - slope).max() < 1e-6
+    assert np.ptp(found["two"]) > 0.25
+
+
+def test_rates_are_those_of_the_path(tmp_path):
+    found, step = rests(limbs(tmp_path)), 1e-4
+    near = rests(limbs(tmp_path), np.array([1.0 - step, 1.0, 1.0 + step]))
+    for name, rate in (("two", "two_rate"), ("end.x", "velocity.x"), ("end.y", "velocity.y")):
+        slope = (near[name][2] - near[name][0]) / (2 * step)
+        assert near[rate][1] == pytest.approx(slope, abs=1e-7)
+    assert np.isnan(found["acceleration.x"]).all()
+    assert all(np.isfinite(found[name]).all() for name in found if "acceleration" not in name)
+
+
+@pytest.mark.parametrize("stops", [False, True])
+def test_both_engines_rest_there(tmp_path, stops):
+    """Joints come to their stops and leave them; pymunk has no rates of what springs hold."""
+    ranges = ('limited="true" range="-1 .1"', 'limited="true" range="-.2 .3"') if stops else ()
+    file = limbs(tmp_path, *ranges)
+    known, names = rests(file), ("moment", "two", "three", "end.x", "end.y")
+    on = [np.isclose(known[name], end).sum() for name, end in (("two", 0.1), ("three", 0.3))]
+    assert [0 < count < ANGLES.size for count in on] == [stops, stops]
+    run = Run("sweep", ANGLES, (*names, "two_rate", "velocity.x"), (Drive("bar", bar),))
+    for engine, error in ((in_mujoco, 1e-11), (in_pymunk, 1e-8)):
+        found = engine(file, run).channels
+        assert set(names) <= found.keys()
+        for name in found:
+            assert np.abs(found[name] - known[name]).max() < error * max(1.0, np.ptp(known[name]))
+
+
+def test_a_load_that_changes_moves_the_rest(tmp_path):
+    """Values and rates are MuJoCo's, and at each sample those of a model with that load."""
+    file = limbs(tmp_path, pull=0.0)
+
+    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return 2 * t**2, 4 * t, np.full_like(t, 4.0)
+
+    size, rate, _ = law(ANGLES)
+    known = rests(file, controls={"pull": size}, control_rates={"pull": rate})
+    alone = rests(limbs(tmp_path, pull=float(size[-1])), np.linspace(0.3, 4.0, 5))
+    assert known["end.x"][-1] == pytest.approx(alone["end.x"][-1], abs=1e-12)
+    names = ("two", "two_rate", "velocity.x", "velocity.y", "moment")
+    load = (ChangingLoad("pull", law),)
+    run = Run("sweep", ANGLES, names, (Drive("bar", bar),), loads=load)
+    found = in_mujoco(file, run).channels
+    assert np.abs(known["two_rate"] - rests(file)["two_rate"]).max() > 0.1
+    for name in names:
+        assert np.abs(found[name] - known[name]).max() < 1e-9
+
+
+COLUMN = """<mujoco><compiler angle="radian"/><option gravity="0 0 0">
+  <flag contact="disable"/></option><worldbody><site name="ground"/>
+  <body name="arm" pos="1 0 0"><joint name="arm"/><geom size=".1"/></body>
+  <body name="column"><joint name="column" stiffness="5" springref="{}" {}/>
+    <inertial pos="0 .5 0" mass="1" diaginertia=".1 .1 .1"/><site name="top" pos="0 2 0"/></body>
+  </worldbody><actuator><motor name="push" site="top" refsite="ground" gear="0 -1 0 0 0 0"/>
+  </actuator><sensor><jointpos name="column" joint="column"/></sensor>
+  <keyframe><key name="start" ctrl="0" qpos="0 {}"/></keyframe></mujoco>"""
+
+
+def column(push: np.ndarray, ref: float = 0.0, more: str = "", start: float = 0.0) -> np.ndarray:
+    """Turn of a stiff column on a torsion spring under a load at its top, 2 m up."""
+    model = mujoco.MjModel.from_xml_string(COLUMN.format(ref, more, start))
+    turned = np.linspace(0.0, 1.0, push.size)
+    return planar.solve(turned, model=model, joints=("arm",), controls={"push": push})["column"]
+
+
+def test_a_column_buckles_where_its_spring_yields():
+    """At stiffness over length, 2.5 N; the path ends there, at the sample that is named."""
+    assert np.abs(column(np.linspace(0.0, 2.499, 6))).max() == 0.0
+    with pytest.raises(
+        Unstable, match=r"unstable with them at 0\.83333\d, between samples 2 and 3"
+    ):
+        column(np.array([0.0, 1.0, 2.0, 3.0]))  # 2.5 N are at 2.5 / 3
+
+
+def test_a_column_that_leans_follows_its_closed_form():
+    """5 (turn - 0.1) = 2 P sin(turn), beyond the load at which a straight one buckles."""
+    push = np.linspace(0.0, 6.0, 31)
+    turn = column(push, 0.1)
+    assert turn[-1] > 1.5
+    assert np.abs(5 * (turn - 0.1) - 2 * push * np.sin(turn)).max() < 1e-12
+
+
+def test_the_start_pose_falls_to_the_rest_on_its_side():
+    push = np.full(3, 4.0)
+    assert (column(push, start=0.2) > 1.0).all()
+    assert column(push, start=-0.2) == pytest.approx(-column(push, start=0.2), abs=1e-12)
+    with pytest.raises(Unstable, match="the start pose comes to no stable rest"):
+        column(push)
+
+
+def test_what_is_not_covered_is_named(tmp_path):
+    with pytest.raises(NotCovered, match="joint 'two' has friction, and the drives do not"):
+        rests(limbs(tmp_path, 'frictionloss=".1"'))
+    with pytest.raises(NotCovered, match="a path of rests has no inertia"):
+        rests(limbs(tmp_path), inertia=True)
+    free = COLUMN.format(0.0, "", 0.0).replace('stiffness="5"', "")
+    with pytest.raises(Unstable, match="the start pose comes to no stable rest"):
+        planar.solve([0.0, 0.1], model=mujoco.MjModel.from_xml_string(free), joints=("arm",))
+
+
+SIDECAR = """title = "Limbs"
+source = "of the tests"
+reference = "planar"
+drive = { joint = "bar", from = 0.3, to = 4.0, rate = 1.0 }
+run.sweep = { n = 38 }
+[channels]
+moment = { unit = "N m" }
+"acceleration.x" = { unit = "m/s^2" }
+two = { unit = "rad" }
+"""
+
+
+def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
+    limbs(tmp_path).rename(tmp_path / "limbs.xml")
+    (tmp_path / "limbs.toml").write_text(SIDECAR)
+    outcomes = {(c.solver, c.channel): c.outcome for c in check([tmp_path]).comparisons}
+    for solver in ("mujoco", "pymunk"):
+        assert outcomes[solver, "moment"] == outcomes[solver, "two"] == "agrees"
+        assert outcomes[solver, "acceleration.x"] == "unsupported"
