@@ -9,7 +9,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, cross
 from proofmass.analytic.planar.kinematics import BodyMotion, Drives, jacobian, loop_jacobian
-from proofmass.analytic.planar.mechanism import Mechanism, PointSpring
+from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, PointSpring
 
 NONE = np.zeros(1)
 
@@ -35,12 +35,21 @@ def applied(
     rest, stiffness, damping, _, load = m.springs
     weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
     found = load - stiffness * (q - rest) - damping * v + weight + ranged(m, q, v, ctrl)
+    if m.polynomials:
+        found = found - grown(m.polynomials[0], q - rest, q - rest)
+        found = found - grown(m.polynomials[1], v, np.abs(v))
     for k, spring in enumerate(m.point_springs):
-        if spring.stiffness or spring.damping:
+        if spring.acts:
             length = spring_length(m, motion, k)
-            rate = (length.rows * v).sum(axis=-1) if spring.damping else 0.0
+            rate = (length.rows * v).sum(axis=-1)
             found = found + tension(spring, length.value, rate)[:, None] * -length.rows
     return np.asarray(found + loaded(m, motion, ctrl) if m.point_loads else found)
+
+
+def grown(poly: Array, way: Array | float, by: Array | float) -> Array:
+    """What a stiffness or a damping that grows with `by` and its square (joints, 2) adds, over a
+    stretch or a rate `way`."""
+    return np.asarray(way * by * (poly[..., 0] + poly[..., 1] * by))
 
 
 def motors(m: Mechanism, q: Array, v: Array, ctrl: Array | None = None) -> Array:
@@ -124,7 +133,10 @@ def spring_length(m: Mechanism, motion: BodyMotion, k: int) -> SpringLength:
 
 def tension(spring: PointSpring, length: Array, rate: Array | float) -> Array:
     """Pull [N] of a spring and damper between points (n,) at lengths [m] and rates [m/s]."""
-    return np.asarray(spring.stiffness * spring.stretch(length) + spring.damping * rate)
+    stretch = spring.stretch(length)
+    found = spring.stiffness * stretch + spring.damping * rate
+    found = found + grown(np.array(spring.stiffness_poly), stretch, stretch)
+    return np.asarray(found + grown(np.array(spring.damping_poly), rate, np.abs(rate)))
 
 
 def mass(m: Mechanism, centre: Complex) -> Array:
@@ -270,13 +282,21 @@ def transmitted(
 
 def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """Energy of gravity and of springs [J] (n,)."""
-    energy = sum(0.5 * j.stiffness * (q[:, k] - j.rest) ** 2 for k, j in enumerate(m.joints))
+    energy = sum(stored(j, q[:, k] - j.rest) for k, j in enumerate(m.joints))
     for k, spring in enumerate(m.point_springs):
         stretch = spring.stretch(spring_length(m, motion, k).value)
-        energy = energy + 0.5 * spring.stiffness * stretch**2
+        energy = energy + stored(spring, stretch)
     for b, body in enumerate(m.bodies):
         energy = energy - body.mass * (motion.point(b, body.centre).conj() * m.gravity).real
     return np.asarray(energy)
+
+
+def stored(spring: PlanarJoint | PointSpring, stretch: Array) -> Array:
+    """Energy of a spring [J] (n,)."""
+    linear, square = spring.stiffness_poly
+    return np.asarray(
+        stretch**2 * (spring.stiffness / 2 + stretch * (linear / 3 + square / 4 * stretch))
+    )
 
 
 def kinetic(m: Mechanism, motion: BodyMotion, v: Array) -> Array:

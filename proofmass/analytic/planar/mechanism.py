@@ -47,7 +47,9 @@ class PlanarJoint:
 
     `sign` is +1 when the hinge's axis is the plane's normal, -1 when it is against it.  `load` is a
     constant moment or force that acts on it, `friction` what dry friction takes of its motion, and
-    `servo` stiffness and damping of actuators that follow it, which store no energy.
+    `servo` stiffness and damping of actuators that follow it, which store no energy.  The stiffness
+    grows with the stretch and with its square by `stiffness_poly`, the damping with the speed and
+    with its square by `damping_poly`.
     """
 
     name: str
@@ -63,6 +65,8 @@ class PlanarJoint:
     range: tuple[float, float] = (-math.inf, math.inf)
     friction: float = 0.0
     servo: tuple[float, float] = (0.0, 0.0)
+    stiffness_poly: tuple[float, float] = (0.0, 0.0)
+    damping_poly: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,7 @@ class PointSpring:
     """A spring and a damper between a point of one body and a point of another.
 
     The spring is slack at lengths from `slack[0]` to `slack[1]`.  `offset` is how far one point is
-    from the other along the plane's normal.
+    from the other along the plane's normal.  `stiffness_poly` and `damping_poly` are as in a joint.
     """
 
     name: str
@@ -118,6 +122,13 @@ class PointSpring:
     damping: float
     slack: tuple[float, float]
     offset: float = 0.0
+    stiffness_poly: tuple[float, float] = (0.0, 0.0)
+    damping_poly: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def acts(self) -> bool:
+        """Whether it does more than measure a length."""
+        return any((self.stiffness, self.damping, *self.stiffness_poly, *self.damping_poly))
 
     def stretch(self, length: Array) -> Array:
         """How far lengths [m] are from those at which the spring is slack [m]."""
@@ -237,6 +248,15 @@ class Mechanism:
         )
         servo = np.array([j.servo for j in self.joints], float).reshape(-1, 2)
         return rest, stiffness + servo[:, 0], damping + servo[:, 1], armature, load
+
+    @cached_property
+    def polynomials(self) -> tuple[Array, Array] | None:
+        """Of the joints (joints, 2): what stiffness and damping grow by; None if none does."""
+        found = [
+            np.array([getattr(j, key) for j in self.joints], float).reshape(-1, 2)
+            for key in ("stiffness_poly", "damping_poly")
+        ]
+        return (found[0], found[1]) if any(part.any() for part in found) else None
 
     @cached_property
     def frictions(self) -> Array:
@@ -473,6 +493,8 @@ class Reader:
             if disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
             else float(model.dof_frictionloss[dof]),
             self.servo(j),
+            self.grows(OFF.mjDSBL_SPRING, model.jnt_stiffnesspoly[j]),
+            self.grows(OFF.mjDSBL_DAMPER, model.dof_dampingpoly[dof]),
         )
 
     def stops(self, m: "Mechanism", driven: tuple[str, ...] = ()) -> Iterator[Stop]:
@@ -572,6 +594,11 @@ class Reader:
         """A number, or zero if the model disables what it stands for."""
         return 0.0 if disabled(self.model, flag) else float(value)
 
+    def grows(self, flag: int, values: Array) -> tuple[float, float]:
+        """What a stiffness or a damping grows by, or zeros if the model disables it."""
+        one, two = (self.unless(flag, value) for value in values)
+        return one, two
+
     def body(self, b: int) -> Body:
         """Body number b."""
         model = self.model
@@ -623,6 +650,8 @@ class Reader:
             self.unless(OFF.mjDSBL_DAMPER, model.tendon_damping[t]),
             (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
             float((places[0] - places[1]) @ self.normal),
+            self.grows(OFF.mjDSBL_SPRING, model.tendon_stiffnesspoly[t]),
+            self.grows(OFF.mjDSBL_DAMPER, model.tendon_dampingpoly[t]),
         )
 
     def coupling(self, e: int) -> Coupling:
@@ -789,8 +818,6 @@ def refuse(model: Any) -> None:
             mujoco.mjtJoint.mjJNT_SLIDE,
         ):
             raise NotCovered(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
-        if model.jnt_stiffnesspoly[j].any() or model.dof_dampingpoly[j].any():
-            raise NotCovered(f"joint {model.joint(j).name!r} has a polynomial spring or damper")
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
         if kind == mujoco.mjtEq.mjEQ_TENDON and all(
@@ -878,7 +905,7 @@ def beside_springs(model: Any, t: int) -> dict[str, Any]:
 def refuse_tendons(model: Any) -> None:
     """Raise NotCovered, by name, for tendons that are not covered.
 
-    Covered are linear springs and dampers between two sites, and fixed tendons without any.
+    Covered are springs and dampers between two sites, and fixed tendons without any.
     """
     for t in range(model.ntendon):
         first = int(model.tendon_adr[t])
@@ -888,10 +915,16 @@ def refuse_tendons(model: Any) -> None:
         for what, there in {
             "does not go straight from a site to a site": not (sites or fixed),
             "is fixed and has a spring or damper": fixed
-            and (model.tendon_stiffness[t] or model.tendon_damping[t]),
+            and any(
+                np.any(part[t])
+                for part in (
+                    model.tendon_stiffness,
+                    model.tendon_stiffnesspoly,
+                    model.tendon_damping,
+                    model.tendon_dampingpoly,
+                )
+            ),
             **beside_springs(model, t),
-            "has a polynomial spring or damper": model.tendon_stiffnesspoly[t].any()
-            or model.tendon_dampingpoly[t].any(),
         }.items():
             if there:
                 raise NotCovered(f"tendon {model.tendon(t).name!r} {what}")

@@ -62,7 +62,13 @@ STOPPED = (
     "balancer_progressive_contact",
     "balancer_progressive_locked",
 )
-BALANCERS = ("balancer4_sine", "balancer_weight", "balancer_extending", *STOPPED)
+BALANCERS = (
+    "balancer4_sine",
+    "balancer_weight",
+    "balancer_extending",
+    "balancer_sine_nonlinear",
+    *STOPPED,
+)
 
 
 @pytest.mark.parametrize("name", BALANCERS)

@@ -10,6 +10,7 @@ from proofmass.analytic.planar import read, solve
 from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.forces import applied, centres, kinetic, potential
 from proofmass.analytic.planar.kinematics import move
+from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
 START = '<keyframe><key name="start" {}/></keyframe>'
@@ -197,8 +198,6 @@ def test_a_moving_damper_asks_a_moment_and_loads_the_pin():
         ('range="0 1" limited="true"', "has a range"),
         ('frictionloss="1"', "has frictionloss"),
         ('armature="1"', "has armature"),
-        ('stiffness="1 2"', "has a polynomial spring or damper"),
-        ('damping="1 0 3"', "has a polynomial spring or damper"),
     ],
 )
 def test_what_a_spring_may_not_have_is_named(spring, words):
@@ -223,6 +222,33 @@ def test_disabled_springs_and_dampers_do_nothing():
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, flag))
     t = np.linspace(0, 1, 11)
     assert np.abs(solve(t, model=model)["x"] - (1 + 0.5 * t)).max() < 1e-14
+
+
+POLYNOMIAL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody>
+  <site name="wall" pos=".4 .5 0"/><body><joint name="a" stiffness="3 -2 4" springref=".3" {}/>
+    <inertial pos=".5 0 0" mass="1" diaginertia=".1 .1 .1"/>
+    <body pos="1 0 0"><joint name="b" stiffness="0 0 5" {}/>
+      <inertial pos=".3 .1 0" mass=".7" diaginertia=".1 .1 .1"/><site name="end" pos=".5 .1 0"/>
+    </body></body></worldbody>
+  <tendon><spatial name="spring" stiffness="20 5 9" springlength=".5 .8" {}><site site="wall"/>
+    <site site="end"/></spatial></tendon>
+  <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/><e_kinetic name="kinetic"/>
+    <e_potential name="potential"/></sensor>
+  <keyframe><key name="start" qpos=".2 -.4" qvel="1 2"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_polynomial_springs_and_dampers_are_those_of_the_spatial_reference(damped):
+    """Which has them from MuJoCo's terms, and a formulation of its own beside it."""
+    dampers = ['damping=".1 .2 .3"', 'damping="0 0 .2"', 'damping=".5 1 2"']
+    text, t = POLYNOMIAL.format(*dampers if damped else ("", "", "")), np.linspace(0, 2, 41)
+    model = mujoco.MjModel.from_xml_string(text)
+    one, two = solve(t, model=model), spatial.solve(t, model=model, terms=SmoothTerms(model))
+    for name in ("a", "b", "kinetic", "potential"):
+        assert np.abs(one[name] - two[name]).max() < 1e-10
+    energy = one["kinetic"] + one["potential"]
+    assert np.ptp(one["potential"]) > 1.0
+    assert np.ptp(energy) < 1e-10 if not damped else (np.diff(energy) < 0).all()
 
 
 DIFFERENTIAL = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
