@@ -17,6 +17,7 @@ of the path follow from the same equations.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,8 @@ MOST = 200
 """Steps from the start pose to the first rest."""
 SHORTEST = 1e-7
 """Of the way between two samples: a path that cannot be followed so far has ended."""
+LIMIT = 1e-2
+"""Least to largest singular value of the rows near a limit position, at the end of a path."""
 FLAT = 1e-9
 """Of the largest stiffness: less cannot be told from none by differences."""
 TOUCHES = 1e-12
@@ -233,19 +236,35 @@ class Resting:
     def next(
         self, q: Array, values: Array, ctrl: Array | None, held: Held
     ) -> tuple[Array, Held] | None:
-        """The rest (1, joints) that a stride from another leads to; None if it is too long."""
-        for _ in range(2 * len(self.m.joints)):
-            last, pose = np.inf, q
-            for size, pose in self.steps(q, values, ctrl, held):  # noqa: B007, used behind the loop
+        """The rest (1, joints) that a stride from another leads to; None if it is too long.
+
+        Where a joint comes to its stop and nothing is left free, one that was held leaves its own.
+        """
+        waiting, seen = [held], set[Held]()
+        while waiting and len(seen) <= 4 * len(self.m.joints):
+            held = waiting.pop(0)
+            seen.add(held)
+            if (pose := self.approach(q, values, ctrl, held)) is None:
+                continue
+            found = self.equations(pose, values, ctrl, held)
+            others = self.switched(pose[0], found, held)
+            if others == held:
+                return (pose, held) if found.least[0] > FLAT else None
+            many = len(others) + self.m.rows + self.d.driven.size > len(self.m.joints)
+            less = [tuple(one for one in others if one != old) for old in held if old in others]
+            waiting += [one for one in (less if many else [others]) if one not in seen]
+        return None
+
+    def approach(self, q: Array, values: Array, ctrl: Array | None, held: Held) -> Array | None:
+        """The pose (1, joints) that Newton's method comes to; None if its steps do not shrink."""
+        last, pose = np.inf, q
+        with suppress(SingularHere):
+            for size, pose in self.steps(q, values, ctrl, held):
                 if not size <= (FAR if last == np.inf else max(SHRINKS * last, EXACT)):
                     return None
                 if size <= EXACT:
-                    break
+                    return pose
                 last = size
-            found = self.equations(pose, values, ctrl, held)
-            if (others := self.switched(pose[0], found, held)) == held:
-                return (pose, held) if found.least[0] > FLAT else None
-            held = others
         return None
 
     def switched(self, q: Array, found: Equations, held: Held) -> Held:
@@ -300,6 +319,8 @@ class Resting:
         ------
         Unstable
             The rest becomes unstable on the way, or there is none from the start on.
+        SingularHere
+            A limit position lies on the way.
         """
 
         def between(k: int, share: float) -> tuple[Array, Array | None]:
@@ -317,14 +338,19 @@ class Resting:
                 if found := self.next(at, *between(k, share), held):
                     (at, held), done, stride = found, share, 2 * stride
                 elif (stride := stride / 2) < SHORTEST:
-                    place = ", ".join(f"{value:.6g}" for value in between(k, done)[0][0])
-                    raise Unstable(
-                        f"what the drives leave becomes unstable with them at {place}, between "
-                        f"samples {k - 1} and {k}"
-                    )
+                    raise self.ending(at, *between(k, done), held, k)
             poses.append(at)
             stops.append(held)
         return np.concatenate(poses), stops
+
+    def ending(self, q: Array, values: Array, ctrl: Array | None, held: Held, k: int) -> CannotMove:
+        """Why the path ends at a rest (1, joints) ahead of sample k."""
+        place = ", ".join(f"{value:.6g}" for value in values[0])
+        where = f"with the drives at {place}, between samples {k - 1} and {k}"
+        sizes = np.linalg.svd(self.pushed(q, ctrl, held)[1][0], compute_uv=False)
+        if sizes.min() < LIMIT * sizes.max():
+            return SingularHere(f"a limit position lies on the way: {where}")
+        return Unstable(f"what the drives leave becomes unstable {where}")
 
     def beside(
         self,

@@ -391,6 +391,7 @@ class Resting(Linkage):
             rows = np.vstack([held, bars])
             pushes = np.linalg.lstsq(rows.T, force, DEPENDENT)[0]
             self.stiffness = self.lagrangian(pushes[: gap.size], fine)
+        older = np.flatnonzero(self.stops.side)
         for turn in range(self.stops.turns):
             past, bars = self.stops.held(pose)
             self.balance = Balance(
@@ -400,7 +401,10 @@ class Resting(Linkage):
                 self.stiffness,
             )
             if past.size and self.balance.left_open() > CLOSED:
-                raise BadModel(f"the stops of {self.stops.spoken()} are in the way")
+                if not older.size:
+                    raise BadModel(f"the stops of {self.stops.spoken()} are in the way")
+                self.stops.side[older[0]], older = 0, older[1:]  # another joint came to its stop
+                continue
             move = self.balance.step(descend)
             if not self.stops.switch(
                 pose, move, self.balance.pushes(move), np.abs(force).max(), turn

@@ -1,5 +1,6 @@
 """What drives leave at rest on springs, weights, loads and stops: the planar solver and others."""
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -8,6 +9,7 @@ import pytest
 
 from proofmass.analytic import planar
 from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.planar import SingularHere
 from proofmass.analytic.planar.equilibrium import Unstable
 from proofmass.check import check
 from proofmass.reference import compiled, evaluate
@@ -181,9 +183,7 @@ def column(push: np.ndarray, ref: float = 0.0, more: str = "", start: float = 0.
 def test_a_column_buckles_where_its_spring_yields():
     """At stiffness over length, 2.5 N; the path ends there, at the sample that is named."""
     assert np.abs(column(np.linspace(0.0, 2.499, 6))).max() == 0.0
-    with pytest.raises(
-        Unstable, match=r"unstable with them at 0\.83333\d, between samples 2 and 3"
-    ):
+    with pytest.raises(Unstable, match=r"unstable with the drives at 0\.83333\d, between"):
         column(np.array([0.0, 1.0, 2.0, 3.0]))  # 2.5 N are at 2.5 / 3
 
 
@@ -232,3 +232,51 @@ def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
     for solver in ("mujoco", "pymunk"):
         assert outcomes[solver, "moment"] == outcomes[solver, "two"] == "agrees"
         assert outcomes[solver, "acceleration.x"] == "unsupported"
+
+
+def finger(folder: Path, distal: str = "0 1.6") -> Path:
+    """The finger, whose proximal phalanx comes to a stop of its own, and without contact."""
+    text = shipped("finger.xml").read_text(encoding="utf-8")
+    for old, new in (
+        ('<joint name="proximal"/>', '<joint name="proximal" range="-0.1 0.7"/>'),
+        ('name="distal" range="0 1.6"', f'name="distal" range="{distal}"'),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    file = folder / "finger.xml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def driven(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The driver's law: to 1.2 rad and back."""
+    return 0.6 - 0.6 * np.cos(t), 0.6 * np.sin(t), 0.6 * np.cos(t)
+
+
+def test_a_joint_that_comes_to_its_stop_frees_another(tmp_path):
+    """Both hold at one driver angle alone: no more than one of the two can, but for there."""
+    file, t = finger(tmp_path), np.linspace(0.0, 2 * np.pi, 41)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    known = planar.solve(*driven(t), model=model, joints=("driver",))
+    on = known["proximal"] > 0.7 - 1e-12, known["distal"] < 1e-12
+    assert [one.any() for one in on] == [True, True]
+    assert (on[0] ^ on[1]).all()
+    names = ("proximal", "distal", "tip.x", "tip.y", "moment")
+    for engine, error in ((in_mujoco, 1e-11), (in_pymunk, 1e-9)):
+        found = engine(file, Run("sweep", t, names, (Drive("driver", driven),)))
+        assert not found.stopped
+        for name in names:
+            assert np.abs(found.channels[name] - known[name]).max() < error
+
+
+def test_a_limit_position_is_told_from_an_unstable_rest(tmp_path):
+    """MuJoCo's path ends at the same angle of the driver."""
+    file, angles = finger(tmp_path, "0 16"), np.linspace(0.0, 1.6, 33)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    with pytest.raises(SingularHere, match="a limit position lies on the way: with the") as told:
+        planar.solve(angles, model=model, joints=("driver",))
+    run = Run("sweep", angles, ("distal",), (Drive("driver", bar),))
+    ended = in_mujoco(file, run).stopped
+    assert ended.startswith("the loops cannot be closed beyond driver = 1.215")
+    place = re.search(r"drives at ([\d.]+)", str(told.value))
+    assert float(place[1]) == pytest.approx(float(ended.split()[-1]), abs=1e-5)
