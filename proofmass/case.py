@@ -98,7 +98,7 @@ class ProfileTable(Strict):
     time: Column | None = None
     value: Column | None = None
     rate: Column | None = None
-    interpolation: Literal["spline", "linear"] = "spline"
+    interpolation: Literal["spline", "linear", "held"] = "spline"
 
     @model_validator(mode="after")
     def _one_of_two(self) -> "ProfileTable":
@@ -193,11 +193,14 @@ class DriveTable(Strict):
     @field_validator("profile")
     @classmethod
     def _moves(cls, profile: Any) -> Any:
-        if (
-            isinstance(profile, ProfileTable)
-            and profile.value is not None
-            and profile.interpolation == "linear"
-        ):
+        if not isinstance(profile, ProfileTable):
+            return profile
+        if profile.interpolation == "held":
+            raise ValueError(
+                "interpolation = 'held' goes with the value of a load: no drive jumps from row to "
+                "row; leave it out"
+            )
+        if profile.value is not None and profile.interpolation == "linear":
             raise ValueError(
                 "interpolation = 'linear' goes with rate: a value that is straight between rows "
                 "has a rate that jumps at each of them; leave it out"

@@ -5,6 +5,7 @@ made a piecewise polynomial p(t), of which the derivatives and the integral are 
 
     value, spline    q = p, cubic, q'' continuous          q' = p'     q'' = p''
     value, linear    q = p, straight between rows          of a control alone
+    value, held      q = p, a stair from row to row        of a control alone
     rate, spline     q' = p, cubic, q''' continuous        q = from + integral of p, quartic
     rate, linear     q' = p, straight between rows         q quadratic, q'' a stair
 """
@@ -61,7 +62,7 @@ class SampledLaw:
     def __call__(self, x: Array) -> State:
         """Value, rate and acceleration of the joint at samples x of a run.
 
-        At a row where the acceleration jumps it is that of the piece that begins there.
+        At a row where one of them jumps it is that of the piece that begins there.
         """
         t = np.asarray(x, float)
         k = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, self.times.size - 2)
@@ -152,7 +153,19 @@ def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
         )
     si = unit if kind == "value" else f"{unit}/s"
     pieces, words = made(times, values, profile, start, si)
-    return SampledLaw(times, pieces, "the table", f"{profile.words}, {words}")
+    return SampledLaw(ends(times, profile), pieces, "the table", f"{profile.words}, {words}")
+
+
+def ends(times: Array, profile: ProfileTable) -> Array:
+    """Where pieces meet [s]: a row that is held lasts to the next, the last as long as the others.
+
+    >>> stair = ProfileTable(time=(0.0, 0.5, 0.7), value=(1.0, 2.0, 3.0), interpolation="held")
+    >>> ends(np.array(stair.time), stair)
+    array([0. , 0.5, 0.7, 0.9])
+    """
+    if profile.interpolation != "held":
+        return times
+    return np.append(times, 2 * times[-1] - times[-2])
 
 
 def last_time(folder: Path, profile: ProfileTable) -> float:
@@ -185,8 +198,8 @@ def law_once(
     times, values = table.rising(clock), table.curve(column)
     if profile.interpolation == "spline" and times.size < FEWEST:
         raise InputError(file, "", f"{times.size} rows; a spline needs {FEWEST}")
-    straight = kind == "value" and profile.interpolation == "linear"  # a control may be steep
-    if not straight and (k := jump_in(times, values)) is not None:
+    steep = kind == "value" and profile.interpolation != "spline"  # as a control may be
+    if not steep and (k := jump_in(times, values)) is not None:
         raise InputError(
             file,
             table.line(k + 1),
@@ -195,7 +208,10 @@ def law_once(
         )
     pieces, words = made(times, values, profile, start, si)
     return SampledLaw(
-        times, pieces, file.name, f"{kind} of {file.name}, {times.size} rows, {words}"
+        ends(times, profile),
+        pieces,
+        file.name,
+        f"{kind} of {file.name}, {times.size} rows, {words}",
     )
 
 
@@ -238,6 +254,8 @@ def made(
 ) -> tuple[Array, str]:
     """The pieces of the value, and how they were made."""
     kind, _ = profile.given
+    if profile.interpolation == "held":
+        return values[None], "held from row to row"
     if profile.interpolation == "linear" and kind == "value":
         return np.array([np.diff(values) / np.diff(times), values[:-1]]), (
             "straight from row to row"

@@ -158,7 +158,7 @@ BAD = {
     "both": ('rate = "w2"', 'rate = "w2", value = "t"', ["either value or rate"]),
     "neither": ('rate = "w2", ', "", ["either value or rate"]),
     "unknown key": ('rate = "w2"', 'rate = "w2", unit = "deg"', ["unknown key 'unit'", "file, "]),
-    "unknown way": ('"linear"', '"quintic"', ["'spline' or 'linear'"]),
+    "unknown way": ('"linear"', '"quintic"', ["'spline', 'linear' or 'held'"]),
     "straight value": ('rate = "w2"', 'value = "w2"', ["rate that jumps at each of them"]),
     "too long": ('joint = "crank"', 'joint = "crank"\nuntil = 4.0', ["nothing is extrapolated"]),
 }
@@ -229,4 +229,17 @@ def test_a_start_goes_with_a_rate(edit, models):
     assert laws(case, "dynamics")[0](np.zeros(1))[0] == 0.25
     edit("hacksaw_sampled.toml", re.escape('rate = "w2", interpolation = "linear"'), 'value = "w2"')
     with pytest.raises(InputError, match="its value has a start"):
+        load_case(models / "hacksaw_sampled.toml")
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [
+        ('rate = "w2", interpolation = "held"', "'held' goes with the value of a load: no drive"),
+        ('value = "w2", interpolation = "linear"', "'linear' goes with rate: a value that is"),
+    ],
+)
+def test_a_drive_has_no_rate_that_jumps(edit, models, new, words):
+    edit("hacksaw_sampled.toml", re.escape('rate = "w2", interpolation = "linear"'), new)
+    with pytest.raises(InputError, match=words):
         load_case(models / "hacksaw_sampled.toml")

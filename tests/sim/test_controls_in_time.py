@@ -7,9 +7,11 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
+from proofmass.analytic import planar, spatial
 from proofmass.case import ProfileTable
 from proofmass.check import check
 from proofmass.drive import InProportion, Steady, Swing, motion_source
@@ -23,6 +25,7 @@ from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import ChangingLoad, Drive, Run, Unsupported
 from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
+from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import prescribed_run
 from tests.shipped import shipped
 from tests.verdicts import verdicts
@@ -233,6 +236,74 @@ def test_a_program_of_pymunk_tells_the_moment_of_a_drive_beside_a_load(tmp_path)
     assert np.abs(moments[0] - moments[1]).max() > 1.0
 
 
+STAIR = ProfileTable(time=TIMES, value=FORCES, interpolation="held")
+
+
+def stepped(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Place and speed under forces that last from row to row, integrated exactly."""
+    place, speed = [], []
+    for one in t:
+        x, v = 0.1, 0.3
+        for a, b, force in zip(TIMES, [*TIMES[1:], np.inf], FORCES, strict=True):
+            h = max(min(one, b) - a, 0.0)
+            x, v = x + h * v + force * h**2 / 2, v + force * h
+        place.append(x)
+        speed.append(v)
+    return np.array(place), np.array(speed)
+
+
+def held(step: float, **settings) -> Run:
+    """A second and a bit of it: the last row lasts as long as the one before it."""
+    law, t = law_of_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 7)
+    assert law.covers(t)
+    assert not law.covers(np.array([0.0, 1.5]))
+    loads = (ChangingLoad("push", law),)
+    names, settings = ("x", "rate", "push"), {"timestep": step, **settings}
+    return Run("dynamics", t, names, settings=settings, loads=loads)
+
+
+@BOTH
+def test_a_control_that_is_held_is_a_stair(actuator, tmp_path):
+    """MuJoCo's RK4 is exact where steps end at the rows; pymunk meets a jump half a step early."""
+    file, given = pushed(tmp_path, actuator), held(2e-2, integrator="RK4")
+    place, speed = stepped(given.x)
+    found = in_mujoco(file, given).channels
+    assert np.abs(found["x"] - place).max() < 1e-13
+    assert np.abs(found["rate"] - speed).max() < 1e-13
+    assert (found["push"] == given.loads[0].law(given.x)[0]).all()
+    assert set(found["push"]) == set(FORCES)
+    off = [np.abs(in_pymunk(file, held(h)).channels["x"] - place).max() for h in (2e-2, 1e-2)]
+    assert off[0] < 5e-2
+    assert off[0] / off[1] == pytest.approx(2.0, abs=0.2)
+
+
+@BOTH
+def test_references_begin_anew_where_a_control_jumps(actuator, tmp_path):
+    model = mujoco.MjModel.from_xml_path(str(pushed(tmp_path, actuator)))
+    law, t = law_of_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 25)
+    place, speed = stepped(t)
+    for found in (
+        planar.solve(t, model=model, control_laws={"push": law}),
+        spatial.solve(t, model=model, control_laws={"push": law}, terms=SmoothTerms(model)),
+    ):
+        assert np.abs(found["x"] - place).max() < 1e-13
+        assert np.abs(found["rate"] - speed).max() < 1e-13
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+def test_programs_hold_a_control(engine, tmp_path):
+    file, simulate, writer = pushed(tmp_path, ON_JOINT), in_mujoco, mujoco_program
+    given = held(1e-2, integrator="RK4")
+    if engine == "pymunk":
+        simulate, writer, given = in_pymunk, pymunk_program, held(1e-2)
+    wanted = simulate(file, given)
+    source = controls_source([law_of_profile(Path(), STAIR, 0.0, "1")], given.x)
+    same = replace(given, settings=wanted.settings)
+    found = curves_of(writer.write_program(file, same, "", "", controls=source), tmp_path)
+    for name, curve in wanted.channels.items():
+        assert np.abs(found[name] - curve).max() < 1e-12, name
+
+
 def test_splines_and_other_laws_are_written_exactly(tmp_path):
     table = ProfileTable(time=(0.0, 0.5, 1.0, 1.5, 2.0), value=(0.1, 0.15, 0.35, 0.5, 0.5))
     spline = law_of_profile(tmp_path, table, 0.0, "1")
@@ -373,7 +444,7 @@ BAD = {
         "to = 2.0",
         ["load.1.to", "follow the first drive, and there is none"],
     ),
-    "word": ('"linear" }', '"liner" }', ["interpolation", "'spline' or 'linear'"]),
+    "word": ('"linear" }', '"liner" }', ["interpolation", "'spline', 'linear' or 'held'"]),
     "column": ('value = "force"', 'value = "farce"', ["load.0.profile", "farce"]),
     "rate": ('value = "force"', 'rate = "force"', ["load.0", "no rate"]),
 }
