@@ -23,6 +23,7 @@ from proofmass.analytic.planar.mechanism import joined, rotation
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, product, read_tree
 from proofmass.analytic.spatial.motion import HeldMotion, driven_motion, held_motion
+from proofmass.analytic.spatial.reactions import Reactions, determined
 from proofmass.analytic.spatial.terms import (
     NAMES,
     OwnTerms,
@@ -136,7 +137,10 @@ def solve(
         laws = laws_as_bytes(model, tree, control_laws)
         stops = tuple(stops_of(model, tree))
         followed = follow(tree, source, tuple(times.tolist()), stops, laws)
-        return quantities(model, tree, followed)
+        controls_there = pickle.loads(laws).along(times) if laws else None
+        pushes = np.array(followed.held.stopped.forces).reshape(-1, tree.armature.size)
+        shown = shown_reactions(model, tree, followed, (), True, controls_there, pushes)
+        return quantities(model, tree, followed) | shown
     values = np.atleast_2d(np.asarray(value, float))
     moving = [np.broadcast_to(np.asarray(x, float), values.shape) for x in (rate, acceleration)]
     drives = np.array([values, *moving])
@@ -145,7 +149,8 @@ def solve(
     followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes(), packed)
     refuse_limits(tree, followed.held.q)
     moments = of_drives(tree, followed, joints, inertia, ctrl)
-    return quantities(model, tree, followed) | shown_moments(model, joints, moments)
+    shown = shown_reactions(model, tree, followed, joints, inertia, ctrl, np.zeros((1, 1)))
+    return quantities(model, tree, followed) | shown_moments(model, joints, moments) | shown
 
 
 def facts(
@@ -295,6 +300,37 @@ def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[s
         name = model.joint(number).name
         if name in joints and gear:
             found[model.sensor(s).name] = moments[:, joints.index(name)] / gear
+    return found
+
+
+def shown_reactions(
+    model: Any,
+    tree: Tree,
+    followed: Followed,
+    joints: tuple[str, ...],
+    inertia: bool,
+    ctrl: Array | None,
+    pushes: Array,
+) -> dict[str, Array]:
+    """Forces and moments between bodies by their sensors; none where nothing determines them.
+
+    Of the motion with `inertia`, else at rest; `pushes` is what stops do to the joints.
+    """
+    kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}
+    sensors = [s for s, kind in kinds.items() if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE)]
+    if not sensors or not determined(tree):
+        return {}
+    held, motion, found = followed.held, followed.motion, dict[str, Array]()
+    state = held.q, held.v, held.a
+    if not inertia:
+        still = np.zeros_like(held.v)
+        state, motion = (held.q, still, still), move_tree(tree, held.q, still, still)
+    reactions = Reactions(tree, motion, state, joints, pushes, ctrl)
+    for s in sensors if reactions.unique else ():
+        seat = Seat.of(model, tree, motion, s)
+        force, moment = reactions.on(seat.body, seat.at())
+        own = seat.inside(force if kinds[s] == S.mjSENS_FORCE else moment)
+        found |= {f"{model.sensor(s).name}.{part}": own[:, k] for k, part in enumerate("xyz")}
     return found
 
 

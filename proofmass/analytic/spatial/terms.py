@@ -11,11 +11,13 @@ with the accelerations a_c and α at v̇ = 0.  γ is what φ's second derivative
 the sign turned.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from proofmass.analytic.controls import SiteLoad
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.kinematics import (
     TreeMotion,
@@ -262,21 +264,30 @@ def acting(
     return np.asarray(force)
 
 
-def loaded(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array:
-    """What loads on sites do to the joints (n, rates)."""
-    controls, found = tree.ctrl[None] if ctrl is None else ctrl, np.zeros(motion.axes.shape[:2])
+def loads_of(
+    tree: Tree, motion: TreeMotion, ctrl: Array | None
+) -> Iterator[tuple[SiteLoad, Array, Array]]:
+    """Forces [N] and moments [N m] of the loads on sites (n, 3), in the world."""
+    controls, none = tree.ctrl[None] if ctrl is None else ctrl, np.zeros(1)
     for load in tree.site_loads:
-        none = np.zeros(1)
         size = load.actuator.force(controls[:, load.actuator.place], none, none)[:, None]
-        push, twist = size * load.force, size * load.moment
+        push, twist = (
+            np.broadcast_to(size * part, (len(motion.at), 3)) for part in (load.force, load.moment)
+        )
         if load.follows:
             turn = motion.turn[:, load.body]
             push, twist = (np.einsum("nij,nj->ni", turn, part) for part in (push, twist))
+        yield load, push, twist
+
+
+def loaded(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array:
+    """What loads on sites do to the joints (n, rates)."""
+    found = np.zeros(motion.axes.shape[:2])
+    for load, push, twist in loads_of(tree, motion, ctrl):
         rows = point_rows(tree, motion, load.body, motion.point(load.body, load.at))
-        found = found + np.einsum("ni,nir->nr", np.broadcast_to(push, rows.shape[:2]), rows)
-        rows = turn_rows(tree, motion, load.body)
-        found = found + np.einsum("ni,nir->nr", np.broadcast_to(twist, rows.shape[:2]), rows)
-    return np.asarray(found)
+        found = found + np.einsum("ni,nir->nr", push, rows)
+        found = found + np.einsum("ni,nir->nr", twist, turn_rows(tree, motion, load.body))
+    return found
 
 
 def stretched(kind: str, rest: Array, own: Array) -> Array:
@@ -339,6 +350,18 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
         np.concatenate([rows, loop.scale * turned], axis=1),
         np.concatenate([drift, -loop.scale * change], axis=1),
     )
+
+
+def weld_moment(motion: TreeMotion, loop: PointLoop) -> Array:
+    """How the gap of a weld's turns grows with turns of its first body in the world (n, 3, 3)."""
+    assert loop.turns is not None
+    first = product(motion.quaternion[:, loop.one], loop.turns[0])
+    second = conjugate(product(motion.quaternion[:, loop.two], loop.turns[1]))
+    columns = [
+        product(second, product(pure(np.tile(axis, (len(first), 1))), first))[:, 1:]
+        for axis in np.eye(3)
+    ]
+    return 0.5 * loop.scale * np.stack(columns, axis=-1)
 
 
 def pure(vectors: Array) -> Array:

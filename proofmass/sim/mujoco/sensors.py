@@ -1,6 +1,7 @@
 """What a run does not read from the sensors: moments of drives, and channels at rest."""
 
 import mujoco
+import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import gear_of_force, joint_of
@@ -44,11 +45,12 @@ def withhold_interactions(record: Recorder) -> dict[str, str]:
     """Take sensors of forces between bodies out of a record if the engine leaves a force out."""
     model = record.model
     others = [k for k in range(model.nu) if joint_of(model, k) < 0]
+    pulling = [t for t in range(model.ntendon) if pulls(model, t)]
     what = (
         f"actuator {model.actuator(others[0]).name!r}, which acts on no joint"
         if others
-        else f"tendon {model.tendon(0).name!r}"
-        if model.ntendon
+        else f"tendon {model.tendon(pulling[0]).name!r}"
+        if pulling
         else ""
     )
     missing = {
@@ -59,6 +61,22 @@ def withhold_interactions(record: Recorder) -> dict[str, str]:
     for channel in missing:
         del record.sensors[channel]
     return missing
+
+
+def pulls(model: mujoco.MjModel, t: int) -> bool:
+    """Whether tendon number t does more than measure a length."""
+    own = (
+        model.tendon_stiffness,
+        model.tendon_stiffnesspoly,
+        model.tendon_damping,
+        model.tendon_dampingpoly,
+        model.tendon_frictionloss,
+        model.tendon_armature,
+        model.tendon_limited,
+    )
+    held = model.eq_active0.astype(bool) & (model.eq_type == mujoco.mjtEq.mjEQ_TENDON)
+    tied = t in np.concatenate([model.eq_obj1id[held], model.eq_obj2id[held]])
+    return tied or any(np.any(part[t]) for part in own)
 
 
 def interactions(record: Recorder) -> list[int]:

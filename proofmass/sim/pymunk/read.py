@@ -233,7 +233,8 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
     servos = (a for a in range(model.nactuator) if joint_of(model, a) == joint)
     if joint >= 0 and any(follows_joint(model, a) for a in servos):
         return "the force of a servo is not rebuilt for pymunk"
-    if of_joint and any(pull.actuator >= 0 for pull in links.pulls):
+    own = model.jnt_bodyid[joint]
+    if of_joint and any(p.actuator >= 0 and carries(model, own, p.body) for p in links.pulls):
         return "what loads on sites do to a joint is not rebuilt for pymunk"
     force = (
         links.joints[joint].load
@@ -241,6 +242,13 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
         else float(links.data.actuator_force[model.actuator_outadr[obj]])
     )
     return Sensor(0, Level(force))
+
+
+def carries(model: mujoco.MjModel, body: int, other: int) -> bool:
+    """Whether another body is this one, or moves with it in the tree."""
+    while other and other != body:
+        other = int(model.body_parentid[other])
+    return other == body
 
 
 def _interaction(links: Links, s: int, part: int) -> Sensor:

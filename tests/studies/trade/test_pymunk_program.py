@@ -320,8 +320,9 @@ WHEEL = Drive("wheel", Swing(0.2, 1.0, 0.7))
 
 @pytest.mark.parametrize("drives", [(), (WHEEL,)])
 def test_springs_limits_loads_and_all_channels(drives, tmp_path):
-    file = tmp_path / "rich.xml"
-    file.write_text(RICH)
+    file, on_joint = tmp_path / "rich.xml", '<jointactuatorfrc name="moment" joint="arm"/>'
+    assert on_joint in RICH  # which loads on sites move as well
+    file.write_text(RICH.replace(on_joint, '<actuatorfrc name="moment" actuator="twist"/>'))
     run = Run(
         "dynamics", np.linspace(0, 0.5, 51), CHANNELS, drives, settings={"timestep": 2e-3, **EXACT}
     )

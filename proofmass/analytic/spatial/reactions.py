@@ -1,0 +1,112 @@
+"""Forces and moments between the bodies of a spatial mechanism, by Newton's and Euler's balances.
+
+What a body gets from its parent is what its own inertia and weight need, and those of all that it
+carries, less what loops and loads on sites do to them.  The forces of the loops follow from the
+equations of motion::
+
+    J' s = M a + h - Q        J: rows of the equalities and of the drives, s: their forces
+
+They are determined where no row depends on the others, and tendons pull nowhere.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array
+from proofmass.analytic.spatial.kinematics import TreeMotion, cross3
+from proofmass.analytic.spatial.mechanism import PointLoop, Tree
+from proofmass.analytic.spatial.terms import (
+    balances,
+    loads_of,
+    own_terms,
+    weld_moment,
+)
+
+RANK = 1e-8
+"""Of the largest singular value: rows of loops and drives below it say nothing new."""
+
+
+def determined(tree: Tree) -> bool:
+    """Whether no tendon pulls, on a spring or damper of its own, in an actuator or an equality."""
+    pulling = any(any(one.stiffness) or any(one.damping) for one in tree.tendons)
+    actuated = any(one.tendon >= 0 for one in tree.actuators)
+    return not (pulling or actuated or any(tie.tendons for tie in tree.ties))
+
+
+class Reactions:
+    """What the bodies of a tree get from their parents in n poses.
+
+    Parameters
+    ----------
+    tree : Tree
+    motion : TreeMotion
+        With rates and accelerations.
+    state : three ndarray (n, poses), (n, rates), (n, rates)
+        Its poses, rates and accelerations [SI].
+    joints : tuple of str
+        The driven joints, whose actuators do not act.
+    pushes : ndarray (n, rates)
+        What stops do to the joints [N m or N].
+    ctrl : ndarray (n, controls), optional
+        By default those of the key [SI].
+    """
+
+    def __init__(
+        self,
+        tree: Tree,
+        motion: TreeMotion,
+        state: tuple[Array, Array, Array],
+        joints: tuple[str, ...],
+        pushes: Array,
+        ctrl: Array | None,
+    ):
+        self.tree, self.motion, self.ctrl = tree, motion, ctrl
+        q, v, a = state
+        dofs = [joint.rate for joint in tree.joints if joint.name in joints]
+        others = tuple(one for one in tree.actuators if one.rate not in dofs)
+        found = own_terms(replace(tree, actuators=others), q, v, ctrl)
+        needed = np.einsum("nij,nj->ni", found.mass, a) + found.bias - found.force - pushes
+        driven = np.broadcast_to(np.eye(v.shape[1])[dofs], (len(q), len(dofs), v.shape[1]))
+        across = np.concatenate([found.jacobian, driven], axis=1).swapaxes(1, 2)
+        sizes = np.linalg.svd(across, compute_uv=False)
+        self.unique = not sizes.size or bool((sizes[:, -1] > RANK * sizes[:, 0]).all())
+        self.unique &= across.shape[2] <= across.shape[1]
+        self.forces = (np.linalg.pinv(across) @ needed[..., None])[..., 0]
+        inertia = motion.turn @ tree.masses[2] @ np.swapaxes(motion.turn, -1, -2)
+        self.balances = balances(tree, motion, inertia)
+
+    def on(self, body: int, at: Array) -> tuple[Array, Array]:
+        """Force [N] and moment about points `at` [N m] (n, 3) of a body's parent on it."""
+        carried = {body}
+        for b, one in enumerate(self.tree.bodies):
+            if b and one.parent in carried:
+                carried.add(b)
+        force, moment = np.zeros(at.shape), np.zeros(at.shape)
+        for b in carried:
+            push, twist = (part[:, b] for part in self.balances)
+            arm = self.motion.point(b, self.tree.bodies[b].centre) - at
+            force, moment = force + push, moment + twist + cross3(arm, push)
+        for b, place, push, twist in self.outside():
+            if b in carried:
+                force, moment = force - push, moment - twist - cross3(place - at, push)
+        return force, moment
+
+    def outside(self) -> Iterator[tuple[int, Array, Array, Array]]:
+        """Forces of loops and of loads on sites: body, place, force and moment (n, 3)."""
+        first = 0
+        for loop in self.tree.loops:
+            width = 3 if loop.turns is None else 6
+            own, first = self.forces[:, first : first + width], first + width
+            push, twist = own[:, :3], self.twist(loop, own[:, 3:])
+            yield loop.one, self.motion.point(loop.one, loop.on_one), push, twist
+            yield loop.two, self.motion.point(loop.two, loop.on_two), -push, -twist
+        for load, push, twist in loads_of(self.tree, self.motion, self.ctrl):
+            yield load.body, self.motion.point(load.body, load.at), push, twist
+
+    def twist(self, loop: PointLoop, forces: Array) -> Array:
+        """The moment of a weld on its first body (n, 3); none of a connect."""
+        if loop.turns is None:
+            return np.zeros((len(self.forces), 3))
+        return np.einsum("nik,ni->nk", weld_moment(self.motion, loop), forces)

@@ -1,0 +1,162 @@
+"""What bodies get from their parents in space: MuJoCo's rigid loops, Newton's law, free joints."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from proofmass.analytic import spatial
+from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.engine import simulate as in_mujoco
+from proofmass.sim.protocol import Run
+from proofmass.sim.smooth import SmoothTerms
+from proofmass.solve import plan
+from tests.shipped import shipped
+
+
+def solve(model: mujoco.MjModel, *args: object, **more: object) -> dict[str, np.ndarray]:
+    """The spatial reference."""
+    return spatial.solve(*args, model=model, terms=SmoothTerms(model), **more)
+
+
+def with_sensors(file: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """A model with sensors of the force and the moment on each body with joints; their channels."""
+    root = ElementTree.fromstring(file.read_text(encoding="utf-8"))
+    sensors, names = root.find("sensor"), []
+    for body in root.iter("body"):
+        if body.find("joint") is not None:
+            own = {"name": f"seat of {body.get('name')}", "pos": ".01 .02 -.01", "euler": "1 2 3"}
+            ElementTree.SubElement(body, "site", own)
+            for kind in ("force", "torque"):
+                names.append(f"{kind} on {body.get('name')}")
+                ElementTree.SubElement(sensors, kind, {"name": names[-1], "site": own["name"]})
+    copied = folder / file.name
+    copied.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
+    return copied, tuple(f"{name}.{part}" for name in names for part in "xyz")
+
+
+@pytest.mark.parametrize(("name", "bodies"), [("delta", 9), ("stewart", 12)])
+def test_closed_robots_at_rest_are_those_of_mujoco_with_rigid_loops(name, bodies, tmp_path):
+    """Its own inverse dynamics, with forces of the loops that proofmass gives it in sweeps."""
+    case = load_case(shipped(f"{name}.toml"))
+    file, channels = with_sensors(case.model_path, tmp_path)
+    assert len(channels) == 6 * bodies
+    whole = plan(case, "sweep", "mujoco")
+    run = Run("sweep", whole.x[::20], channels, whole.drives)
+    found = in_mujoco(file, run).channels
+    joints = tuple(drive.joint for drive in case.drive)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    args = (part[0] if len(part) == 1 else part for part in run.motion(run.x))
+    known = solve(model, *args, start=case.start, joints=joints)
+    assert max(np.abs(known[one]).max() for one in channels) > 10.0
+    assert max(np.abs(known[one] - found[one]).max() for one in channels) < 1e-11
+
+
+def test_a_ball_joint_carries_a_top_and_no_moment():
+    """Force: mass times acceleration less weight, by the sensor of the centre's acceleration."""
+    spec = mujoco.MjSpec.from_file(str(shipped("heavy_top.xml")))
+    model = spec.compile()
+    assert model.jnt_type.tolist() == [mujoco.mjtJoint.mjJNT_BALL]
+    name, place = model.body(1).name, model.jnt_pos[0]
+    spec.body(name).add_site(name="pivot", pos=place)
+    for kind in ("force", "torque"):
+        type_ = getattr(mujoco.mjtSensor, f"mjSENS_{kind.upper()}")
+        spec.add_sensor(name=kind, type=type_, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="pivot")
+    body = mujoco.mjtObj.mjOBJ_BODY
+    acceleration = mujoco.mjtSensor.mjSENS_FRAMELINACC
+    spec.add_sensor(name="middle", type=acceleration, objtype=body, objname=name)
+    for k, axis in enumerate("XYZ"):
+        kind = getattr(mujoco.mjtSensor, f"mjSENS_FRAME{axis}AXIS")
+        xbody = mujoco.mjtObj.mjOBJ_XBODY
+        spec.add_sensor(name=f"axis{k}", type=kind, objtype=xbody, objname=name)
+    model = spec.compile()
+    found = solve(model, np.linspace(0, 0.5, 26), start=model.key(0).name)
+    mass, weight = model.body_mass[1], model.opt.gravity
+    pull = np.array([mass * (found[f"middle.{p}"] - g) for p, g in zip("xyz", weight, strict=True)])
+    for k, part in enumerate("xyz"):
+        axis = np.array([found[f"axis{k}.{p}"] for p in "xyz"])
+        assert np.abs(found[f"force.{part}"] - (axis * pull).sum(axis=0)).max() < 1e-10
+        assert np.abs(found[f"torque.{part}"]).max() < 1e-10
+    assert np.ptp(found["force.x"]) > 0.1
+
+
+WELDED = """<mujoco><option gravity="1 2 -9.81"><flag contact="disable"/></option><worldbody>
+  <site name="wall" pos=".3 .1 .2"/>
+  <body name="arm" pos="0 0 1"><joint name="arm" axis="0 1 1"/>
+    <inertial pos=".2 .1 0" mass="2" diaginertia=".1 .2 .25"/><site name="root"/>
+    <site name="hook" pos=".5 .1 0" euler="20 30 40"/></body>
+  <body name="box" pos=".6 .2 1.3" euler="10 50 20"><freejoint name="free"/>
+    <inertial pos=".1 .2 .3" mass="1.5" diaginertia=".1 .2 .25"/>
+    <site name="corner" pos=".1 0 -.1" euler="15 25 35"/></body></worldbody>
+  <equality><weld name="weld" body1="box" body2="arm" torquescale=".4" anchor=".1 .1 0"/></equality>
+  <actuator><motor name="push" site="corner" gear="1 -2 3 .4 .5 .6"/>
+    <motor name="pull" site="corner" refsite="wall" gear="1 2 3 .4 -.5 .6"/></actuator>
+  <sensor><force name="on box" site="corner"/><torque name="twist of box" site="corner"/>
+    <force name="on arm" site="root"/><torque name="twist of arm" site="root"/>
+    <framelinacc name="box" objtype="body" objname="box"/>
+    <framelinacc name="bar" objtype="body" objname="arm"/>
+    <framexaxis name="x" objtype="site" objname="root"/>
+    <frameyaxis name="y" objtype="site" objname="root"/>
+    <framezaxis name="z" objtype="site" objname="root"/></sensor>
+  <keyframe><key name="start" qpos="0 .6 .2 1.3 1 0 0 0" qvel="1.5 0 0 0 0 0 0"
+    ctrl="{}"/></keyframe></mujoco>"""
+
+
+@pytest.fixture
+def welded() -> mujoco.MjModel:
+    """A box that a weld holds on an arm that swings; its free joint holds nothing."""
+    model = mujoco.MjModel.from_xml_string(WELDED.format("0 0"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    turn = np.zeros(4)
+    mujoco.mju_euler2Quat(turn, np.radians([10, 50, 20]), "xyz")
+    model.key_qpos[0, 4:8] = turn  # as it is welded
+    data.qpos[:] = model.key_qpos[0]
+    mujoco.mj_forward(model, data)
+    rows = np.zeros((6, model.nv))
+    rows[:, :] = data.efc_J.reshape(-1, model.nv)[:6]
+    spin = model.key_qvel[0, 0]
+    model.key_qvel[0, 1:] = -np.linalg.lstsq(rows[:, 1:], rows[:, 0] * spin)[0]
+    return model
+
+
+def test_a_free_joint_holds_nothing_whatever_its_weld_does(welded):
+    welded.key_ctrl[0] = [2.0, -1.5]
+    found = solve(welded, np.linspace(0, 0.4, 21))
+    names = [f"{name}.{part}" for name in ("on box", "twist of box") for part in "xyz"]
+    assert max(np.abs(found[name]).max() for name in names) < 1e-10
+    assert np.abs(found["twist of arm.x"]).max() > 1.0
+
+
+def test_the_ground_carries_weights_loads_and_accelerations(welded):
+    """Newton's law of both bodies, along the axes of the arm."""
+    welded.key_ctrl[0] = [0.0, -1.5]
+    found = solve(welded, np.linspace(0, 0.4, 21))
+    needed = -np.array([[1.0], [2.0], [3.0]]) * -1.5 * np.ones(21)
+    for mass, name in ((1.5, "box"), (2.0, "bar")):
+        for k, part in enumerate("xyz"):
+            needed[k] += mass * (found[f"{name}.{part}"] - welded.opt.gravity[k])
+    for axis in "xyz":
+        way = np.array([found[f"{axis}.{part}"] for part in "xyz"])
+        assert np.abs(found[f"on arm.{axis}"] - (way * needed).sum(axis=0)).max() < 1e-10
+    along = sum(found[f"twist of arm.{k}"] * c for k, c in (("y", 1.0), ("z", 1.0)))
+    assert np.abs(along).max() < 1e-10  # about its own hinge
+
+
+def test_what_nothing_determines_is_no_quantity(tmp_path):
+    """Loops that hold something twice, and a tendon that pulls."""
+    file, channels = with_sensors(shipped("bricard.xml"), tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    assert channels[0] not in solve(model, [0.0, 0.01])
+    text = WELDED.format("0 0").replace('<weld name="weld" body1="box" body2="arm"', "<!--")
+    tendon = (
+        '<tendon><spatial name="t" {}><site site="wall"/><site site="root"/></spatial></tendon>'
+    )
+    bare = text.replace('torquescale=".4" anchor=".1 .1 0"/>', "-->")
+    for more, there in (("", True), ('stiffness="3"', False)):
+        model = mujoco.MjModel.from_xml_string(
+            bare.replace("<sensor>", tendon.format(more) + "<sensor>")
+        )
+        assert ("on arm.x" in solve(model, [0.0, 0.1])) == there
