@@ -44,6 +44,9 @@ FAR = 0.3
 """Longest stride of a joint [rad, or sizes]."""
 SHRINKS = 0.25
 """A step of Newton's method to the one before at most, on the way to the next rest."""
+SHORT, LONGER, KINKS = 1e-3, 30.0, 3
+"""From where the first step is as short [rad, or sizes], steps may grow to so many times that, and
+as often."""
 SAME = 1e-5
 """Steps [rad, or sizes] below which the next one needs no new stiffness."""
 EXACT = 1e-11
@@ -256,15 +259,20 @@ class Resting:
         return None
 
     def approach(self, q: Array, values: Array, ctrl: Array | None, held: Held) -> Array | None:
-        """The pose (1, joints) that Newton's method comes to; None if its steps do not shrink."""
-        last, pose = np.inf, q
+        """The pose (1, joints) that Newton's method comes to; None if its steps do not shrink.
+
+        A short way may lead to where a spring goes slack, and the stiffness is another behind it.
+        """
+        sizes, kinks = list[float](), KINKS
         with suppress(SingularHere):
             for size, pose in self.steps(q, values, ctrl, held):
-                if not size <= (FAR if last == np.inf else max(SHRINKS * last, EXACT)):
-                    return None
+                if not size <= (max(SHRINKS * sizes[-1], EXACT) if sizes else FAR):
+                    kinks -= 1
+                    if not (sizes and sizes[0] <= SHORT and size <= LONGER * sizes[0]) or kinks < 0:
+                        return None
                 if size <= EXACT:
                     return pose
-                last = size
+                sizes.append(size)
         return None
 
     def switched(self, q: Array, found: Equations, held: Held) -> Held:

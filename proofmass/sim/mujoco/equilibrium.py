@@ -184,6 +184,7 @@ MOST = {False: 15, True: 200}  # Newton steps to follow a rest, and to descend t
 FAST = 0.1  # a step that shortens to this share of the last one needs no new stiffness
 EXACT = 1e-11  # [rad, or extents] what the next step may change where a rest is found
 LEVER = 1e3  # [rad or m per m] a joint moves so much for a gap only next to a limit position
+OFF, BRIEF = 0.3, 1e-3  # of what a tangent promises, and [rad, or extents] beside that
 SHORTEST = 1e-8  # of a stride, for `Resting.shortest`
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE = "the equilibrium becomes unstable"
@@ -282,9 +283,13 @@ class Resting(Linkage):
             share = min(share, 1.0 - done)
             pose, side = self.data.qpos.copy(), self.stops.side.copy()
             control = self.data.ctrl.copy()
-            mujoco.mj_integratePos(self.model, self.data.qpos, tangent @ way * share, 1.0)
+            promised = tangent @ way * share
+            mujoco.mj_integratePos(self.model, self.data.qpos, promised, 1.0)
             try:
-                tangent = self.follow(begin + (done + share) * way)
+                tangent, before = self.follow(begin + (done + share) * way), tangent
+                if self.jumped(pose, promised):
+                    tangent = before
+                    raise Lost("it moved as its tangent did not promise")
                 done, share = done + share, min(2.0 * share, longest)
             except BadModel as error:
                 self.data.qpos[:], self.stops.side = pose, side
@@ -293,6 +298,13 @@ class Resting(Linkage):
                 if share < self.shortest * longest:
                     raise self.ending(error) from None
         return tangent
+
+    def jumped(self, pose: Array, promised: Array) -> bool:
+        """Whether joints moved from a pose as was not promised: over a snap to another path."""
+        moved = np.zeros(self.model.nv)
+        mujoco.mj_differentiatePos(self.model, moved, 1.0, pose, self.data.qpos)
+        off, size = (np.abs(way / self.reach).max() for way in (moved - promised, promised))
+        return bool(off > OFF * size + BRIEF)
 
     def together(self, values: Array, tangent: Array | None) -> None:
         """None: a rest is followed one pose after the other, since it may end."""

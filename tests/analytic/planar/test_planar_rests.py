@@ -15,7 +15,7 @@ from proofmass.check import check
 from proofmass.reference import compiled, evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import ChangingLoad, Drive, Run
+from proofmass.sim.protocol import ChangingLoad, Drive, Run, Unsupported
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.solve import plan
 from tests.shipped import shipped
@@ -280,3 +280,70 @@ def test_a_limit_position_is_told_from_an_unstable_rest(tmp_path):
     assert ended.startswith("the loops cannot be closed beyond driver = 1.215")
     place = re.search(r"drives at ([\d.]+)", str(told.value))
     assert float(place[1]) == pytest.approx(float(ended.split()[-1]), abs=1e-5)
+
+
+def chain(seed: int) -> str:
+    """A driven bar and more on springs, some with ranges, a slack spring to the wall, a load."""
+    random = np.random.default_rng(seed)
+    bodies, place, count = "", 0.0, int(random.integers(2, 5))
+    for k in range(count):
+        length, (low, high) = random.uniform(0.3, 1), random.uniform(0.05, 0.6, 2)
+        stiff, rest = random.uniform(2, 60), random.uniform(-0.5, 0.5)
+        spring = f'stiffness="{stiff}" springref="{rest}"' if k else ""
+        if k and random.random() < 0.5:
+            spring += f' range="{-low} {high}" limited="true"'
+        if k and random.random() < 0.2:
+            spring += ' type="slide" axis="1 .3 0"'
+        bodies += (
+            f'<body pos="{place} 0 0"><joint name="j{k}" {spring}/><inertial pos="{length / 2} '
+            f'{random.uniform(-0.1, 0.1)} 0" mass="{random.uniform(0.2, 2)}" '
+            f'diaginertia=".01 .01 .01"/><site name="s{k}" pos="{length} 0 0"/>'
+        )
+        place = length
+    slack = sorted(random.uniform(0.1, 1, 2))
+    cord = f'stiffness="{random.uniform(1, 30)}" springlength="{slack[0]} {slack[1]}"'
+    frame = 'refsite="wall"' if random.random() < 0.5 else ""
+    gear = " ".join(map(str, random.uniform(-3, 3, 2)))
+    sensors = "".join(
+        f'<jointpos name="j{k}" joint="j{k}"/><jointvel name="v{k}" joint="j{k}"/>'
+        for k in range(1, count)
+    )
+    return f"""<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0">
+      <flag contact="disable"/></option><worldbody><site name="wall" pos="1 1 0"/>{bodies}
+      {"</body>" * count}</worldbody><tendon><spatial name="cord" {cord}><site site="wall"/>
+      <site site="s{count - 1}"/></spatial></tendon><actuator><motor name="m" joint="j0"/>
+      <motor name="l" site="s{count - 1}" {frame} gear="{gear} 0 0 0 0"/></actuator>
+      <sensor><actuatorfrc name="m" actuator="m"/>{sensors}</sensor>
+      <keyframe><key name="start" ctrl="0 1"/></keyframe></mujoco>"""
+
+
+def test_random_chains_rest_where_mujoco_has_them(tmp_path):
+    """Stops, springs that go slack and loads; both paths end where a rest becomes unstable.
+
+    MuJoCo's is followed from start poses near rest alone.
+    """
+    compared = ended = 0
+    for seed in range(20):
+        file, x = tmp_path / f"chain{seed}.xml", np.linspace(0.0, 3.0, 13)
+        file.write_text(chain(seed))
+        model = mujoco.MjModel.from_xml_path(str(file))
+        names = tuple(model.sensor(s).name for s in range(model.nsensor))
+        try:
+            found = in_mujoco(file, Run("sweep", x, names, (Drive("j0", bar),)))
+        except Unsupported:
+            continue
+        try:
+            known = planar.solve(x, model=model, joints=("j0",))
+        except Unstable as error:
+            ended += 1
+            (place,) = re.findall(r"drives at ([\d.]+)", str(error))
+            assert found.stopped.startswith("the equilibrium becomes unstable beyond j0 = ")
+            assert float(found.stopped.split()[-1]) == pytest.approx(float(place), abs=1e-4)
+            continue
+        assert not found.stopped, (seed, found.stopped)
+        compared += 1
+        for name in names:
+            off = np.abs(found.channels[name] - known[name]).max()
+            assert off < 1e-8 * max(1.0, np.abs(known[name]).max()), (seed, name)
+    assert compared > 5
+    assert ended > 2
