@@ -7,6 +7,7 @@ text of a sidecar that leaves nothing to defaults.
 
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from proofmass.case import Case, ProfileTable, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
+from proofmass.mobility import mobility
 from proofmass.recorded import RecordedColumn
 from proofmass.reference import compiled, knows_inertia, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
@@ -38,11 +40,12 @@ TomlTable = dict[str, Any]
 class Accuracy(Strict):
     """``accuracy.ENGINE``: shares of the range instead of those that the engine states.
 
-    `sweep` is of all channels of a sweep, the others of the channels of dynamics; `force` is of
-    moments as well.
+    `sweep` is of all channels of a sweep, but for rates where drives leave degrees of freedom at
+    rest, which have `rest`; the others are of the channels of dynamics, `force` of moments as well.
     """
 
     sweep: float | None = Field(None, gt=0)
+    rest: float | None = Field(None, gt=0)
     position: float | None = Field(None, gt=0)
     velocity: float | None = Field(None, gt=0)
     acceleration: float | None = Field(None, gt=0)
@@ -266,7 +269,9 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
     """The parts of an engine's accuracy that a run has, and the units that each of them covers."""
     there = [channel.unit for channel in case.channels_of(kind).values()]
     if kind != "dynamics":
-        return {"sweep": ("*",)} if kind == "sweep" and there else {}
+        rates = tuple(unit for unit in there if si_unit(unit)[0] in KINDS["velocity"])
+        own = {"rest": tuple(dict.fromkeys(rates))} if rates and leaves_freedoms(case) else {}
+        return {**own, "sweep": ("*",)} if kind == "sweep" and there else {}
     units = {
         part: tuple(
             unit
@@ -276,6 +281,13 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
         for part, si in {**KINDS, "position": PLACES, "force": FORCES}.items()
     }
     return {part: of_part for part, of_part in units.items() if of_part}
+
+
+def leaves_freedoms(case: Case) -> bool:
+    """Whether the drives of a planar case leave degrees of freedom, which rest in a sweep."""
+    with suppress(InputError):  # over-constrained loops, which the run names
+        return (mobility(case) or 0) > len(case.drive)
+    return False
 
 
 LINES = ("parameters", "channels", "refine")

@@ -36,9 +36,9 @@ MOST_STEPS = 1e12  # from sample to sample: at 1 us a step, of the smallest mode
 class AccuracyLimit(NamedTuple):
     """How far an engine may be off, as a share of the reference's range, and why.
 
-    The `accuracy` of an engine has one for ``sweep`` (all channels), and for ``position``,
-    ``velocity``, ``acceleration`` and ``force`` (channels of dynamics), as far as the engine states
-    them.
+    The `accuracy` of an engine has one for ``sweep`` (all channels), for ``rest`` (rates of a sweep
+    where drives leave degrees of freedom), and for ``position``, ``velocity``, ``acceleration`` and
+    ``force`` (channels of dynamics), as far as the engine states them.
     """
 
     relative_to_range: float

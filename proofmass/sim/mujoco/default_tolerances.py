@@ -9,6 +9,11 @@ ACCURACY = {
     "sweep": AccuracyLimit(
         1e-12, "loops closed by Newton on the engine's constraint rows: rounding only"
     ),
+    "rest": AccuracyLimit(
+        1e-10,
+        "stiffness by differences of the engine's forces: 1e-12 of it, over the least stiffness of "
+        "what the drives leave",
+    ),
     "position": AccuracyLimit(
         1e-6,
         "RK4: what is left is the softness of the loops, a floor of solref and "

@@ -222,13 +222,21 @@ run.sweep = { n = 38 }
 moment = { unit = "N m" }
 "acceleration.x" = { unit = "m/s^2" }
 two = { unit = "rad" }
+two_rate = { unit = "rad/s" }
 """
 
 
 def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
     limbs(tmp_path).rename(tmp_path / "limbs.xml")
     (tmp_path / "limbs.toml").write_text(SIDECAR)
+    case = load_case(tmp_path / "limbs.toml")
+    shares = {
+        name: case.tolerance_for("sweep", "mujoco", name).relative_to_range
+        for name in ("two", "two_rate")
+    }
+    assert shares == {"two": 1e-12, "two_rate": 1e-10}  # with differences of forces in it
     outcomes = {(c.solver, c.channel): c.outcome for c in check([tmp_path]).comparisons}
+    assert outcomes["mujoco", "two_rate"] == "agrees"
     for solver in ("mujoco", "pymunk"):
         assert outcomes[solver, "moment"] == outcomes[solver, "two"] == "agrees"
         assert outcomes[solver, "acceleration.x"] == "unsupported"
