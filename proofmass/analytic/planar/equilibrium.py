@@ -10,10 +10,10 @@ the loops in it, is made of central differences::
     K = -d/dq (Q + Bᵀ s)
 
 A stop, the end of a joint's range, holds its joint while it pushes; one that a joint passes holds
-it from then on. A rest is stable while K is positive definite on the null space of B. The path
-that the drives lead through rests is followed in strides, from one rest to the next: a stride is
-halved until Newton's steps shrink fast, and the path ends where the rest becomes unstable. Rates
-of the path follow from the same equations.
+it from then on.  A rest is stable while K, or its symmetric part where loads follow a body, is
+positive definite on the null space of B.  The path that the drives lead through rests is followed
+in strides, from one rest to the next: a stride is halved until Newton's steps shrink fast, and the
+path ends where the rest becomes unstable.  Rates of the path follow from the same equations.
 """
 
 from collections.abc import Iterator, Sequence
