@@ -536,12 +536,9 @@ def test_what_the_planar_reference_does_not_cover_is_an_error_of_the_model(model
     edit(
         "watt.xml",
         "</mujoco>",
-        '<tendon><fixed name="rope" stiffness="1"><joint joint="crank" coef="1"/></fixed></tendon>'
+        '<tendon><fixed name="rope" armature="1"><joint joint="crank" coef="1"/></fixed></tendon>'
         "</mujoco>",
     )
     [error] = check([models / "watt.toml"]).errors
     assert error.file == models / "watt.xml"
-    assert error.wrong == (
-        "the reference 'planar' does not cover it: tendon 'rope' is fixed and has a spring or "
-        "damper"
-    )
+    assert error.wrong == ("the reference 'planar' does not cover it: tendon 'rope' has armature")

@@ -9,7 +9,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, cross
 from proofmass.analytic.planar.kinematics import BodyMotion, Drives, jacobian, loop_jacobian
-from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, PointSpring
+from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring
 
 NONE = np.zeros(1)
 
@@ -43,6 +43,12 @@ def applied(
             length = spring_length(m, motion, k)
             rate = (length.rows * v).sum(axis=-1)
             found = found + tension(spring, length.value, rate)[:, None] * -length.rows
+    for one in m.sum_springs:
+        if one.acts:
+            rates = np.broadcast_to(v, q.shape)
+            pull = tension(one, summed(one.joints, q), summed(one.joints, rates))
+            for j, share in one.joints:
+                found[:, j] -= share * pull
     return np.asarray(found + loaded(m, motion, ctrl) if m.point_loads else found)
 
 
@@ -131,8 +137,13 @@ def spring_length(m: Mechanism, motion: BodyMotion, k: int) -> SpringLength:
     return SpringLength(value, along, rows)
 
 
-def tension(spring: PointSpring, length: Array, rate: Array | float) -> Array:
-    """Pull [N] of a spring and damper between points (n,) at lengths [m] and rates [m/s]."""
+def summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
+    """A sum of shares of joints (n,) of their values (n, joints)."""
+    return np.asarray(sum(share * values[:, j] for j, share in shares))
+
+
+def tension(spring: TendonSpring, length: Array, rate: Array | float) -> Array:
+    """Pull [N or N m] (n,) of a spring and damper at lengths [m or rad] and their rates [1/s]."""
     stretch = spring.stretch(length)
     found = spring.stiffness * stretch + spring.damping * rate
     found = found + grown(np.array(spring.stiffness_poly), stretch, stretch)
@@ -286,12 +297,14 @@ def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     for k, spring in enumerate(m.point_springs):
         stretch = spring.stretch(spring_length(m, motion, k).value)
         energy = energy + stored(spring, stretch)
+    for one in m.sum_springs:
+        energy = energy + stored(one, one.stretch(summed(one.joints, q)))
     for b, body in enumerate(m.bodies):
         energy = energy - body.mass * (motion.point(b, body.centre).conj() * m.gravity).real
     return np.asarray(energy)
 
 
-def stored(spring: PlanarJoint | PointSpring, stretch: Array) -> Array:
+def stored(spring: PlanarJoint | TendonSpring, stretch: Array) -> Array:
     """Energy of a spring [J] (n,)."""
     linear, square = spring.stiffness_poly
     return np.asarray(

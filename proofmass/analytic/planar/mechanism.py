@@ -105,12 +105,47 @@ class Coupling:
     polynomial: tuple[float, ...]
 
 
+class TendonSpring:
+    """A spring and a damper of a tendon, by the length of that.
+
+    The spring is slack at lengths from `slack[0]` to `slack[1]`.  `stiffness_poly` and
+    `damping_poly` are as in a joint.
+    """
+
+    stiffness: float
+    damping: float
+    slack: tuple[float, float]
+    stiffness_poly: tuple[float, float]
+    damping_poly: tuple[float, float]
+
+    @property
+    def acts(self) -> bool:
+        """Whether it does more than measure a length."""
+        return any((self.stiffness, self.damping, *self.stiffness_poly, *self.damping_poly))
+
+    def stretch(self, length: Array) -> Array:
+        """How far lengths [m or rad] are from those at which the spring is slack."""
+        return np.asarray(length - np.clip(length, *self.slack))
+
+
 @dataclass(frozen=True)
-class PointSpring:
+class SumSpring(TendonSpring):
+    """A spring and a damper whose length is a sum of shares of joints, by their numbers."""
+
+    name: str
+    joints: tuple[tuple[int, float], ...]
+    stiffness: float
+    damping: float
+    slack: tuple[float, float]
+    stiffness_poly: tuple[float, float] = (0.0, 0.0)
+    damping_poly: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class PointSpring(TendonSpring):
     """A spring and a damper between a point of one body and a point of another.
 
-    The spring is slack at lengths from `slack[0]` to `slack[1]`.  `offset` is how far one point is
-    from the other along the plane's normal.  `stiffness_poly` and `damping_poly` are as in a joint.
+    `offset` is how far one point is from the other along the plane's normal.
     """
 
     name: str
@@ -124,15 +159,6 @@ class PointSpring:
     offset: float = 0.0
     stiffness_poly: tuple[float, float] = (0.0, 0.0)
     damping_poly: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def acts(self) -> bool:
-        """Whether it does more than measure a length."""
-        return any((self.stiffness, self.damping, *self.stiffness_poly, *self.damping_poly))
-
-    def stretch(self, length: Array) -> Array:
-        """How far lengths [m] are from those at which the spring is slack [m]."""
-        return np.asarray(length - np.clip(length, *self.slack))
 
 
 @dataclass(frozen=True)
@@ -171,6 +197,8 @@ class Mechanism:
         Controls of the key [SI].
     point_loads : tuple of PointLoad
         Of the actuators on sites.
+    sum_springs : tuple of SumSpring
+        Of fixed tendons.
     """
 
     bodies: tuple[Body, ...]
@@ -184,6 +212,7 @@ class Mechanism:
     actuators: tuple[AffineActuator, ...] = ()
     ctrl: Array = field(default_factory=lambda: np.zeros(0))
     point_loads: tuple[PointLoad, ...] = ()
+    sum_springs: tuple[SumSpring, ...] = ()
 
     @cached_property
     def moved_by(self) -> NDArray[np.bool_]:
@@ -646,13 +675,24 @@ class Reader:
             self.flat(places[0]),
             bodies[1],
             self.flat(places[1]),
-            self.unless(OFF.mjDSBL_SPRING, model.tendon_stiffness[t]),
-            self.unless(OFF.mjDSBL_DAMPER, model.tendon_damping[t]),
-            (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
-            float((places[0] - places[1]) @ self.normal),
-            self.grows(OFF.mjDSBL_SPRING, model.tendon_stiffnesspoly[t]),
-            self.grows(OFF.mjDSBL_DAMPER, model.tendon_dampingpoly[t]),
+            offset=float((places[0] - places[1]) @ self.normal),
+            **self.tendon(t),
         )
+
+    def sum_spring(self, t: int) -> SumSpring:
+        """Fixed tendon number t."""
+        return SumSpring(self.model.tendon(t).name, self.fixed(t), **self.tendon(t))
+
+    def tendon(self, t: int) -> dict[str, Any]:
+        """The spring and the damper of tendon number t."""
+        model = self.model
+        return {
+            "stiffness": self.unless(OFF.mjDSBL_SPRING, model.tendon_stiffness[t]),
+            "damping": self.unless(OFF.mjDSBL_DAMPER, model.tendon_damping[t]),
+            "slack": tuple(map(float, model.tendon_lengthspring[t])),
+            "stiffness_poly": self.grows(OFF.mjDSBL_SPRING, model.tendon_stiffnesspoly[t]),
+            "damping_poly": self.grows(OFF.mjDSBL_DAMPER, model.tendon_dampingpoly[t]),
+        }
 
     def coupling(self, e: int) -> Coupling:
         """Equality number e of joints or of fixed tendons."""
@@ -807,6 +847,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         tuple(reader.actuators()),
         np.array(ctrl),
         tuple(reader.point_load(a) for a in switched_on(model) if loads_site(model, a)),
+        tuple(reader.sum_spring(t) for t in range(model.ntendon) if is_fixed(model, t)),
     ), reader
 
 
@@ -905,7 +946,7 @@ def beside_springs(model: Any, t: int) -> dict[str, Any]:
 def refuse_tendons(model: Any) -> None:
     """Raise NotCovered, by name, for tendons that are not covered.
 
-    Covered are springs and dampers between two sites, and fixed tendons without any.
+    Covered are springs and dampers between two sites, and those of fixed tendons.
     """
     for t in range(model.ntendon):
         first = int(model.tendon_adr[t])
@@ -914,16 +955,6 @@ def refuse_tendons(model: Any) -> None:
         fixed = is_fixed(model, t)
         for what, there in {
             "does not go straight from a site to a site": not (sites or fixed),
-            "is fixed and has a spring or damper": fixed
-            and any(
-                np.any(part[t])
-                for part in (
-                    model.tendon_stiffness,
-                    model.tendon_stiffnesspoly,
-                    model.tendon_damping,
-                    model.tendon_dampingpoly,
-                )
-            ),
             **beside_springs(model, t),
         }.items():
             if there:

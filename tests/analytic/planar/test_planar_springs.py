@@ -231,7 +231,8 @@ POLYNOMIAL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><
       <inertial pos=".3 .1 0" mass=".7" diaginertia=".1 .1 .1"/><site name="end" pos=".5 .1 0"/>
     </body></body></worldbody>
   <tendon><spatial name="spring" stiffness="20 5 9" springlength=".5 .8" {}><site site="wall"/>
-    <site site="end"/></spatial></tendon>
+    <site site="end"/></spatial><fixed name="belt" stiffness="6 2 3" springlength="-.2 .1" {}>
+    <joint joint="a" coef="1"/><joint joint="b" coef="-1.5"/></fixed></tendon>
   <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/><e_kinetic name="kinetic"/>
     <e_potential name="potential"/></sensor>
   <keyframe><key name="start" qpos=".2 -.4" qvel="1 2"/></keyframe></mujoco>"""
@@ -240,8 +241,8 @@ POLYNOMIAL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><
 @pytest.mark.parametrize("damped", [False, True])
 def test_polynomial_springs_and_dampers_are_those_of_the_spatial_reference(damped):
     """Which has them from MuJoCo's terms, and a formulation of its own beside it."""
-    dampers = ['damping=".1 .2 .3"', 'damping="0 0 .2"', 'damping=".5 1 2"']
-    text, t = POLYNOMIAL.format(*dampers if damped else ("", "", "")), np.linspace(0, 2, 41)
+    dampers = ['damping=".1 .2 .3"', 'damping="0 0 .2"', 'damping=".5 1 2"', 'damping=".3 0 1"']
+    text, t = POLYNOMIAL.format(*dampers if damped else [""] * 4), np.linspace(0, 2, 41)
     model = mujoco.MjModel.from_xml_string(text)
     one, two = solve(t, model=model), spatial.solve(t, model=model, terms=SmoothTerms(model))
     for name in ("a", "b", "kinetic", "potential"):
