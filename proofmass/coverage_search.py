@@ -575,11 +575,11 @@ def draws(group: Sequence[Number]) -> Iterator[Changes]:
     chosen = random.Random(" ".join(number.name for number in group))
     sides = [chosen.choice((1, -1)) for _ in group]
     for turn in (1, -1):
-        yield [
-            (number, (turn * side if len(sides_of(number)) > 1 else 1) * share * number.step)
-            for number, side in zip(group, sides, strict=True)
-            for share in (chosen.uniform(1.0, MOST),)
-        ]
+        changes = []
+        for number, side in zip(group, sides, strict=True):
+            sign = turn * side if len(sides_of(number)) > 1 else 1
+            changes.append((number, sign * chosen.uniform(1.0, MOST) * number.step))
+        yield changes
 
 
 def noticed(number: Number, change: float, run: Baseline, channel: str, lost: str = "") -> Finding:

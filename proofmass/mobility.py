@@ -1,5 +1,6 @@
 """How many degrees of freedom a planar model has, and whether its loops hold something twice."""
 
+from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,13 @@ def mobility(case: Case) -> int | None:
         raise InputError(case.model_path, "", str(error)) from None
     except ValueError:
         return None
+
+
+def leaves_freedoms(case: Case) -> bool:
+    """Whether the drives of a planar case leave degrees of freedom, which rest in a sweep."""
+    with suppress(InputError):  # over-constrained loops, which the run names
+        return (mobility(case) or 0) > len(case.drive)
+    return False
 
 
 KEPT = 64

@@ -7,7 +7,6 @@ text of a sidecar that leaves nothing to defaults.
 
 import tomllib
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from proofmass.case import Case, ProfileTable, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
-from proofmass.mobility import mobility
+from proofmass.mobility import leaves_freedoms
 from proofmass.recorded import RecordedColumn
 from proofmass.reference import compiled, knows_inertia, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
@@ -268,10 +267,12 @@ def accuracy_of(engine: str) -> Mapping[str, AccuracyLimit]:
 def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
     """The parts of an engine's accuracy that a run has, and the units that each of them covers."""
     there = [channel.unit for channel in case.channels_of(kind).values()]
-    if kind != "dynamics":
-        rates = tuple(unit for unit in there if si_unit(unit)[0] in KINDS["velocity"])
-        own = {"rest": tuple(dict.fromkeys(rates))} if rates and leaves_freedoms(case) else {}
-        return {**own, "sweep": ("*",)} if kind == "sweep" and there else {}
+    if kind == "equilibrium" or not there:
+        return {}
+    if kind == "sweep":
+        rates = dict.fromkeys(unit for unit in there if si_unit(unit)[0] in KINDS["velocity"])
+        own = {"rest": tuple(rates)} if rates and leaves_freedoms(case) else {}
+        return {**own, "sweep": ("*",)}
     units = {
         part: tuple(
             unit
@@ -281,13 +282,6 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
         for part, si in {**KINDS, "position": PLACES, "force": FORCES}.items()
     }
     return {part: of_part for part, of_part in units.items() if of_part}
-
-
-def leaves_freedoms(case: Case) -> bool:
-    """Whether the drives of a planar case leave degrees of freedom, which rest in a sweep."""
-    with suppress(InputError):  # over-constrained loops, which the run names
-        return (mobility(case) or 0) > len(case.drive)
-    return False
 
 
 LINES = ("parameters", "channels", "refine")

@@ -74,7 +74,9 @@ class AffineActuator:
             control = np.clip(control, *self.controls)
         return np.asarray(self.gain * control)
 
-    def force(self, control: Array, length: Array, rate: Array) -> Array:
+    def force(
+        self, control: Array, length: Array | float = 0.0, rate: Array | float = 0.0
+    ) -> Array:
         """Forces (n,) with some controls at some lengths and rates [N or N m]."""
         own = self.asked(control) + self.offset + self.by_length * length + self.by_rate * rate
         return np.asarray(np.clip(own, *self.range))

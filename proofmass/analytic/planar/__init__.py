@@ -56,7 +56,6 @@ from proofmass.analytic.planar.mechanism import (
     SingularHere,
     is_fixed,
     joined,
-    loads_site,
     read,
     read_actuator,
     read_site_load,
@@ -206,8 +205,8 @@ def solve(
         q, v, stopped, d = _rested(
             mechanism,
             joints,
-            np.ascontiguousarray(values.T),
-            np.ascontiguousarray(np.broadcast_to(np.asarray(rate, float), values.shape).T),
+            values.T,
+            np.broadcast_to(np.asarray(rate, float), values.shape).T,
             controls_at_samples(model, mechanism.ctrl, controls),
             controls_at_samples(model, np.zeros(mechanism.ctrl.size), control_rates),
         )
@@ -334,12 +333,7 @@ def _rested(
     And what stops do to the joints there (n, joints).
     """
     resting = Resting(mechanism, Drives.of(mechanism, joints))
-    packed = (
-        values.tobytes(),
-        values.shape,
-        None if ctrl is None else (ctrl.tobytes(), ctrl.shape),
-    )
-    q, stops = _rests(mechanism, joints, pickle.dumps(packed))
+    q, stops = _rests(mechanism, joints, pickle.dumps((values, ctrl)))
     v, pushes = resting.beside(q, stops, values, rate, ctrl, ctrl_rate)
     return q, v, pushes, resting.d
 
@@ -349,10 +343,7 @@ def _rests(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes
 ) -> tuple[Array, list[Held]]:
     """Rests (n, joints) and their stops; kept, since a report asks for them again."""
-    values, shape, ctrl = pickle.loads(packed)
-    resting = Resting(mechanism, Drives.of(mechanism, joints))
-    controls = None if ctrl is None else np.frombuffer(ctrl[0]).reshape(ctrl[1])
-    return resting.follow(np.frombuffer(values).reshape(shape), controls)
+    return Resting(mechanism, Drives.of(mechanism, joints)).follow(*pickle.loads(packed))
 
 
 def _on_the_way(
@@ -564,53 +555,58 @@ def forces(
     found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub, ctrl)
     for s, kind in sensors.items():
         name = reader.model.sensor(s).name
-        number = int(reader.model.sensor_objid[s])
-        if kind == S.mjSENS_ACTUATORFRC:
-            found[name] = of_actuator(reader, m, joint, number, solved.drives, d, ctrl)
-        elif kind == S.mjSENS_JOINTACTFRC:
-            found[name] = of_joint(m, motion, joint, number, solved.drives, d, ctrl)
+        if kind in MOTORS:
+            found[name] = of_motor(reader, m, motion, joint, s, solved.drives, d, ctrl)
         else:
             parts = interaction(reader, m, motion, s, solved, ctrl)
             found |= {f"{name}.{part}": curve for part, curve in parts.items()}
     return found
 
 
-def of_actuator(
+def of_motor(
     reader: Reader,
-    m: Mechanism,
-    state: tuple[Array, Array, Array],
-    a: int,
-    drives: Array,
-    d: Drives,
-    ctrl: Array | None,
-) -> Array:
-    """Force of actuator number a (n,); of a driven joint what its drive does, over the gear."""
-    model = reader.model
-    joint = int(model.actuator_trnid[a, 0]) if joined(model, a) else -1
-    if (place := np.flatnonzero(d.driven == joint)).size:
-        return np.asarray(drives[:, place[0]] / model.actuator_gear[model.actuator_outadr[a], 0])
-    if a not in switched_on(model):
-        return np.zeros(1)
-    one = read_site_load(model, a).actuator if loads_site(model, a) else read_actuator(model, a)
-    control = (m.ctrl[None] if ctrl is None else ctrl)[:, one.place]
-    length, rate = (np.zeros(1) if joint < 0 else one.gear * part[:, joint] for part in state[:2])
-    return one.force(control, length, rate)
-
-
-def of_joint(
     m: Mechanism,
     motion: BodyMotion,
     state: tuple[Array, Array, Array],
-    joint: int,
+    s: int,
     drives: Array,
     d: Drives,
     ctrl: Array | None,
 ) -> Array:
-    """What the drive of a joint does to it (n,), or all actuators to one without a drive."""
+    """What a sensor of an actuator, or of all that act on a joint, shows (n,).
+
+    On a driven joint that is what its drive does.
+    """
+    model, i = reader.model, int(reader.model.sensor_objid[s])
+    actuator = S(int(model.sensor_type[s])) == S.mjSENS_ACTUATORFRC
+    joint = i
+    if actuator:
+        joint = int(model.actuator_trnid[i, 0]) if joined(model, i) else -1
     if (place := np.flatnonzero(d.driven == joint)).size:
-        return np.asarray(drives[:, place[0]])
+        moment = drives[:, place[0]]
+        return np.asarray(moment / model.actuator_gear[i, 0] if actuator else moment)
+    if actuator:
+        return of_actuator(model, m, state, i, joint, ctrl)
     own = motors(m, *state[:2], ctrl)[:, joint]
     return np.asarray(own + loaded(m, motion, ctrl)[:, joint] if m.point_loads else own)
+
+
+def of_actuator(
+    model: Any,
+    m: Mechanism,
+    state: tuple[Array, Array, Array],
+    a: int,
+    joint: int,
+    ctrl: Array | None,
+) -> Array:
+    """Force of actuator number a (n,), on a joint or, where that is -1, on a site."""
+    if a not in switched_on(model):
+        return np.zeros(1)
+    one = read_site_load(model, a).actuator if joint < 0 else read_actuator(model, a)
+    control = (m.ctrl[None] if ctrl is None else ctrl)[:, one.place]
+    if joint < 0:
+        return one.force(control)
+    return one.force(control, *(one.gear * part[:, joint] for part in state[:2]))
 
 
 def interaction(

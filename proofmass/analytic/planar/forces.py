@@ -8,10 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, cross
-from proofmass.analytic.planar.kinematics import BodyMotion, Drives, jacobian, loop_jacobian
-from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring
-
-NONE = np.zeros(1)
+from proofmass.analytic.planar.kinematics import (
+    BodyMotion,
+    Drives,
+    jacobian,
+    loop_jacobian,
+    summed,
+)
+from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring, carried_by
 
 
 def centres(m: Mechanism, motion: BodyMotion) -> Complex:
@@ -36,26 +40,28 @@ def applied(
     weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
     found = load - stiffness * (q - rest) - damping * v + weight + ranged(m, q, v, ctrl)
     if m.polynomials:
-        found = found - grown(m.polynomials[0], q - rest, q - rest)
-        found = found - grown(m.polynomials[1], v, np.abs(v))
+        stiffer, damped = m.polynomials
+        found = found - grown(stiffer, q - rest, q - rest) - grown(damped, v, np.abs(v))
     for k, spring in enumerate(m.point_springs):
         if spring.acts:
             length = spring_length(m, motion, k)
-            rate = (length.rows * v).sum(axis=-1)
+            rate = (length.rows * v).sum(axis=-1) if spring.damps else 0.0
             found = found + tension(spring, length.value, rate)[:, None] * -length.rows
     for one in m.sum_springs:
-        if one.acts:
-            rates = np.broadcast_to(v, q.shape)
-            pull = tension(one, summed(one.joints, q), summed(one.joints, rates))
-            for j, share in one.joints:
-                found[:, j] -= share * pull
+        rates = np.broadcast_to(v, q.shape)
+        pull = tension(one, summed(one.joints, q), summed(one.joints, rates))
+        for j, share in one.joints:
+            found[:, j] -= share * pull
     return np.asarray(found + loaded(m, motion, ctrl) if m.point_loads else found)
 
 
-def grown(poly: Array, way: Array | float, by: Array | float) -> Array:
-    """What a stiffness or a damping that grows with `by` and its square (joints, 2) adds, over a
-    stretch or a rate `way`."""
-    return np.asarray(way * by * (poly[..., 0] + poly[..., 1] * by))
+def grown(
+    poly: tuple[Array, Array] | tuple[float, float], way: Array | float, by: Array | float
+) -> Array:
+    """What a stiffness or a damping that grows with `by` and its square adds, over a stretch or a
+    rate `way`."""
+    linear, square = poly
+    return np.asarray(way * by * (linear + square * by))
 
 
 def motors(m: Mechanism, q: Array, v: Array, ctrl: Array | None = None) -> Array:
@@ -90,7 +96,7 @@ def loads_of(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> tuple[Comp
     moment = np.empty(force.shape)
     for k, load in enumerate(m.point_loads):
         place = load.actuator.place
-        size = load.actuator.force(m.ctrl[[place]] if ctrl is None else ctrl[:, place], NONE, NONE)
+        size = load.actuator.force(m.ctrl[[place]] if ctrl is None else ctrl[:, place])
         force[k] = size * load.force * (motion.w[0][load.body] if load.follows else 1.0)
         moment[k] = size * load.moment
     return force, moment
@@ -98,8 +104,7 @@ def loads_of(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> tuple[Comp
 
 def loaded(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> Array:
     """What the loads at points do to the joints (n, joints) [N m or N]."""
-    bodies = np.array([load.body for load in m.point_loads], np.intp)
-    points = np.array([load.point for load in m.point_loads], complex).reshape(-1, 1)
+    bodies, points = m.loaded_points
     moves = jacobian(m, motion, bodies, motion.points(bodies, points))
     force, moment = loads_of(m, motion, ctrl)
     pushed = (force.conj().T[..., None] * moves).real.sum(axis=1)
@@ -137,17 +142,15 @@ def spring_length(m: Mechanism, motion: BodyMotion, k: int) -> SpringLength:
     return SpringLength(value, along, rows)
 
 
-def summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
-    """A sum of shares of joints (n,) of their values (n, joints)."""
-    return np.asarray(sum(share * values[:, j] for j, share in shares))
-
-
 def tension(spring: TendonSpring, length: Array, rate: Array | float) -> Array:
     """Pull [N or N m] (n,) of a spring and damper at lengths [m or rad] and their rates [1/s]."""
     stretch = spring.stretch(length)
     found = spring.stiffness * stretch + spring.damping * rate
-    found = found + grown(np.array(spring.stiffness_poly), stretch, stretch)
-    return np.asarray(found + grown(np.array(spring.damping_poly), rate, np.abs(rate)))
+    if any(spring.stiffness_poly):
+        found = found + grown(spring.stiffness_poly, stretch, stretch)
+    if any(spring.damping_poly):
+        found = found + grown(spring.damping_poly, rate, np.abs(rate))
+    return np.asarray(found)
 
 
 def mass(m: Mechanism, centre: Complex) -> Array:
@@ -256,10 +259,7 @@ def transmitted(
     ctrl : ndarray (n, controls)
         By default those of the key [SI].
     """
-    carried = {body}
-    for b, one in enumerate(m.bodies):
-        if b and one.parent in carried:
-            carried.add(b)
+    carried = carried_by([one.parent for one in m.bodies], body)
     force, moment = np.zeros(at.shape, complex), np.zeros(at.shape)
     for b in carried:
         one = m.bodies[b]

@@ -112,7 +112,7 @@ def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
         apart -= jacobian(m, motion, two, motion.points(two, on_two))
         matrix[:, 0:pins:2], matrix[:, 1:pins:2] = apart.real, apart.imag
     for k, c in enumerate(m.couplings, pins):
-        slope = np.polynomial.Polynomial(c.polynomial).deriv()(_summed(c.two, q - m.zeros))
+        slope = np.polynomial.Polynomial(c.polynomial).deriv()(summed(c.two, q - m.zeros))
         matrix[:, k] = 0.0
         for joint, share in c.one:
             matrix[:, k, joint] += share
@@ -125,8 +125,8 @@ def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
     """Second time derivative of the residual when the joints do not accelerate (n, rows)."""
     couplings = []
     for c in m.couplings:
-        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)(_summed(c.two, q - m.zeros))
-        couplings.append(-bend * _summed(c.two, v) ** 2)
+        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)(summed(c.two, q - m.zeros))
+        couplings.append(-bend * summed(c.two, v) ** 2)
     return _stack(_apart(m, motion, 2), couplings, len(q))
 
 
@@ -170,10 +170,10 @@ def _apart(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
 def _coupling(m: Mechanism, q: Array, k: int) -> Array:
     c, moved = m.couplings[k], q - m.zeros
     curve = np.polynomial.Polynomial(c.polynomial)
-    return np.asarray(_summed(c.one, moved) - curve(_summed(c.two, moved)))
+    return np.asarray(summed(c.one, moved) - curve(summed(c.two, moved)))
 
 
-def _summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
+def summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
     """A sum of shares of joints (n,) of their values (n, joints)."""
     return np.asarray(sum((share * values[:, j] for j, share in shares), np.zeros(len(values))))
 

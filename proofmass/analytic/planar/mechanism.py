@@ -7,7 +7,7 @@ joint has its zero value; a pose displaces each body from there by ``z -> w z + 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -119,9 +119,14 @@ class TendonSpring:
     damping_poly: tuple[float, float]
 
     @property
+    def damps(self) -> bool:
+        """Whether it pulls by its rate."""
+        return any((self.damping, *self.damping_poly))
+
+    @property
     def acts(self) -> bool:
         """Whether it does more than measure a length."""
-        return any((self.stiffness, self.damping, *self.stiffness_poly, *self.damping_poly))
+        return self.damps or any((self.stiffness, *self.stiffness_poly))
 
     def stretch(self, length: Array) -> Array:
         """How far lengths [m or rad] are from those at which the spring is slack."""
@@ -198,7 +203,7 @@ class Mechanism:
     point_loads : tuple of PointLoad
         Of the actuators on sites.
     sum_springs : tuple of SumSpring
-        Of fixed tendons.
+        Of the fixed tendons that have one.
     """
 
     bodies: tuple[Body, ...]
@@ -266,6 +271,13 @@ class Mechanism:
         return one, on_one, two, on_two
 
     @cached_property
+    def loaded_points(self) -> tuple[Index, Complex]:
+        """Bodies (loads,) and points (loads, 1) of the loads at points."""
+        bodies = np.array([load.body for load in self.point_loads], np.intp)
+        points = np.array([load.point for load in self.point_loads], complex)
+        return bodies, points.reshape(-1, 1)
+
+    @cached_property
     def springs(self) -> tuple[Array, Array, Array, Array, Array]:
         """Of the joints (joints,): rest, stiffness, damping, armature, constant load.
 
@@ -279,13 +291,15 @@ class Mechanism:
         return rest, stiffness + servo[:, 0], damping + servo[:, 1], armature, load
 
     @cached_property
-    def polynomials(self) -> tuple[Array, Array] | None:
-        """Of the joints (joints, 2): what stiffness and damping grow by; None if none does."""
-        found = [
-            np.array([getattr(j, key) for j in self.joints], float).reshape(-1, 2)
+    def polynomials(self) -> tuple[tuple[Array, Array], tuple[Array, Array]] | None:
+        """What stiffness and damping of the joints (joints,) grow by; None if none does."""
+        stiffer, damped = (
+            np.array([getattr(j, key) for j in self.joints], float).reshape(-1, 2).T
             for key in ("stiffness_poly", "damping_poly")
-        ]
-        return (found[0], found[1]) if any(part.any() for part in found) else None
+        )
+        if not (stiffer.any() or damped.any()):
+            return None
+        return (stiffer[0], stiffer[1]), (damped[0], damped[1])
 
     @cached_property
     def frictions(self) -> Array:
@@ -679,9 +693,11 @@ class Reader:
             **self.tendon(t),
         )
 
-    def sum_spring(self, t: int) -> SumSpring:
-        """Fixed tendon number t."""
-        return SumSpring(self.model.tendon(t).name, self.fixed(t), **self.tendon(t))
+    def sum_springs(self) -> Iterator[SumSpring]:
+        """All fixed tendons."""
+        for t in range(self.model.ntendon):
+            if is_fixed(self.model, t):
+                yield SumSpring(self.model.tendon(t).name, self.fixed(t), **self.tendon(t))
 
     def tendon(self, t: int) -> dict[str, Any]:
         """The spring and the damper of tendon number t."""
@@ -794,6 +810,19 @@ def joined(model: Any, a: int) -> bool:
     )
 
 
+def carried_by(parents: Sequence[int], body: int) -> set[int]:
+    """A body and all that hang on it in a tree, by the parents of its bodies.
+
+    >>> carried_by([0, 0, 1, 0, 2], 1)
+    {1, 2, 4}
+    """
+    found = {body}
+    for b, parent in enumerate(parents):
+        if b and parent in found:
+            found.add(b)
+    return found
+
+
 def rotation(quaternion: Array) -> Array:
     """Rotation matrix of a unit quaternion (w, x, y, z)."""
     w, (x, y, z) = quaternion[0], quaternion[1:]
@@ -847,7 +876,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         tuple(reader.actuators()),
         np.array(ctrl),
         tuple(reader.point_load(a) for a in switched_on(model) if loads_site(model, a)),
-        tuple(reader.sum_spring(t) for t in range(model.ntendon) if is_fixed(model, t)),
+        tuple(one for one in reader.sum_springs() if one.acts),
     ), reader
 
 

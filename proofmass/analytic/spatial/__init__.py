@@ -9,7 +9,7 @@ wrong in both.
 
 import pickle
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -23,14 +23,13 @@ from proofmass.analytic.planar.mechanism import joined, rotation
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, product, read_tree
 from proofmass.analytic.spatial.motion import HeldMotion, driven_motion, held_motion
-from proofmass.analytic.spatial.reactions import Reactions, determined
+from proofmass.analytic.spatial.reactions import Reactions, State, asked, determined
 from proofmass.analytic.spatial.terms import (
     NAMES,
     OwnTerms,
     Source,
     lengthened,
     over_slack,
-    own_terms,
     stretched,
 )
 from proofmass.analytic.spatial.witness import Witnessed, bear_witness
@@ -262,6 +261,12 @@ def laws_as_bytes(model: Any, tree: Tree, laws: Mapping[str, Law] | None) -> byt
     return pickle.dumps(controls) if controls else b""
 
 
+def state_of(followed: Followed, inertia: bool) -> State:
+    """Poses, rates and accelerations of a motion, or of its poses at rest."""
+    held, still = followed.held, np.zeros_like(followed.held.v)
+    return (held.q, held.v, held.a) if inertia else (held.q, still, still)
+
+
 def of_drives(
     tree: Tree,
     followed: Followed,
@@ -273,15 +278,7 @@ def of_drives(
 
     Of the motion with `inertia`, else at rest; without the actuators of the driven joints.
     """
-    held = followed.held
-    dofs = [joint.rate for joint in tree.joints if joint.name in joints]
-    others = tuple(one for one in tree.actuators if one.rate not in dofs)
-    idle = replace(tree, actuators=others)
-    still = np.zeros_like(held.v)
-    found = own_terms(idle, held.q, held.v if inertia else still, ctrl)
-    needed = found.bias - found.force
-    if inertia:
-        needed = needed + np.einsum("nij,nj->ni", found.mass, held.a)
+    needed, _ = asked(tree, state_of(followed, inertia), joints, ctrl)
     assert followed.tangents is not None
     return np.asarray(np.einsum("nr,nrd->nd", needed, followed.tangents))
 
@@ -320,11 +317,8 @@ def shown_reactions(
     sensors = [s for s, kind in kinds.items() if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE)]
     if not sensors or not determined(tree):
         return {}
-    held, motion, found = followed.held, followed.motion, dict[str, Array]()
-    state = held.q, held.v, held.a
-    if not inertia:
-        still = np.zeros_like(held.v)
-        state, motion = (held.q, still, still), move_tree(tree, held.q, still, still)
+    state, found = state_of(followed, inertia), dict[str, Array]()
+    motion = followed.motion if inertia else move_tree(tree, *state)
     reactions = Reactions(tree, motion, state, joints, pushes, ctrl)
     for s in sensors if reactions.unique else ():
         seat = Seat.of(model, tree, motion, s)

@@ -15,17 +15,37 @@ from dataclasses import replace
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.planar.mechanism import carried_by
 from proofmass.analytic.spatial.kinematics import TreeMotion, cross3
 from proofmass.analytic.spatial.mechanism import PointLoop, Tree
 from proofmass.analytic.spatial.terms import (
     balances,
     loads_of,
     own_terms,
-    weld_moment,
+    weld_slope,
 )
 
 RANK = 1e-8
 """Of the largest singular value: rows of loops and drives below it say nothing new."""
+
+
+State = tuple[Array, Array, Array]
+"""Poses (n, poses), rates and accelerations (n, rates) [SI]."""
+
+
+def asked(
+    tree: Tree, state: State, joints: tuple[str, ...], ctrl: Array | None
+) -> tuple[Array, Array]:
+    """What a motion asks of all that is held, as forces on the joints (n, rates) [N m or N].
+
+    And the rows of the equalities (n, rows, rates).  Actuators of the driven joints do not act.
+    """
+    q, v, a = state
+    dofs = [joint.rate for joint in tree.joints if joint.name in joints]
+    others = tuple(one for one in tree.actuators if one.rate not in dofs)
+    found = own_terms(replace(tree, actuators=others), q, v, ctrl)
+    needed = np.einsum("nij,nj->ni", found.mass, a) + found.bias - found.force
+    return needed, found.jacobian
 
 
 def determined(tree: Tree) -> bool:
@@ -43,8 +63,8 @@ class Reactions:
     tree : Tree
     motion : TreeMotion
         With rates and accelerations.
-    state : three ndarray (n, poses), (n, rates), (n, rates)
-        Its poses, rates and accelerations [SI].
+    state : three ndarray
+        See `State`.
     joints : tuple of str
         The driven joints, whose actuators do not act.
     pushes : ndarray (n, rates)
@@ -57,32 +77,27 @@ class Reactions:
         self,
         tree: Tree,
         motion: TreeMotion,
-        state: tuple[Array, Array, Array],
+        state: State,
         joints: tuple[str, ...],
         pushes: Array,
         ctrl: Array | None,
     ):
         self.tree, self.motion, self.ctrl = tree, motion, ctrl
-        q, v, a = state
+        needed, rows = asked(tree, state, joints, ctrl)
         dofs = [joint.rate for joint in tree.joints if joint.name in joints]
-        others = tuple(one for one in tree.actuators if one.rate not in dofs)
-        found = own_terms(replace(tree, actuators=others), q, v, ctrl)
-        needed = np.einsum("nij,nj->ni", found.mass, a) + found.bias - found.force - pushes
-        driven = np.broadcast_to(np.eye(v.shape[1])[dofs], (len(q), len(dofs), v.shape[1]))
-        across = np.concatenate([found.jacobian, driven], axis=1).swapaxes(1, 2)
+        driven = np.eye(needed.shape[1])[dofs]
+        driven = np.broadcast_to(driven, (len(needed), *driven.shape))
+        across = np.concatenate([rows, driven], axis=1).swapaxes(1, 2)
         sizes = np.linalg.svd(across, compute_uv=False)
         self.unique = not sizes.size or bool((sizes[:, -1] > RANK * sizes[:, 0]).all())
         self.unique &= across.shape[2] <= across.shape[1]
-        self.forces = (np.linalg.pinv(across) @ needed[..., None])[..., 0]
+        self.forces = (np.linalg.pinv(across) @ (needed - pushes)[..., None])[..., 0]
         inertia = motion.turn @ tree.masses[2] @ np.swapaxes(motion.turn, -1, -2)
         self.balances = balances(tree, motion, inertia)
 
     def on(self, body: int, at: Array) -> tuple[Array, Array]:
         """Force [N] and moment about points `at` [N m] (n, 3) of a body's parent on it."""
-        carried = {body}
-        for b, one in enumerate(self.tree.bodies):
-            if b and one.parent in carried:
-                carried.add(b)
+        carried = carried_by([one.parent for one in self.tree.bodies], body)
         force, moment = np.zeros(at.shape), np.zeros(at.shape)
         for b in carried:
             push, twist = (part[:, b] for part in self.balances)
@@ -109,4 +124,4 @@ class Reactions:
         """The moment of a weld on its first body (n, 3); none of a connect."""
         if loop.turns is None:
             return np.zeros((len(self.forces), 3))
-        return np.einsum("nik,ni->nk", weld_moment(self.motion, loop), forces)
+        return loop.scale * np.einsum("nik,ni->nk", weld_slope(self.motion, loop), forces)

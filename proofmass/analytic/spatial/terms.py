@@ -27,7 +27,6 @@ from proofmass.analytic.spatial.kinematics import (
     unit,
 )
 from proofmass.analytic.spatial.mechanism import (
-    NO_TURN,
     PointLoop,
     Tendon,
     Tie,
@@ -268,9 +267,9 @@ def loads_of(
     tree: Tree, motion: TreeMotion, ctrl: Array | None
 ) -> Iterator[tuple[SiteLoad, Array, Array]]:
     """Forces [N] and moments [N m] of the loads on sites (n, 3), in the world."""
-    controls, none = tree.ctrl[None] if ctrl is None else ctrl, np.zeros(1)
+    controls = tree.ctrl[None] if ctrl is None else ctrl
     for load in tree.site_loads:
-        size = load.actuator.force(controls[:, load.actuator.place], none, none)[:, None]
+        size = load.actuator.force(controls[:, load.actuator.place])[:, None]
         push, twist = (
             np.broadcast_to(size * part, (len(motion.at), 3)) for part in (load.force, load.moment)
         )
@@ -328,21 +327,17 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
     drift = drift - motion.point_acceleration(one, loop.on_one)
     if loop.turns is None:
         return places[0] - places[1], rows, drift
-    first = product(motion.quaternion[:, one], loop.turns[0])
-    second = conjugate(product(motion.quaternion[:, two], loop.turns[1]))
+    first, second = weld_turns(motion, loop)
     spin = motion.spin[:, one] - motion.spin[:, two]
 
     def between(left: Array, right: Array) -> Array:
         """Vector part of second * left * right * first, the middle two vectors."""
         return product(product(second, left), product(right, first))[:, 1:]
 
-    one_turn, gap = np.tile(NO_TURN, (len(spin), 1)), product(second, first)[:, 1:]
-    turn = turn_rows(tree, motion, one) - turn_rows(tree, motion, two)
-    turned = np.stack(
-        [0.5 * between(pure(turn[..., k]), one_turn) for k in range(turn.shape[-1])], axis=-1
-    )
+    gap, slope = product(second, first)[:, 1:], weld_slope(motion, loop)
+    turned = slope @ (turn_rows(tree, motion, one) - turn_rows(tree, motion, two))
     rate = motion.spin_rate[:, one] - motion.spin_rate[:, two]
-    change = 0.5 * between(pure(rate), one_turn)
+    change = (slope @ rate[..., None])[..., 0]
     change = change + 0.25 * between(pure(spin), pure(motion.spin[:, one]))
     change = change - 0.25 * between(pure(motion.spin[:, two]), pure(spin))
     return (
@@ -352,16 +347,21 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
     )
 
 
-def weld_moment(motion: TreeMotion, loop: PointLoop) -> Array:
-    """How the gap of a weld's turns grows with turns of its first body in the world (n, 3, 3)."""
+def weld_turns(motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array]:
+    """Quaternions (n, 4) of a weld: on its first body, and on its second, conjugate."""
     assert loop.turns is not None
     first = product(motion.quaternion[:, loop.one], loop.turns[0])
-    second = conjugate(product(motion.quaternion[:, loop.two], loop.turns[1]))
+    return first, conjugate(product(motion.quaternion[:, loop.two], loop.turns[1]))
+
+
+def weld_slope(motion: TreeMotion, loop: PointLoop) -> Array:
+    """How the gap of a weld's turns grows with turns of its first body in the world (n, 3, 3)."""
+    first, second = weld_turns(motion, loop)
     columns = [
         product(second, product(pure(np.tile(axis, (len(first), 1))), first))[:, 1:]
         for axis in np.eye(3)
     ]
-    return 0.5 * loop.scale * np.stack(columns, axis=-1)
+    return np.asarray(0.5 * np.stack(columns, axis=-1))
 
 
 def pure(vectors: Array) -> Array:

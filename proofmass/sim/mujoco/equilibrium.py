@@ -216,9 +216,13 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
         )
     loose = model.dof_frictionloss.copy()  # of joints that the drives leave
     loose[linkage.dofs] = 0.0
-    if not loose.any():
-        return Resting(model, data, joints, free, far, loads)
-    return Rubbing(model, data, joints, free, far)
+    rest = (
+        Rubbing(model, data, joints, free, far)
+        if loose.any()
+        else Resting(model, data, joints, free, far, loads)
+    )
+    rest.rated = run.kind == "sweep"
+    return rest
 
 
 class Lost(BadModel):
@@ -243,7 +247,7 @@ class Resting(Linkage):
     """
 
     shortest = SHORTEST
-    rated = True
+    rated = False
 
     def __init__(
         self,
@@ -286,10 +290,10 @@ class Resting(Linkage):
             promised = tangent @ way * share
             mujoco.mj_integratePos(self.model, self.data.qpos, promised, 1.0)
             try:
-                tangent, before = self.follow(begin + (done + share) * way), tangent
+                found = self.follow(begin + (done + share) * way)
                 if self.jumped(pose, promised):
-                    tangent = before
                     raise Lost("it moved as its tangent did not promise")
+                tangent = found
                 done, share = done + share, min(2.0 * share, longest)
             except BadModel as error:
                 self.data.qpos[:], self.stops.side = pose, side

@@ -133,8 +133,6 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """
     began = time.perf_counter()
     linkage = linkage_of(model, data, run)
-    if isinstance(linkage, Resting):
-        linkage.rated = False
     tangent = linkage.move(run.motion(run.x[:1])[0][:, 0])
     linkage.check_limits()
     sensors = tuple(c for c in run.channels if c not in of_rods(run))

@@ -128,7 +128,7 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
     Newton and Euler for the body and all that it carries in the MJCF.
     """
     model, data, plane = links.model, links.data, links.plane
-    carried = _carried(model, sensor.body)
+    carried = carried_by(model, sensor.body)
     place = motion.pose[:, sensor.link, :2] + turned(motion.pose[:, sensor.link, 2], sensor.at)
     force, moment = np.zeros_like(place), np.zeros(len(place))
 
@@ -174,7 +174,7 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
     return np.asarray((force * turned(motion.pose[:, sensor.link, 2], sensor.axis)).sum(axis=-1))
 
 
-def _carried(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
+def carried_by(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
     """A body, and all that hang on it in the tree of the MJCF."""
     found = np.zeros(model.nbody, bool)
     found[body] = True

@@ -12,7 +12,13 @@ from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.kinematics import along, joint_value, spring_length, turned
 from proofmass.sim.pymunk.links import LinkJoint, Links, LinkSpring
-from proofmass.sim.pymunk.reactions import Interaction, SampledMotion, solve_forces, transmitted
+from proofmass.sim.pymunk.reactions import (
+    Interaction,
+    SampledMotion,
+    carried_by,
+    solve_forces,
+    transmitted,
+)
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 ORDER = {
@@ -233,8 +239,8 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
     servos = (a for a in range(model.nactuator) if joint_of(model, a) == joint)
     if joint >= 0 and any(follows_joint(model, a) for a in servos):
         return "the force of a servo is not rebuilt for pymunk"
-    own = model.jnt_bodyid[joint]
-    if of_joint and any(p.actuator >= 0 and carries(model, own, p.body) for p in links.pulls):
+    loaded = [pull.body for pull in links.pulls if pull.actuator >= 0]
+    if of_joint and np.isin(loaded, carried_by(model, model.jnt_bodyid[joint])).any():
         return "what loads on sites do to a joint is not rebuilt for pymunk"
     force = (
         links.joints[joint].load
@@ -242,13 +248,6 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
         else float(links.data.actuator_force[model.actuator_outadr[obj]])
     )
     return Sensor(0, Level(force))
-
-
-def carries(model: mujoco.MjModel, body: int, other: int) -> bool:
-    """Whether another body is this one, or moves with it in the tree."""
-    while other and other != body:
-        other = int(model.body_parentid[other])
-    return other == body
 
 
 def _interaction(links: Links, s: int, part: int) -> Sensor:
