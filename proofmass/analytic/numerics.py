@@ -13,6 +13,18 @@ class NotCovered(ValueError):
     """A model holds what a reference that reads it does not cover; the message names it."""
 
 
+class CannotMove(ValueError):
+    """The mechanism cannot do what is asked; the subclass says in which way."""
+
+
+class CannotAssemble(CannotMove):
+    """No pose closes the loops, or none was found from this start."""
+
+
+class SingularHere(CannotMove):
+    """The loops' Jacobian loses rank: a limit position, a change point, or a free joint."""
+
+
 def positive(unit: str = "m", /, **values: float) -> None:
     """ValueError that names the first value that is not positive and finite, with its unit.
 

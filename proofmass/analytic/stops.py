@@ -12,7 +12,7 @@ events are roots of the gaps, or of the forces of the stops, along it.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -173,10 +173,19 @@ class StoppedMotion:
         return "; ".join(told)
 
 
-def read_stops(
-    model: Any, j: int, ends: tuple[float, float], pose: int, rate: int, size: float
+def ends(
+    joint: str, limits: tuple[float, float], pose: int, rate: int, size: float
 ) -> Iterator[Stop]:
-    """The stops of joint number j of a compiled MJCF, at those ends of its range that are finite.
+    """The stops of a joint at those ends of its range that are finite; nothing bounces there."""
+    for side, end in zip((-1.0, 1.0), limits, strict=True):
+        if np.isfinite(end):
+            yield Stop(joint, pose, rate, end, side, 0.0, size)
+
+
+def read_stops(
+    model: Any, j: int, limits: tuple[float, float], pose: int, rate: int, size: float
+) -> Iterator[Stop]:
+    """The stops of joint number j of a compiled MJCF.
 
     The restitution is that of MuJoCo's soft limit as it becomes stiffer.
 
@@ -185,16 +194,15 @@ def read_stops(
     NotCovered
         The limit acts at a distance, or has no damping ratio.
     """
-    if not np.isfinite(ends).any():
-        return
     name, solref = model.joint(j).name, model.jnt_solref[j]
-    if model.jnt_margin[j]:
-        raise NotCovered(f"joint {name!r} has a margin of its range")
-    if not (ratio := damping_ratio(solref)) >= 0.0:
-        raise NotCovered(f"solreflimit of joint {name!r} has no damping ratio: {solref.tolist()}")
-    for side, end in zip((-1.0, 1.0), ends, strict=True):
-        if np.isfinite(end):
-            yield Stop(name, pose, rate, end, side, restitution(ratio), size)
+    for stop in ends(name, limits, pose, rate, size):
+        if model.jnt_margin[j]:
+            raise NotCovered(f"joint {name!r} has a margin of its range")
+        if not (ratio := damping_ratio(solref)) >= 0.0:
+            raise NotCovered(
+                f"solreflimit of joint {name!r} has no damping ratio: {solref.tolist()}"
+            )
+        yield replace(stop, restitution=restitution(ratio))
 
 
 def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> StoppedMotion:

@@ -23,10 +23,19 @@ from proofmass.analytic.controls import (
     controls_at_samples,
     controls_by_place,
 )
-from proofmass.analytic.numerics import Array, Complex, NotCovered, senses
+from proofmass.analytic.equilibrium import Held, Resting
+from proofmass.analytic.numerics import (
+    Array,
+    CannotAssemble,
+    CannotMove,
+    Complex,
+    NotCovered,
+    SingularHere,
+    senses,
+)
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
 from proofmass.analytic.planar.dynamics import UNDRIVEN, Prescribed, free_motion
-from proofmass.analytic.planar.equilibrium import Held, Resting
+from proofmass.analytic.planar.equilibrium import LinkageAtRest
 from proofmass.analytic.planar.forces import (
     Forces,
     kinetic,
@@ -47,13 +56,10 @@ from proofmass.analytic.planar.kinematics import (
     rates,
 )
 from proofmass.analytic.planar.mechanism import (
-    CannotAssemble,
-    CannotMove,
     Mechanism,
     Mirrored,
     Overconstrained,
     Reader,
-    SingularHere,
     is_fixed,
     joined,
     read,
@@ -127,7 +133,7 @@ def solve(
     (`proofmass.analytic.planar.dynamics`); where the drives leave degrees of freedom and move
     in time, these move freely beside them, from the start pose.  Where they do not move in time,
     springs, weights and loads hold these degrees of freedom at rest, in the stable rest that the
-    start pose falls to (`proofmass.analytic.planar.equilibrium`).
+    start pose falls to (`proofmass.analytic.equilibrium`).
 
     Parameters
     ----------
@@ -332,10 +338,10 @@ def _rested(
 
     And what stops do to the joints there (n, joints).
     """
-    resting = Resting(mechanism, Drives.of(mechanism, joints))
+    at_rest = LinkageAtRest(mechanism, Drives.of(mechanism, joints))
     q, stops = _rests(mechanism, joints, pickle.dumps((values, ctrl)))
-    v, pushes = resting.beside(q, stops, values, rate, ctrl, ctrl_rate)
-    return q, v, pushes, resting.d
+    v, pushes = Resting(at_rest).beside(q, stops, values, rate, ctrl, ctrl_rate)
+    return q, v, pushes, at_rest.drives
 
 
 @lru_cache(maxsize=32)
@@ -343,7 +349,8 @@ def _rests(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes
 ) -> tuple[Array, list[Held]]:
     """Rests (n, joints) and their stops; kept, since a report asks for them again."""
-    return Resting(mechanism, Drives.of(mechanism, joints)).follow(*pickle.loads(packed))
+    at_rest = LinkageAtRest(mechanism, Drives.of(mechanism, joints))
+    return Resting(at_rest).follow(*pickle.loads(packed))
 
 
 def _on_the_way(

@@ -25,7 +25,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array, Index
+from proofmass.analytic.numerics import Array, CannotAssemble, CannotMove, Index, SingularHere
 from proofmass.analytic.planar.kinematics import (
     CLOSED,
     Drives,
@@ -38,11 +38,8 @@ from proofmass.analytic.planar.kinematics import (
     scaled_jacobian,
 )
 from proofmass.analytic.planar.mechanism import (
-    CannotAssemble,
-    CannotMove,
     Mechanism,
     Mirrored,
-    SingularHere,
 )
 
 SHARE = 0.8

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from proofmass.analytic.controls import ControlsInTime, smooth_pieces
-from proofmass.analytic.numerics import Array, Index
+from proofmass.analytic.numerics import Array, CannotAssemble, Index, SingularHere
 from proofmass.analytic.planar.forces import applied, centres, inertial, mass
 from proofmass.analytic.planar.kinematics import (
     CLOSED,
@@ -43,11 +43,9 @@ from proofmass.analytic.planar.kinematics import (
     scaled_jacobian,
 )
 from proofmass.analytic.planar.mechanism import (
-    CannotAssemble,
     Coupling,
     Mechanism,
     Overconstrained,
-    SingularHere,
 )
 from proofmass.analytic.stops import Balance, State, Step, Stop, StoppedMotion, follow_stopped
 

@@ -14,12 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, Complex, Index
+from proofmass.analytic.numerics import Array, CannotAssemble, Complex, Index, SingularHere
 from proofmass.analytic.planar.mechanism import (
-    CannotAssemble,
     Mechanism,
     Overconstrained,
-    SingularHere,
 )
 
 

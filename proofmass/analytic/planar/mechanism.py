@@ -17,20 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.controls import AffineActuator, SiteLoad
-from proofmass.analytic.numerics import Array, Complex, Index, NotCovered, normal_of_slides
+from proofmass.analytic.numerics import (
+    Array,
+    CannotMove,
+    Complex,
+    Index,
+    NotCovered,
+    normal_of_slides,
+)
 from proofmass.analytic.stops import Stop, read_stops
-
-
-class CannotMove(ValueError):
-    """The mechanism cannot do what is asked; the subclass says in which way."""
-
-
-class CannotAssemble(CannotMove):
-    """No pose closes the loops, or none was found from this start."""
-
-
-class SingularHere(CannotMove):
-    """The loops' Jacobian loses rank: a limit position, a change point, or a free joint."""
 
 
 class Mirrored(CannotMove):

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from proofmass.analytic.controls import ControlsInTime, smooth_pieces
-from proofmass.analytic.numerics import Array, NotCovered
-from proofmass.analytic.planar.mechanism import CannotAssemble, SingularHere
+from proofmass.analytic.numerics import Array, CannotAssemble, NotCovered, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import Source, Terms

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import planar
+from proofmass.analytic.equilibrium import Unstable
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import SingularHere
-from proofmass.analytic.planar.equilibrium import Unstable
 from proofmass.check import check
 from proofmass.reference import compiled, evaluate
 from proofmass.sidecar import load_case
