@@ -37,12 +37,16 @@ def mobility(case: Case) -> int | None:
 
 
 def leaves_freedoms(case: Case) -> bool:
-    """Whether the drives of a planar case leave degrees of freedom, which rest in a sweep."""
-    with suppress(InputError):  # over-constrained loops, which the run names
+    """Whether the drives of a case leave degrees of freedom, which rest in a sweep."""
+    with suppress(InputError, ValueError):  # which the run names
+        if case.reference == SPATIAL:
+            return freedoms_in_space(compiled(case), case.start) > len(case.drive)
         return (mobility(case) or 0) > len(case.drive)
     return False
 
 
+SPATIAL = "spatial"
+"""The reference of models that move in space, whose loops may be over-constrained."""
 KEPT = 64
 """Models whose freedoms are remembered: a search for what a case notices compiles thousands."""
 
@@ -55,3 +59,14 @@ def freedoms_of(model: "MjModel", start: str) -> int:
 
     mechanism, _ = read(model, start)
     return freedoms(mechanism, nearest(mechanism, mechanism.start))
+
+
+@lru_cache(KEPT)
+def freedoms_in_space(model: "MjModel", start: str) -> int:
+    """The same of a model that moves in space."""
+    from proofmass.analytic.spatial.mechanism import read_tree
+    from proofmass.analytic.spatial.motion import freedoms
+    from proofmass.analytic.spatial.terms import OwnTerms
+
+    tree = read_tree(model, start)
+    return freedoms(tree, OwnTerms(tree))

@@ -542,8 +542,12 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
             "joints": tuple(drive.joint for drive in case.drive),
             "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
         }
+        if "in_time" in asked and kind == "dynamics" and drives:
+            own["in_time"] = x, laws(case, kind)
         if "control_laws" in asked and kind == "dynamics":
             own["control_laws"] = control_laws(case, kind)
+        elif "controls" in asked:
+            own["controls"] = {name: one(x)[0] for name, one in control_laws(case, kind).items()}
     if "terms" in asked:
         own["terms"] = smooth_terms(own["model"], case.start)
     try:

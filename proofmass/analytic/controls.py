@@ -5,7 +5,7 @@ jumps, such as the rows of a table.  A motion is integrated from break to break,
 A law may also make a function of one time, by ``scalar()``, that is faster than the law itself.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, Index
 
 Law = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""
@@ -192,6 +192,42 @@ def controls_by_place(model: Any, named: Mapping[str, Any]) -> dict[int, Any]:
         if name not in places:
             raise ValueError(f"no actuator {name!r}; there are: {', '.join(places) or 'none'}")
     return {places[name]: one for name, one in named.items()}
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Joints whose values, rates and accelerations (drives,) are known at each time.
+
+    Attributes
+    ----------
+    poses, rates : ndarray (drives,) of int
+        Where they stand in a pose and in the rates.
+    law : callable
+        Values, rates and accelerations as a function of one time [SI].
+    breaks : tuple of float
+        Times at which a derivative of these jumps [s].
+    """
+
+    poses: Index
+    rates: Index
+    law: Callable[[float], tuple[Array, Array, Array]]
+    breaks: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, poses: Index, rates: Index, laws: Sequence[Law]) -> "Prescribed":
+        """Joints that follow laws."""
+
+        def law(t: float) -> tuple[Array, Array, Array]:
+            parts = [[float(part) for part in one(np.asarray(t, float))] for one in laws]
+            value, rate, acceleration = np.array(parts).T
+            return value, rate, acceleration
+
+        return cls(poses, rates, law, breaks_of(laws))
+
+
+NONE, NOTHING = np.zeros(0, np.intp), np.zeros(0)
+UNDRIVEN = Prescribed(NONE, NONE, lambda t: (NOTHING, NOTHING, NOTHING))
+"""No joints."""
 
 
 def breaks_of(laws: Any) -> tuple[float, ...]:

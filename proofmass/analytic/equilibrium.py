@@ -29,6 +29,8 @@ from proofmass.analytic.stops import Stop
 
 NUDGE = 6e-6
 """Step of differences [rad, or sizes]: the cube root of rounding, for an error of 1e-10."""
+FINEST = 1e-8
+"""That where a rest lies so near to where a spring goes slack: still right to 1e-8."""
 WIDER = 5e-4
 """Step of differences of fourth order [rad, or sizes], for an error of 1e-12."""
 KINKED = 1e-5
@@ -41,12 +43,16 @@ SHRINKS = 0.25
 SHORT, LONGER, KINKS = 1e-3, 30.0, 3
 """From where the first step is as short [rad, or sizes], steps may grow to so many times that, and
 as often."""
+TURNED = 0.5
+"""Of the longer one: steps ahead from a rest and back to it differ by more across a snap."""
 SAME = 1e-5
 """Steps [rad, or sizes] below which the next one needs no new stiffness."""
 EXACT = 1e-11
 """Steps [rad, or sizes] below which a rest is found: the next one is rounding."""
 MOST = 200
 """Steps from the start pose to the first rest."""
+MANY = 32
+"""Samples whose rests are found together at most."""
 SHORTEST = 1e-7
 """Of the way between two samples: a path that cannot be followed so far has ended."""
 LIMIT = 1e-2
@@ -92,14 +98,12 @@ class Statics(Protocol):
     def moved(self, q: Array, way: Array) -> Array:
         """The poses (n, poses) that ways (n, rates) [rad or m] lead to from poses q (n, poses)."""
 
-    def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array]:
+    def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:
         """Forces Q (n, rates) [N m or N] at poses q (n, poses), with controls (n, controls).
 
-        And the rows B (n, rows, rates) of loops, made free of units, [per rad or m].
+        The rows B of loops (n, rows, rates), made free of units [per rad or m], and how far loops
+        are open (n, rows).
         """
-
-    def gap(self, q: Array) -> Array:
-        """How far loops are open (n, rows), free of units as well."""
 
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""
@@ -177,6 +181,8 @@ class Equations:
 
 Held = tuple[Stop, ...]
 """Stops that joints rest on."""
+Inputs = tuple[Array, Array | None]
+"""Values of the drives (n, drives) and all controls (n, controls), or those of the key."""
 
 
 class Resting:
@@ -191,22 +197,22 @@ class Resting:
         self.statics, self.sizes = statics, statics.sizes
         self.rank = 0  # of loops and drives
 
-    def held(self, q: Array, values: Array, held: Held) -> Array:
-        """How far loops, drives and stops are open (n, rows), with drives at values (n, drives)."""
-        ends = np.array([stop.value for stop in held])
-        parts = [
-            self.statics.gap(q),
-            (self.statics.values(q) - values) / self.sizes[self.statics.driven],
-            (q[:, [stop.pose for stop in held]] - ends) / [stop.size for stop in held],
-        ]
-        return np.concatenate(parts, axis=1)
+    def pushed(self, q: Array, ctrl: Array | None, held: Held) -> tuple[Array, Array, Array]:
+        """Forces Q (n, rates) and the rows B (n, rows, rates) at poses q, in sizes.
 
-    def pushed(self, q: Array, ctrl: Array | None, held: Held) -> tuple[Array, Array]:
-        """Forces Q (n, rates) and the rows B (n, rows, rates) at poses q, in sizes."""
-        force, loops = self.statics.pushed(q, ctrl)
+        And how far the loops are open (n, loops).
+        """
+        force, loops, gap = self.statics.pushed(q, ctrl)
         own = np.eye(self.sizes.size)[[*self.statics.driven, *(stop.rate for stop in held)]]
         rows = [loops * self.sizes, np.broadcast_to(own, (len(q), *own.shape))]
-        return force * self.sizes, np.concatenate(rows, axis=1)
+        return force * self.sizes, np.concatenate(rows, axis=1), gap
+
+    def gap(self, q: Array, loops: Array, values: Array, held: Held) -> Array:
+        """How far loops, drives and stops are open (n, rows), with drives at values (n, drives)."""
+        ends = np.array([stop.value for stop in held])
+        missed = (self.statics.values(q) - values) / self.sizes[self.statics.driven]
+        beyond = (q[:, [stop.pose for stop in held]] - ends) / [stop.size for stop in held]
+        return np.concatenate([loops, missed, beyond], axis=1)
 
     def moved(self, q: Array, way: Array) -> Array:
         """Poses at the ends of ways (n, rates) in sizes."""
@@ -219,6 +225,7 @@ class Resting:
         ctrl: Array | None,
         held: Held,
         stiffness: Array | None = None,
+        nudge: float = NUDGE,
         fine: bool = False,
     ) -> Equations:
         """The equations at poses q (n, poses), with drives at values (n, drives).
@@ -230,17 +237,19 @@ class Resting:
         SingularHere
             Other rows hold at one of the poses than at another.
         """
-        force, rows = self.pushed(q, ctrl, held)
+        force, rows, loops = self.pushed(q, ctrl, held)
         inverse, null = factors(rows)
         s = -(inverse.swapaxes(1, 2) @ force[..., None])
         if stiffness is None:
-            stiffness = self.stiffness(q, s, ctrl, held, fine)
+            stiffness = self.stiffness(q, s, ctrl, held, nudge, fine)
         left = force + (rows.swapaxes(1, 2) @ s)[..., 0]
         independent = self.sizes.size - null.shape[2] == self.rank + len(held)
-        gap = self.held(q, values, held)
+        gap = self.gap(q, loops, values, held)
         return Equations(left, gap, inverse, null, stiffness, s[..., 0], independent)
 
-    def stiffness(self, q: Array, s: Array, ctrl: Array | None, held: Held, fine: bool) -> Array:
+    def stiffness(
+        self, q: Array, s: Array, ctrl: Array | None, held: Held, nudge: float, fine: bool
+    ) -> Array:
         """K (n, rates, rates) at poses q (n, poses) with forces s (n, rows, 1)."""
 
         def slopes(step: float) -> Array:
@@ -251,75 +260,108 @@ class Resting:
             if controls is not None:
                 controls = np.broadcast_to(controls, (n, controls.shape[1]))
                 controls = np.repeat(controls, many, axis=0)
-            force, rows = self.pushed(near, controls, held)
+            force, rows, _ = self.pushed(near, controls, held)
             own = force + (rows.swapaxes(1, 2) @ np.repeat(s, many, axis=0))[..., 0]
             own = own.reshape(n, 2, rates, rates)  # side, nudged joint, force
             return np.asarray((own[:, 1] - own[:, 0]).swapaxes(1, 2) / (2 * step))
 
         if not fine:
-            return slopes(NUDGE)
+            return slopes(nudge)
         one, two = slopes(WIDER), slopes(2 * WIDER)
         kinked = np.abs(one - two).max(axis=(1, 2)) > KINKED * np.abs(one).max(axis=(1, 2))
         found = np.asarray((4 * one - two) / 3)
         if kinked.any():
-            found[kinked] = slopes(NUDGE)[kinked]
+            found[kinked] = slopes(nudge)[kinked]
         return found
 
-    def steps(
-        self, q: Array, values: Array, ctrl: Array | None, held: Held
-    ) -> Iterator[tuple[float, Array]]:
-        """Newton's steps towards a rest: their lengths, and the poses (1, poses) after them."""
-        stiffness = None
+    def steps(self, q: Array, inputs: Inputs, held: Held) -> Iterator[tuple[Array, Array]]:
+        """Newton's steps (n, rates) towards rests, and the poses (n, poses) after them."""
+        stiffness, nudge, last = None, NUDGE, np.inf
         while True:
-            found = self.equations(q, values, ctrl, held, stiffness)
+            found = self.equations(q, *inputs, held, stiffness, nudge)
             step = found.solved(-found.left, -found.gap)
-            q, size = self.moved(q, step), float(np.abs(step).max(initial=0.0))
-            yield size, q
-            stiffness = found.stiffness if size < SAME else None
+            q = self.moved(q, step)
+            yield step, q
+            size = float(np.abs(step).max(initial=0.0))
+            stiffness = found.stiffness if size < SAME and size < SHRINKS * last else None
+            nudge, last = min(NUDGE, max(size, FINEST)), size
 
     def next(
-        self, q: Array, values: Array, ctrl: Array | None, held: Held
+        self, q: Array, before: Inputs, inputs: Inputs, held: Held
     ) -> tuple[Array, Held] | None:
         """The rest (1, poses) that a stride from another leads to; None if it is too long.
 
         Where a joint comes to its stop and nothing is left free, one that was held leaves its own.
         """
-        waiting, seen = [held], set[Held]()
+        first, waiting, seen = held, [held], set[Held]()
         while waiting and len(seen) <= 4 * self.sizes.size:
             held = waiting.pop(0)
             seen.add(held)
-            if (pose := self.approach(q, values, ctrl, held)) is None:
+            if (way := self.approach(q, inputs, held)) is None:
                 continue
-            found = self.equations(pose, values, ctrl, held)
-            others = self.switched(pose[0], found, held)
+            pose, ahead = way
+            found = self.equations(pose, *inputs, held)
+            others = self.switched(pose[0], found.forces[0], held)
             if others == held:
-                return (pose, held) if found.least[0] > FLAT else None
+                beside = held == first and self.turned(pose, ahead, found, before, held)
+                return (pose, held) if found.least[0] > FLAT and not beside else None
             many = len(others) + self.rank > self.sizes.size
             less = [tuple(one for one in others if one != old) for old in held if old in others]
             waiting += [one for one in (less if many else [others]) if one not in seen]
         return None
 
-    def approach(self, q: Array, values: Array, ctrl: Array | None, held: Held) -> Array | None:
-        """The pose (1, poses) that Newton's method comes to; None if its steps do not shrink.
+    def approach(self, q: Array, inputs: Inputs, held: Held) -> tuple[Array, Array] | None:
+        """The poses (n, poses) that Newton's method comes to, and its first steps (n, rates).
 
-        A short way may lead to where a spring goes slack, and the stiffness is another behind it.
+        None if its steps do not shrink.  A short way may lead to where a spring goes slack, and the
+        stiffness is another behind it.
         """
-        sizes, kinks = list[float](), KINKS
+        ahead, first, last = np.zeros((len(q), self.sizes.size)), np.zeros(len(q)), np.inf
+        kinks = np.full(len(q), KINKS)
         with suppress(SingularHere):
-            for size, pose in self.steps(q, values, ctrl, held):
-                if not size <= (max(SHRINKS * sizes[-1], EXACT) if sizes else FAR):
-                    kinks -= 1
-                    if not (sizes and sizes[0] <= SHORT and size <= LONGER * sizes[0]) or kinks < 0:
-                        return None
-                if size <= EXACT:
-                    return pose
-                sizes.append(size)
+            for k, (steps, poses) in enumerate(self.steps(q, inputs, held)):
+                sizes = np.abs(steps).max(axis=1, initial=0.0)
+                far = ~(sizes <= (np.maximum(SHRINKS * last, EXACT) if k else FAR))
+                kinks[far] -= 1
+                near = (first <= SHORT) & (sizes <= LONGER * first)
+                if (far & ~(near & (kinks >= 0))).any():
+                    return None
+                ahead, first, last = (ahead, first, sizes) if k else (steps, sizes, sizes)
+                if (sizes <= EXACT).all():
+                    return poses, ahead
         return None
 
-    def switched(self, q: Array, found: Equations, held: Held) -> Held:
-        """The stops without those that pull, and with those that a pose (poses,) is beyond."""
-        pushes = found.forces[0, found.forces.shape[1] - len(held) :]
-        largest = np.abs(found.forces).max()
+    def together(self, q: Array, before: Inputs, inputs: Inputs, held: Held) -> Array | None:
+        """The rests (n, poses) of samples that follow a rest q (1, poses), each found from there.
+
+        None if one is too far, or a stop is met or left before it.
+        """
+        if (way := self.approach(np.repeat(q, len(inputs[0]), axis=0), inputs, held)) is None:
+            return None
+        poses, ahead = way
+        found = self.equations(poses, *inputs, held)
+        each = zip(poses, found.forces, strict=True)
+        if not all(self.switched(pose, forces, held) == held for pose, forces in each):
+            return None
+        sure = (found.least > FLAT).all() and not self.turned(poses, ahead, found, before, held)
+        return poses if sure else None
+
+    def turned(
+        self, poses: Array, ahead: Array, found: Equations, before: Inputs, held: Held
+    ) -> bool:
+        """Whether a step back from rests is another than the one ahead (n, rates): over a snap."""
+        back = self.equations(poses, *before, held, found.stiffness)
+        steps = np.array([ahead, back.solved(-back.left, -back.gap)])
+        steps[..., self.statics.driven] = 0.0
+        apart, long = np.abs(steps.sum(axis=0)).max(axis=1), np.abs(steps).max(axis=(0, 2))
+        return bool(((apart > TURNED * long) & (long > SHORT)).any())
+
+    def switched(self, q: Array, forces: Array, held: Held) -> Held:
+        """The stops without those that pull, and with those that a pose (poses,) is beyond.
+
+        From the forces s (rows,) there.
+        """
+        pushes, largest = forces[forces.size - len(held) :], np.abs(forces).max()
         kept = [
             stop
             for stop, push in zip(held, pushes, strict=True)
@@ -345,7 +387,7 @@ class Resting:
             step = found.descent()
             size = float(np.abs(step).max(initial=0.0))
             q = self.moved(q, step * min(1.0, FAR / size if size else 1.0))
-            others = self.switched(q[0], found, held)
+            others = self.switched(q[0], found.forces[0], held)
             if size > SAME:  # what stops do is known at rest alone
                 others = in_order({*held, *others})
             if size <= EXACT and others == held:
@@ -372,24 +414,37 @@ class Resting:
             A limit position lies on the way.
         """
 
-        def between(k: int, share: float) -> tuple[Array, Array | None]:
+        def between(k: int, share: float) -> Inputs:
             own = values[k - 1] + share * (values[k] - values[k - 1])
             if ctrl is None or len(ctrl) == 1:
                 return own[None], ctrl
             return own[None], (ctrl[k - 1] + share * (ctrl[k] - ctrl[k - 1]))[None]
 
-        at, held = self.first(values[:1], None if ctrl is None else ctrl[:1])
-        poses, stops = [at], [held]
-        for k in range(1, len(values)):
-            done, stride = 0.0, 1.0
-            while done < 1.0:
-                share = min(done + stride, 1.0)
-                if found := self.next(at, *between(k, share), held):
-                    (at, held), done, stride = found, share, 2 * stride
-                elif (stride := stride / 2) < SHORTEST:
-                    raise self.ending(at, *between(k, done), held, k)
-            poses.append(at)
-            stops.append(held)
+        begin = values[:1], None if ctrl is None else ctrl[:1]
+        at, held = self.first(*begin)
+        poses, stops, k, many = [at], [held], 1, 1
+        while k < len(values):
+            own, before = slice(k, min(k + many, len(values))), between(k, 0.0)
+            controls = ctrl if ctrl is None or len(ctrl) == 1 else ctrl[own]
+            block = self.together(at, before, (values[own], controls), held) if many > 1 else None
+            if block is not None:
+                at, many = block[-1:], min(2 * many, MANY)
+            elif many > 1:
+                many //= 2
+                continue
+            else:
+                done, stride = 0.0, 1.0
+                while done < 1.0:
+                    share = min(done + stride, 1.0)
+                    inputs = between(k, share)
+                    if found := self.next(at, before, inputs, held):
+                        (at, held), before, done, stride = found, inputs, share, 2 * stride
+                    elif (stride := stride / 2) < SHORTEST:
+                        raise self.ending(at, *before, held, k)
+                block, many = at, 2 if stride >= 1.0 else 1
+            poses.append(block)
+            stops += [held] * len(block)
+            k += len(block)
         return np.concatenate(poses), stops
 
     def ending(self, q: Array, values: Array, ctrl: Array | None, held: Held, k: int) -> CannotMove:

@@ -286,7 +286,7 @@ class PictureScene:
         """Outline (points, 3) of a geom about its centre; None for what has none, like a plane."""
         kind, axis = G(self.model.geom_type[g]), turn[:, 2]
         if self.along and kind in (G.mjGEOM_BOX, G.mjGEOM_CYLINDER):
-            return solid(kind, size) @ turn.T
+            return solid(kind, size, np.cross(*self.basis) @ turn) @ turn.T
         level = bool(self.along) or np.linalg.norm(self.flat(axis)) > 1e-6
         if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER) and level:
             return np.array([-axis, axis]) * size[1]
@@ -359,14 +359,18 @@ EDGES = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4]
 """A closed way along all edges of a box; its corners by the signs of x, y and z, -1 first."""
 
 
-def solid(kind: mujoco.mjtGeom, size: Array) -> Array:
-    """A closed line (points, 3) in the axes of a box or cylinder that shows it from any side."""
+def solid(kind: mujoco.mjtGeom, size: Array, view: Array) -> Array:
+    """A closed line (points, 3) in the axes of a box or cylinder that shows it from any side.
+
+    A cylinder has its rims and two lines along it, at the edges of what is seen along `view` (3,).
+    """
     if kind == G.mjGEOM_BOX:
         return (size * np.array(list(product((-1, 1), repeat=3))))[EDGES]
-    rim = size[0] * np.column_stack([np.cos(ROUND), np.sin(ROUND)])
-    rim = np.vstack([rim, rim[:1]])
-    ends = [np.column_stack([rim, np.full(len(rim), end)]) for end in (-size[1], size[1])]
-    return np.vstack(ends)
+    turn = ROUND + np.arctan2(view[0], -view[1])
+    rim = size[0] * np.column_stack([np.cos(turn), np.sin(turn)])
+    half, whole = len(rim) // 2, [*range(len(rim)), 0]
+    low, high = (np.column_stack([rim, np.full(len(rim), end)]) for end in (-size[1], size[1]))
+    return np.vstack([low[whole], low[: half + 1], high[half:], high[whole], high[[0]]])
 
 
 def side_view(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, tuple[str, str], Array]:

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.controls import (
+    UNDRIVEN,
     ControlsInTime,
     Law,
-    breaks_of,
+    Prescribed,
     controls_at_samples,
     controls_by_place,
 )
@@ -34,7 +35,7 @@ from proofmass.analytic.numerics import (
     senses,
 )
 from proofmass.analytic.planar.branch import SHARE, Branch, Knots
-from proofmass.analytic.planar.dynamics import UNDRIVEN, Prescribed, free_motion
+from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.equilibrium import LinkageAtRest
 from proofmass.analytic.planar.forces import (
     Forces,
@@ -300,17 +301,6 @@ def leaves_freedoms(m: Mechanism, joints: tuple[str, ...]) -> bool:
     return freedoms(m, nearest(m, m.start)) > len(joints)
 
 
-def prescribed(d: Drives, laws: Sequence[Law]) -> Prescribed:
-    """The driven joints and their laws, of one time."""
-
-    def law(t: float) -> tuple[Array, Array, Array]:
-        parts = [[float(part) for part in one(np.asarray(t, float))] for one in laws]
-        value, rate, acceleration = np.array(parts).T
-        return value, rate, acceleration
-
-    return Prescribed(d.driven, law, breaks_of(laws))
-
-
 @lru_cache(maxsize=32)
 def _swept(
     mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int], values: bytes
@@ -438,7 +428,8 @@ def _integrated(
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
 ) -> StoppedMotion:
-    drives = prescribed(Drives.of(mechanism, joints), laws) if joints else UNDRIVEN
+    driven = Drives.of(mechanism, joints).driven
+    drives = Prescribed.of(driven, driven, laws) if joints else UNDRIVEN
     return free_motion(mechanism, times, drives, stops, controls)
 
 

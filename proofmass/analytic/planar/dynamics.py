@@ -20,15 +20,15 @@ F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equation
 
 from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proofmass.analytic.controls import ControlsInTime, smooth_pieces
-from proofmass.analytic.numerics import Array, CannotAssemble, Index, SingularHere
+from proofmass.analytic.controls import UNDRIVEN, ControlsInTime, Prescribed, smooth_pieces
+from proofmass.analytic.numerics import Array, CannotAssemble, SingularHere
 from proofmass.analytic.planar.forces import applied, centres, inertial, mass
 from proofmass.analytic.planar.kinematics import (
     CLOSED,
@@ -60,21 +60,6 @@ TILT = 1.5
 """Stretch of the map from z to q at which a new tangent plane is taken; 1 where it touches."""
 
 
-@dataclass(frozen=True)
-class Prescribed:
-    """Joints (drives,) whose values, rates and accelerations (drives,) are known at each time.
-
-    A derivative of these jumps at the `breaks` [s].
-    """
-
-    joints: Index
-    law: Callable[[float], tuple[Array, Array, Array]]
-    breaks: tuple[float, ...] = ()
-
-
-UNDRIVEN = Prescribed(np.zeros(0, np.intp), lambda t: (np.zeros(0), np.zeros(0), np.zeros(0)))
-
-
 class TangentChart:
     """The tangent plane of what is held at a closed pose q (joints,), in own units."""
 
@@ -87,8 +72,8 @@ class TangentChart:
     ):
         self.m, self.q, self.at, self.drives, self.controls = m, q, q, drives, controls
         self.last = np.inf  # time of the smooth part of laws that is integrated over [s]
-        self.held, self.units = m.rows + drives.joints.size, m.scale[drives.joints]
-        self.driven = np.eye(len(m.joints))[drives.joints]
+        self.held, self.units = m.rows + drives.rates.size, m.scale[drives.rates]
+        self.driven = np.eye(len(m.joints))[drives.rates]
         rows = np.concatenate([scaled_jacobian(m, q[None])[0], self.driven])
         self.normal = np.linalg.svd(rows)[2][self.held :]
         self.into: Array = self.normal.T * m.scale[:, None]
@@ -108,13 +93,13 @@ class TangentChart:
         if not self.held:  # an open chain, where the tangent plane is the whole space
             return self.q + self.into @ z, self.into
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
-        q[self.drives.joints] = wanted = self.drives.law(t)[0]
+        q[self.drives.rates] = wanted = self.drives.law(t)[0]
         while True:
             motion = move(m, q[None])
             wrong = np.concatenate(
                 [
                     residual(m, motion, q[None])[0] / m.size,
-                    (q[self.drives.joints] - wanted) / self.units,
+                    (q[self.drives.rates] - wanted) / self.units,
                     self.normal @ ((q - self.q) / m.scale) - z,
                 ]
             )
@@ -191,10 +176,10 @@ def free_motion(
         The start is beyond a stop.
     """
     value, rate, _ = drives.law(float(times[0]))
-    q = nearest(m, m.start, drives.joints, value)
-    if freedoms(m, q) <= drives.joints.size:
+    q = nearest(m, m.start, drives.rates, value)
+    if freedoms(m, q) <= drives.rates.size:
         raise SingularHere("the mechanism has no degree of freedom")
-    v = fitting(m, q, m.start_rate, drives.joints, rate)
+    v = fitting(m, q, m.start_rate, drives.rates, rate)
     return follow_stopped(FreeMechanism(m, drives, stops, controls), times, q, v)
 
 
@@ -211,7 +196,7 @@ class FreeMechanism:
         self.m, self.drives, self.controls = m, drives, controls
         own = controls.breaks if controls else ()
         self.breaks = tuple(sorted({*drives.breaks, *own}))
-        self.stops = tuple(s for s in stops if s.rate not in drives.joints)
+        self.stops = tuple(s for s in stops if s.rate not in drives.rates)
         self.resting: dict[tuple[Stop, ...], Mechanism] = {(): m}
 
     def chart(self, held: tuple[Stop, ...], q: Array) -> TangentChart:
@@ -252,7 +237,7 @@ class FreeMechanism:
         ctrl = self.controls.at(t)[None] if self.controls else None
         force = inertial(m, centre, motion) - applied(m, motion, centre, q[None], v[None], ctrl)
         return Balance(
-            np.vstack([loops, np.eye(q.size)[self.drives.joints]]),
+            np.vstack([loops, np.eye(q.size)[self.drives.rates]]),
             mass(m, centre)[0],
             force[0] + m.inertia.fixed @ a,
         )

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from proofmass.analytic.numerics import Array, Index, NotCovered
 from proofmass.analytic.planar.forces import applied, centres
 from proofmass.analytic.planar.kinematics import (
@@ -68,15 +66,14 @@ class LinkageAtRest:
         """The poses (n, joints) at the ends of ways (n, joints)."""
         return q + way
 
-    def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array]:
-        """Forces on the joints (n, joints) at poses q (n, joints), and the rows of the loops."""
+    def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:
+        """Forces on the joints (n, joints) at poses q (n, joints), and the rows of the loops.
+
+        And how far the loops are open (n, rows) [sizes].
+        """
         m, motion = self.m, move(self.m, q)
         force = applied(m, motion, centres(m, motion), q, 0.0, ctrl)
-        return force, loop_jacobian(m, motion, q) / m.size
-
-    def gap(self, q: Array) -> Array:
-        """How far the loops are open (n, rows) [sizes]."""
-        return np.asarray(residual(self.m, move(self.m, q), q) / self.m.size)
+        return force, loop_jacobian(m, motion, q) / m.size, residual(m, motion, q) / m.size
 
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""

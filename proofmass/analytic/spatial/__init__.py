@@ -8,7 +8,7 @@ wrong in both.
 """
 
 import pickle
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -17,13 +17,27 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.controls import ControlsInTime, Law, controls_at_samples
-from proofmass.analytic.numerics import Array, unwrapped_quaternion
+from proofmass.analytic.controls import (
+    UNDRIVEN,
+    ControlsInTime,
+    Law,
+    Prescribed,
+    controls_at_samples,
+)
+from proofmass.analytic.equilibrium import Resting
+from proofmass.analytic.numerics import Array, NotCovered, unwrapped_quaternion
 from proofmass.analytic.planar.mechanism import joined, rotation
+from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, product, read_tree
-from proofmass.analytic.spatial.motion import HeldMotion, driven_motion, held_motion
-from proofmass.analytic.spatial.reactions import Reactions, State, asked, determined
+from proofmass.analytic.spatial.motion import (
+    HeldMotion,
+    driven_joints,
+    driven_motion,
+    freedoms,
+    held_motion,
+)
+from proofmass.analytic.spatial.reactions import Reactions
 from proofmass.analytic.spatial.terms import (
     NAMES,
     OwnTerms,
@@ -33,23 +47,31 @@ from proofmass.analytic.spatial.terms import (
     stretched,
 )
 from proofmass.analytic.spatial.witness import Witnessed, bear_witness
-from proofmass.analytic.stops import Stop, read_stops
+from proofmass.analytic.stops import Stop, StoppedMotion, read_stops
 
 __all__ = ["facts", "solve"]
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 PARTS = {3: "xyz", 4: "wxyz"}
 """Names of the parts of vectors, and of quaternions."""
+IN_TIME, DRIVEN, AT_REST = "in time", "driven", "at rest"
+HOW = {
+    IN_TIME: "integrated with DOP853 at 3e-14",
+    DRIVEN: "at the drives' values",
+    AT_REST: "at rest beside the drives",
+}
+"""Ways of motion, and how the equations are used there."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """A motion, its bodies, and what its witness found."""
+    """A motion, its bodies, what its witness found, and its controls if they change."""
 
+    way: str
     held: HeldMotion
     motion: TreeMotion
     witnessed: Witnessed
-    tangents: Array | None = None
+    ctrl: Array | None
 
 
 def solve(
@@ -63,6 +85,8 @@ def solve(
     inertia: bool = False,
     terms: Source | None = None,
     controls: Mapping[str, ArrayLike] | None = None,
+    control_rates: Mapping[str, ArrayLike] | None = None,
+    in_time: tuple[Array, Sequence[Law]] | None = None,
     control_laws: Mapping[str, Law] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any tree of hinges, slides, balls and free joints with equalities held exactly.
@@ -79,7 +103,10 @@ def solve(
     with a projection of pose and rates after every step (`proofmass.analytic.spatial.motion`),
     begun anew where a law has a break; the terms come from `terms`,
     and at 50 poses of the motion those of this package must agree with them to 1e-12
-    (`proofmass.analytic.spatial.witness`).
+    (`proofmass.analytic.spatial.witness`).  Driven joints are held at their values.  Degrees of
+    freedom that they leave move beside them in time, from the start pose; where the drives do not
+    move in time, springs, weights and loads hold them at rest, in the stable rest that the start
+    pose falls to (`proofmass.analytic.equilibrium`).
 
     Parameters
     ----------
@@ -97,15 +124,22 @@ def solve(
         Where the terms of the equations of motion come from, by default this package.
     controls : mapping of str to array_like (n,)
         Of actuators at the samples of a driven motion [1]; left out: those of the key.
+    control_rates : mapping of str to array_like (n,)
+        Their rates [1/s]; zero where they are left out.
+    in_time : tuple of ndarray (n,) and sequence of callable, optional
+        Times [s] of the samples, and of each drive its law: values, rates and accelerations as
+        functions of time.  Asked where the drives leave degrees of freedom, whose motion depends on
+        the whole way and not on the samples alone.
     control_laws : mapping of str to callable, optional
         Of actuators whose controls change in time, values, rates and accelerations as functions of
-        time; of a free motion.
+        time; of a free motion, or one beside drives.
 
     Returns
     -------
     dict of str to ndarray (n,) [SI]
         By channel name, as in a sidecar: ``top.x``, ``turn.w``, ``spin.z``, ...; quaternions begin
-        with their largest part positive and do not jump.
+        with their largest part positive and do not jump.  A path of rests has rates, and no
+        accelerations: these are NaN.
 
     Raises
     ------
@@ -113,6 +147,8 @@ def solve(
         The model holds what is not covered; by its name in the MJCF.
     CannotAssemble, SingularHere
         The start pose is open; or the equalities lose rank on the way, and where.
+    Unstable
+        A path of rests ends on the way, where the mechanism would fall to another one.
     TermsDiffer
         Two formulations of the equations of motion disagree.
 
@@ -131,25 +167,15 @@ def solve(
     [1.0, 5.0]
     """
     tree, source = sources(model, start, terms)
-    if not joints:
-        times = np.atleast_1d(np.asarray(value, float))
-        laws = laws_as_bytes(model, tree, control_laws)
-        stops = tuple(stops_of(model, tree))
-        followed = follow(tree, source, tuple(times.tolist()), stops, laws)
-        controls_there = pickle.loads(laws).along(times) if laws else None
-        pushes = np.array(followed.held.stopped.forces).reshape(-1, tree.armature.size)
-        shown = shown_reactions(model, tree, followed, (), True, controls_there, pushes)
-        return quantities(model, tree, followed) | shown
-    values = np.atleast_2d(np.asarray(value, float))
-    moving = [np.broadcast_to(np.asarray(x, float), values.shape) for x in (rate, acceleration)]
-    drives = np.array([values, *moving])
-    ctrl = controls_at_samples(model, tree.ctrl, controls)
-    packed = None if ctrl is None else ctrl.tobytes()
-    followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes(), packed)
-    refuse_limits(tree, followed.held.q)
-    moments = of_drives(tree, followed, joints, inertia, ctrl)
-    shown = shown_reactions(model, tree, followed, joints, inertia, ctrl, np.zeros((1, 1)))
-    return quantities(model, tree, followed) | shown_moments(model, joints, moments) | shown
+    motion = (value,) if not joints else (value, rate, acceleration)
+    changing = Changing(controls, control_rates, control_laws)
+    followed = follow(model, tree, source, joints, motion, in_time, changing)
+    if followed.way == AT_REST and inertia:
+        raise NotCovered("a path of rests has no inertia: leave out inertia of the sweep")
+    if followed.way == DRIVEN:
+        refuse_limits(tree, followed.held.q)
+    inertia = inertia or followed.way == IN_TIME
+    return quantities(model, tree, followed) | forces(model, tree, followed, joints, inertia)
 
 
 def facts(
@@ -159,34 +185,30 @@ def facts(
     terms: Source,
     joints: tuple[str, ...],
     motion: Any,
+    in_time: tuple[Array, Sequence[Law]] | None = None,
+    controls: Mapping[str, ArrayLike] | None = None,
     control_laws: Mapping[str, Law] | None = None,
     **_: float,
 ) -> dict[str, str]:
     """What is known of a motion as a whole, in words for a report.
 
-    `motion` are the times of the run [s], or values, rates and accelerations of its drives.
+    `motion` are the times of the run [s], or values, rates and accelerations of its drives; the
+    rest is that of `solve`.
     """
     tree, source = sources(model, start, terms)
-    if joints:
-        drives = np.array([np.atleast_2d(part) for part in motion])
-        followed = follow_driven(tree, source, joints, drives.shape, drives.tobytes())
-    else:
-        times = tuple(np.asarray(motion, float).tolist())
-        laws = laws_as_bytes(model, tree, control_laws)
-        followed = follow(tree, source, times, tuple(stops_of(model, tree)), laws)
+    changing = Changing(controls, None, control_laws)
+    given = motion if joints else (motion,)
+    followed = follow(model, tree, source, joints, given, in_time, changing)
     seen, held = followed.witnessed, followed.held
     found = {
-        "equations of motion": (
-            f"terms of {source.name}, "
-            + ("at the drives' values" if joints else "integrated with DOP853 at 3e-14")
-        ),
+        "equations of motion": f"terms of {source.name}, {HOW[followed.way]}",
         "second formulation": (
             f"proofmass's own terms agree at {seen.states} poses, to {seen.difference:.1g} of the "
             f"largest (worst: {NAMES[seen.term]})"
         ),
     }
     if tree.rows:
-        rows = f"all {tree.rows} rows" if joints else f"{held.rank} independent of {tree.rows} rows"
+        rows = f"{held.rank} independent of {tree.rows} rows" if held.rank else f"{tree.rows} rows"
         found["equalities"] = f"held exactly, {rows}; open by {held.open_by:.1g} in the key"
     if events := held.stopped.events():
         found["stops"] = events
@@ -221,66 +243,135 @@ _read = lru_cache(maxsize=32)(read_tree)
 _own = lru_cache(maxsize=32)(OwnTerms)
 
 
-@lru_cache(maxsize=8)
+@dataclass(frozen=True)
+class Changing:
+    """Controls that change, by the names of their actuators: at the samples, or as laws of time."""
+
+    controls: Mapping[str, ArrayLike] | None
+    rates: Mapping[str, ArrayLike] | None
+    laws: Mapping[str, Law] | None
+
+
 def follow(
+    model: Any,
     tree: Tree,
     source: Source,
-    times: tuple[float, ...],
-    stops: tuple[Stop, ...] = (),
-    laws: bytes = b"",
+    joints: tuple[str, ...],
+    motion: Sequence[ArrayLike],
+    in_time: tuple[Array, Sequence[Law]] | None,
+    changing: Changing,
 ) -> Followed:
-    """A motion that every solver of a case is held to; controls that change are given as bytes."""
-    controls: ControlsInTime | None = pickle.loads(laws) if laws else None
-    held = held_motion(tree, source, np.array(times), stops, controls)
-    ctrl = controls.along(np.array(times)) if controls else None
-    seen = bear_witness(tree, source, np.array(times), held.q, held.v, ctrl=ctrl)
-    return Followed(held, move_tree(tree, held.q, held.v, held.a), seen)
+    """The motion that is asked for, once for all who ask for it.
+
+    `motion` are times, or values, rates and accelerations of the drives.
+    """
+    loose = not joints or leaves_freedoms(tree, joints)
+    if loose and (not joints or in_time is not None):
+        times, laws = in_time if joints and in_time else (np.atleast_1d(motion[0]), ())
+        times = np.asarray(times, float)
+        ctrl_laws = ControlsInTime.of(model, tree.ctrl, changing.laws)
+        stops = tuple(stops_of(model, tree))
+        try:
+            packed = pickle.dumps((times, tuple(laws), ctrl_laws))
+        except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
+            return moved_in_time(tree, source, joints, stops, times, laws, ctrl_laws)
+        return in_time_once(tree, source, joints, stops, packed)
+    values = np.atleast_2d(np.asarray(motion[0], float))
+    state = [np.broadcast_to(np.asarray(x, float), values.shape).T for x in motion]
+    ctrl = controls_at_samples(model, tree.ctrl, changing.controls)
+    if not loose:
+        return driven_once(tree, source, joints, pickle.dumps((state, ctrl)))
+    rates = controls_at_samples(model, np.zeros(tree.ctrl.size), changing.rates)
+    return rests_once(tree, source, joints, pickle.dumps((state, ctrl, rates)))
+
+
+@lru_cache(maxsize=32)
+def leaves_freedoms(tree: Tree, joints: tuple[str, ...]) -> bool:
+    """Whether joints whose values are known leave degrees of freedom at the start pose."""
+    return freedoms(tree, _own(tree)) > len(joints)
+
+
+def moved_in_time(
+    tree: Tree,
+    source: Source,
+    joints: tuple[str, ...],
+    stops: tuple[Stop, ...],
+    times: Array,
+    laws: Sequence[Law],
+    changing: ControlsInTime | None,
+) -> Followed:
+    """A motion in time, free or beside drives that follow laws."""
+    drives = UNDRIVEN
+    if joints:
+        at_rest = TreeAtRest(tree, driven_joints(tree, joints))
+        drives = Prescribed.of(at_rest.places, at_rest.driven, laws)
+    held = held_motion(tree, source, times, stops, changing, drives)
+    ctrl = changing.along(times) if changing else None
+    return witnessed(tree, source, IN_TIME, held, times, ctrl)
 
 
 @lru_cache(maxsize=8)
-def follow_driven(
-    tree: Tree,
-    source: Source,
-    joints: tuple[str, ...],
-    shape: tuple[int, ...],
-    drives: bytes,
-    controls: bytes | None = None,
+def in_time_once(
+    tree: Tree, source: Source, joints: tuple[str, ...], stops: tuple[Stop, ...], packed: bytes
 ) -> Followed:
-    """A motion whose drives have given values, rates and accelerations."""
-    values, rates, accelerations = np.frombuffer(drives).reshape(shape).transpose(0, 2, 1)
-    held, tangents = driven_motion(tree, source, joints, values, rates, accelerations)
-    ctrl = None if controls is None else np.frombuffer(controls).reshape(len(values), -1)
-    places = np.arange(float(len(values)))
-    seen = bear_witness(tree, source, places, held.q, held.v, "sample", ctrl)
-    return Followed(held, move_tree(tree, held.q, held.v, held.a), seen, tangents)
+    """`moved_in_time`, of times, laws of drives and controls as bytes."""
+    return moved_in_time(tree, source, joints, stops, *pickle.loads(packed))
 
 
-def laws_as_bytes(model: Any, tree: Tree, laws: Mapping[str, Law] | None) -> bytes:
-    """All controls of a model in time; nothing if they are those of the key."""
-    controls = ControlsInTime.of(model, tree.ctrl, laws)
-    return pickle.dumps(controls) if controls else b""
+@lru_cache(maxsize=8)
+def driven_once(tree: Tree, source: Source, joints: tuple[str, ...], packed: bytes) -> Followed:
+    """A motion whose drives determine it, of their states and all controls as bytes."""
+    state, ctrl = pickle.loads(packed)
+    return witnessed(tree, source, DRIVEN, driven_motion(tree, source, joints, *state), None, ctrl)
 
 
-def state_of(followed: Followed, inertia: bool) -> State:
-    """Poses, rates and accelerations of a motion, or of its poses at rest."""
-    held, still = followed.held, np.zeros_like(followed.held.v)
-    return (held.q, held.v, held.a) if inertia else (held.q, still, still)
+@lru_cache(maxsize=8)
+def rests_once(tree: Tree, source: Source, joints: tuple[str, ...], packed: bytes) -> Followed:
+    """A path of rests beside drives, of their states, all controls and their rates as bytes."""
+    (values, rates, _), ctrl, ctrl_rates = pickle.loads(packed)
+    at_rest = TreeAtRest(tree, driven_joints(tree, joints))
+    resting = Resting(at_rest)
+    q, stops = resting.follow(values, ctrl)
+    v, pushes = resting.beside(q, stops, values, rates, ctrl, ctrl_rates)
+    stopped = StoppedMotion(forces=list(pushes))
+    held = HeldMotion(q, v, np.full_like(v, np.nan), at_rest.closed[1], 0, 0, stopped)
+    return witnessed(tree, source, AT_REST, held, None, ctrl)
 
 
-def of_drives(
-    tree: Tree,
-    followed: Followed,
-    joints: tuple[str, ...],
-    inertia: bool,
-    ctrl: Array | None = None,
-) -> Array:
-    """What the drives must do (n, drives), by virtual work [N m or N].
+def witnessed(
+    tree: Tree, source: Source, way: str, held: HeldMotion, times: Array | None, ctrl: Array | None
+) -> Followed:
+    """A motion that its witness has seen; of one without times the samples are counted."""
+    at, unit = (np.arange(float(len(held.q))), "sample") if times is None else (times, "t")
+    seen = bear_witness(tree, source, at, held.q, held.v, unit, ctrl)
+    return Followed(way, held, move_tree(tree, held.q, held.v, held.a), seen, ctrl)
 
-    Of the motion with `inertia`, else at rest; without the actuators of the driven joints.
+
+def forces(
+    model: Any, tree: Tree, followed: Followed, joints: tuple[str, ...], inertia: bool
+) -> dict[str, Array]:
+    """What sensors of drives, and of forces and moments between bodies, show.
+
+    Of the motion with `inertia`, else at rest.  Nothing where the motion does not determine it.
     """
-    needed, _ = asked(tree, state_of(followed, inertia), joints, ctrl)
-    assert followed.tangents is not None
-    return np.asarray(np.einsum("nr,nrd->nd", needed, followed.tangents))
+    kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}
+    sensors = [s for s, kind in kinds.items() if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE)]
+    if not sensors and not joints:
+        return {}
+    held, motion = followed.held, followed.motion
+    state, still = (held.q, held.v, held.a), np.zeros_like(held.v)
+    if not inertia:
+        state = (held.q, still, still)
+        motion = move_tree(tree, *state)
+    pushes = np.array(held.stopped.forces or still[:1])
+    reactions = Reactions(tree, motion, state, joints, pushes, followed.ctrl)
+    found = shown_moments(model, joints, reactions.drives)
+    for s in sensors if reactions.unique else ():
+        seat = Seat.of(model, tree, motion, s)
+        force, moment = reactions.on(seat.body, seat.at())
+        own = seat.inside(force if kinds[s] == S.mjSENS_FORCE else moment)
+        found |= {f"{model.sensor(s).name}.{part}": own[:, k] for k, part in enumerate("xyz")}
+    return found
 
 
 def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
@@ -297,34 +388,6 @@ def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[s
         name = model.joint(number).name
         if name in joints and gear:
             found[model.sensor(s).name] = moments[:, joints.index(name)] / gear
-    return found
-
-
-def shown_reactions(
-    model: Any,
-    tree: Tree,
-    followed: Followed,
-    joints: tuple[str, ...],
-    inertia: bool,
-    ctrl: Array | None,
-    pushes: Array,
-) -> dict[str, Array]:
-    """Forces and moments between bodies by their sensors; none where nothing determines them.
-
-    Of the motion with `inertia`, else at rest; `pushes` is what stops do to the joints.
-    """
-    kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}
-    sensors = [s for s, kind in kinds.items() if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE)]
-    if not sensors or not determined(tree):
-        return {}
-    state, found = state_of(followed, inertia), dict[str, Array]()
-    motion = followed.motion if inertia else move_tree(tree, *state)
-    reactions = Reactions(tree, motion, state, joints, pushes, ctrl)
-    for s in sensors if reactions.unique else ():
-        seat = Seat.of(model, tree, motion, s)
-        force, moment = reactions.on(seat.body, seat.at())
-        own = seat.inside(force if kinds[s] == S.mjSENS_FORCE else moment)
-        found |= {f"{model.sensor(s).name}.{part}": own[:, k] for k, part in enumerate("xyz")}
     return found
 
 

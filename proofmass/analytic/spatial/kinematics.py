@@ -3,7 +3,7 @@
 Everything has the poses along its first axis. Vectors are in the axes of the world.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, sin, sqrt
 
 import numpy as np
@@ -71,6 +71,7 @@ class Frame:
     velocity: Array
     acceleration: Array
     quaternion: Array
+    turn: Array
     spin: Array
     spin_rate: Array
 
@@ -96,15 +97,19 @@ class Frame:
     def turned(self, quaternion: Array, rate: Array, acceleration: Array) -> None:
         """Turn it by a quaternion; `rate`, `acceleration` (n, 3) are those against it, in space."""
         self.quaternion = product(self.quaternion, quaternion)
+        self.turn = matrices(self.quaternion)
         self.spin_rate = self.spin_rate + cross3(self.spin, rate) + acceleration
         self.spin = self.spin + rate
 
 
+NEXT, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Axes after and before each."""
+
+
 def cross3(one: Array, two: Array) -> Array:
     """Vector product (..., 3)."""
-    return np.asarray(
-        one[..., [1, 2, 0]] * two[..., [2, 0, 1]] - one[..., [2, 0, 1]] * two[..., [1, 2, 0]]
-    )
+    ahead = one.take(NEXT, -1) * two.take(BEFORE, -1)
+    return np.asarray(ahead - one.take(BEFORE, -1) * two.take(NEXT, -1))
 
 
 def matrices(quaternion: Array) -> Array:
@@ -142,26 +147,21 @@ def unit(quaternion: Array) -> Array:
 
 def move_tree(tree: Tree, q: Array, v: Array, a: Array) -> TreeMotion:
     """All bodies in the motion of poses q (n, poses), rates v and accelerations a (n, rates)."""
-    n, count = len(q), len(tree.bodies)
+    n = len(q)
     axes, anchors = np.zeros((n, v.shape[1], 3)), np.zeros((n, v.shape[1], 3))
-    still = np.zeros((n, 3))
-    frames = [Frame(still, still, still, np.tile(NO_TURN, (n, 1)), still, still)]
-    turns = [np.tile(np.eye(3), (n, 1, 1))]
+    still, upright = np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
+    frames = [Frame(still, still, still, np.tile(NO_TURN, (n, 1)), upright, still, still)]
     for body in tree.bodies[1:]:
-        parent = frames[body.parent]
-        frame = Frame(**vars(parent))
-        frame.carried(turns[body.parent] @ body.place)
-        frame.quaternion = product(frame.quaternion, body.turn)
+        frame = replace(frames[body.parent])
+        frame.carried(frame.turn @ body.place)
+        if (body.turn != NO_TURN).any():
+            frame.turned(body.turn, still, still)
         for j in body.joints:
             pass_joint(tree.joints[j], frame, q, v, a, axes, anchors)
         frames.append(frame)
-        turns.append(matrices(frame.quaternion))
-    parts = {
-        name: np.stack([getattr(frame, name) for frame in frames], axis=1)
-        for name in ("at", "velocity", "acceleration", "quaternion", "spin", "spin_rate")
-    }
-    assert parts["at"].shape[1] == count
-    return TreeMotion(**parts, turn=np.stack(turns, axis=1), axes=axes, anchors=anchors)
+    names = ("at", "velocity", "acceleration", "quaternion", "turn", "spin", "spin_rate")
+    parts = {name: np.stack([getattr(one, name) for one in frames], axis=1) for name in names}
+    return TreeMotion(**parts, axes=axes, anchors=anchors)
 
 
 def pass_joint(
@@ -170,7 +170,7 @@ def pass_joint(
     """Move a frame by one joint, and note the directions of the joint's rates."""
     at, dof = joint.pose, joint.rate
     if joint.kind == "slide":
-        axis = matrices(frame.quaternion) @ joint.axis
+        axis = frame.turn @ joint.axis
         axes[:, dof] = axis
         frame.slid(axis, q[:, at] - joint.zero, v[:, dof], a[:, dof])
         return
@@ -181,10 +181,10 @@ def pass_joint(
         frame.spin = frame.spin_rate = np.zeros((len(q), 3))
         axes[:, dof : dof + 3] = np.eye(3)
         at, dof = at + 3, dof + 3
-    place = np.zeros(3) if joint.kind == "free" else joint.place
-    frame.carried(matrices(frame.quaternion) @ place)
+    elif joint.place.any():
+        frame.carried(frame.turn @ joint.place)
     if joint.kind == "hinge":
-        axis = matrices(frame.quaternion) @ joint.axis
+        axis = frame.turn @ joint.axis
         axes[:, dof], anchors[:, dof] = axis, frame.at
         frame.turned(
             turn_about(joint.axis, q[:, at] - joint.zero),
@@ -198,7 +198,8 @@ def pass_joint(
         anchors[:, dof : dof + 3] = frame.at[:, None]
         rate, acceleration = ((turn @ part[:, dof : dof + 3, None])[..., 0] for part in (v, a))
         frame.turned(own, rate, acceleration)
-    frame.carried(-(matrices(frame.quaternion) @ place))
+    if joint.kind != "free" and joint.place.any():
+        frame.carried(-(frame.turn @ joint.place))
 
 
 def advance(tree: Tree, q: Array, step: Array) -> Array:

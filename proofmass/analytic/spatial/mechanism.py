@@ -251,6 +251,11 @@ class Tree:
         return found
 
     @cached_property
+    def sizes(self) -> Array:
+        """What rates are measured in (rates,): 1 rad, or the extent of the model [m]."""
+        return np.where(self.turns > 0, 1.0, max(self.extent, 1e-300))
+
+    @cached_property
     def quaternions(self) -> tuple[tuple[int, int], ...]:
         """Where quaternions begin in a pose, and where their angular velocities do in the rates."""
         return tuple(

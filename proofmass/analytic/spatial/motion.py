@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proofmass.analytic.controls import ControlsInTime, smooth_pieces
+from proofmass.analytic.controls import UNDRIVEN, ControlsInTime, Prescribed, smooth_pieces
 from proofmass.analytic.numerics import Array, CannotAssemble, NotCovered, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
-from proofmass.analytic.spatial.mechanism import Tree
+from proofmass.analytic.spatial.mechanism import Tree, TreeJoint
 from proofmass.analytic.spatial.terms import Source, Terms
 from proofmass.analytic.stops import (
     Balance,
@@ -81,40 +81,50 @@ class Holder:
         source: Source,
         stops: tuple[Stop, ...] = (),
         controls: ControlsInTime | None = None,
+        drives: Prescribed = UNDRIVEN,
     ):
         self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
-        self.evaluations, self.rank = 0, 0
+        self.drives, self.evaluations, self.rank = drives, 0, 0
         self.last = np.inf  # time of the smooth part of laws that is integrated over [s]
-        self.on_stops = unit_rows(stops, tree.armature.size)
+        self.on_joints = np.vstack(
+            [np.eye(tree.armature.size)[drives.rates], unit_rows(stops, tree.armature.size)]
+        )
 
     @property
     def rows(self) -> int:
         """Number of rows that are held."""
-        return self.tree.rows + len(self.stops)
+        return self.tree.rows + len(self.on_joints)
 
     def ctrl(self, t: float) -> Array | None:
         """All controls at a time; None for those of the key."""
         return self.controls.at(t) if self.controls else None
 
-    def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
-        """All terms at a pose with its rates, with a row for each stop."""
-        found = self.source.terms(q, v, ctrl)
-        if not self.stops:
+    def terms(self, t: float, q: Array, v: Array) -> Terms:
+        """All terms at a time, in a pose with its rates, with a row for each drive and stop."""
+        t = min(t, self.last)
+        found = self.source.terms(q, v, self.ctrl(t))
+        if not self.on_joints.size:
             return found
+        value, _, acceleration = self.drives.law(t)
         gaps = [q[stop.pose] - stop.value for stop in self.stops]
         return replace(
             found,
-            gap=np.concatenate([found.gap, gaps]),
-            jacobian=np.concatenate([found.jacobian, self.on_stops]),
-            drift=np.concatenate([found.drift, np.zeros(len(gaps))]),
+            gap=np.concatenate([found.gap, q[self.drives.poses] - value, gaps]),
+            jacobian=np.concatenate([found.jacobian, self.on_joints]),
+            drift=np.concatenate([found.drift, acceleration, np.zeros(len(gaps))]),
         )
+
+    def asked(self, t: float) -> Array:
+        """Rates of all rows (rows,) at a time: none but those of drives."""
+        rate = self.drives.law(min(t, self.last))[1]
+        return np.concatenate([np.zeros(self.tree.rows), rate, np.zeros(len(self.stops))])
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Accelerations (rates,) at a time, in a pose with its rates [SI]."""
         self.evaluations += 1
         if not self.rows:
-            return self.source.acceleration(q, v, self.ctrl(t))
-        terms = self.terms(q, v, self.ctrl(t))
+            return self.source.acceleration(q, v, self.ctrl(min(t, self.last)))
+        terms = self.terms(t, q, v)
         root, closing = self.factors(terms)
         free = root.T @ (root @ (terms.force - terms.bias))
         return np.asarray(free + closing @ (terms.drift - terms.jacobian @ free))
@@ -138,8 +148,8 @@ class Holder:
         closing = (left[:, :rank] / values[:rank]) @ right[:rank]
         return np.asarray(root), np.asarray(root.T @ closing)
 
-    def close(self, q: Array, v: Array, plain: bool = False) -> tuple[Array, Array]:
-        """The nearest closed pose, and the nearest rates that keep it so.
+    def close(self, t: float, q: Array, v: Array, plain: bool = False) -> tuple[Array, Array]:
+        """The nearest closed pose at a time, and the nearest rates that keep it so.
 
         Near is meant in the metric of the mass matrix, or if `plain` in that of the rates.
 
@@ -151,11 +161,11 @@ class Holder:
         if not self.rows:
             return advance(self.tree, q, np.zeros_like(v)), v
         for _ in range(ROUNDS):
-            terms = self.terms(q, v)
+            terms = self.terms(t, q, v)
             inverse = self.closing(terms, plain)
             gap = np.abs(terms.gap).max()
             if gap < CLOSED * max(1.0, self.tree.extent):
-                return q, v - inverse @ (terms.jacobian @ v)
+                return q, v - inverse @ (terms.jacobian @ v - self.asked(t))
             q = advance(self.tree, q, -inverse @ terms.gap)
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
 
@@ -168,11 +178,13 @@ class Holder:
     def slope(self, t: float, y: Array) -> Array:
         """Rate of the state."""
         q, v = y[: self.tree.start.size], y[self.tree.start.size :]
-        bend = self.acceleration(min(t, self.last), q, v)
+        bend = self.acceleration(t, q, v)
         return np.concatenate([pose_rate(self.tree, q, v), bend])
 
-    def start(self) -> tuple[Array, Array, float]:
-        """Closed pose and rates nearest to those of the start, and how far that is open [m or rad].
+    def start(self, t: float = 0.0) -> tuple[Array, Array, float]:
+        """Closed pose and rates at a time, nearest to those of the start.
+
+        And how far that is open [m or rad].
 
         Raises
         ------
@@ -189,7 +201,7 @@ class Holder:
                     f"the equality {name_of_row(tree, int(gaps.argmax()))!r} is open by {gap:.3g} "
                     f"at the start"
                 )
-        q, v = self.close(tree.start, tree.start_rate, plain=True)
+        q, v = self.close(t, tree.start, tree.start_rate, plain=True)
         return q, v, gap
 
 
@@ -199,12 +211,27 @@ def name_of_row(tree: Tree, row: int) -> str:
     return [*names, *(tie.name for tie in tree.ties)][row]
 
 
+def freedoms(tree: Tree, source: Source) -> int:
+    """Degrees of freedom of a tree at its start pose.
+
+    Raises
+    ------
+    CannotAssemble
+        That is open.
+    """
+    q, _, _ = Holder(tree, source).start()
+    return tree.armature.size - int(
+        np.linalg.matrix_rank(source.equalities(q)[1] * tree.sizes, rtol=RANK)
+    )
+
+
 def held_motion(
     tree: Tree,
     source: Source,
     times: Array,
     stops: tuple[Stop, ...] = (),
     controls: ControlsInTime | None = None,
+    drives: Prescribed = UNDRIVEN,
 ) -> HeldMotion:
     """Poses, rates and accelerations of the motion from the start at rising times.
 
@@ -215,17 +242,18 @@ def held_motion(
     NotCovered
         The start is beyond a stop.
     """
-    moving = FreeTree(tree, source, stops, controls)
+    moving = FreeTree(tree, source, stops, controls, drives)
     free = moving.holder(())
-    q, v, gap = free.start()
+    q, v, gap = free.start(float(times[0]))
     free.acceleration(float(times[0]), q, v)  # which finds the rank
     found = follow_stopped(moving, times, q, v)
     evaluations = sum(holder.evaluations for holder in moving.holders.values())
-    return HeldMotion(*found.arrays(), gap, free.rank, evaluations, found)
+    rank = free.rank - drives.rates.size
+    return HeldMotion(*found.arrays(), gap, rank, evaluations, found)
 
 
 class FreeTree:
-    """A tree that moves between its stops, its equalities held."""
+    """A tree that moves between its stops beside its drives, its equalities held."""
 
     def __init__(
         self,
@@ -233,14 +261,18 @@ class FreeTree:
         source: Source,
         stops: tuple[Stop, ...],
         controls: ControlsInTime | None = None,
+        drives: Prescribed = UNDRIVEN,
     ):
-        self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
+        self.tree, self.source, self.controls, self.drives = tree, source, controls, drives
+        self.stops = tuple(stop for stop in stops if stop.rate not in drives.rates)
+        own = controls.breaks if controls else ()
+        self.breaks = tuple(sorted({*drives.breaks, *own}))
         self.holders: dict[tuple[Stop, ...], Holder] = {}
 
     def holder(self, held: tuple[Stop, ...]) -> Holder:
         """What holds the equalities and some joints on their stops."""
         if held not in self.holders:
-            self.holders[held] = Holder(self.tree, self.source, held, self.controls)
+            self.holders[held] = Holder(self.tree, self.source, held, self.controls, self.drives)
         return self.holders[held]
 
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
@@ -249,7 +281,7 @@ class FreeTree:
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """What equalities hold in a state, and what they and stops must do."""
-        terms = self.source.terms(q, v, self.holder(()).ctrl(t))
+        terms = self.holder(()).terms(t, q, v)
         return Balance(terms.jacobian, terms.mass, terms.mass @ a + terms.bias - terms.force)
 
     def steps(
@@ -257,8 +289,7 @@ class FreeTree:
     ) -> Iterator[Step]:
         """The motion from a state on, with some joints resting on their stops."""
         holder, size = self.holder(held), q.size
-        breaks = self.controls.breaks if self.controls else ()
-        for start, stop, last in smooth_pieces(t, end, breaks) if t < end else ():
+        for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
             holder.last = last
             solver = begin(holder, start, q, v, stop)
             while solver.status == "running":
@@ -269,10 +300,11 @@ class FreeTree:
                         raise SingularHere(str(message))
                     yield Step(begun, solver.t, inside(holder, solver, size))
                     if solver.status == "running":
-                        solver.y = np.concatenate(holder.close(solver.y[:size], solver.y[size:]))
+                        y = holder.close(solver.t, solver.y[:size], solver.y[size:])
+                        solver.y = np.concatenate(y)
                         solver.f = holder.slope(solver.t, solver.y)
                     elif stop < end:
-                        q, v = holder.close(solver.y[:size], solver.y[size:])
+                        q, v = holder.close(solver.t, solver.y[:size], solver.y[size:])
                 except (SingularHere, CannotAssemble) as error:
                     raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
 
@@ -283,7 +315,7 @@ def inside(holder: Holder, solver: "DOP853", size: int) -> Callable[[float], Sta
 
     def at(time: float) -> State:
         y = last[1] if time == last[0] else between()(time)
-        q, v = holder.close(y[:size], y[size:])
+        q, v = holder.close(time, y[:size], y[size:])
         return q, v, holder.acceleration(time, q, v)
 
     return at
@@ -300,6 +332,21 @@ SHORTEST = 1e-6
 """Share of a stride below which it is not halved any more."""
 
 
+def driven_joints(tree: Tree, names: tuple[str, ...]) -> tuple[TreeJoint, ...]:
+    """The joints of some names.
+
+    Raises
+    ------
+    NotCovered
+        One is no hinge or slide.
+    """
+    found = tuple(next(j for j in tree.joints if j.name == name) for name in names)
+    for joint in found:
+        if joint.kind not in ("hinge", "slide"):
+            raise NotCovered(f"the driven joint {joint.name!r} is a {joint.kind} joint")
+    return found
+
+
 class Driver:
     """A tree whose driven joints have given values, and that these determine.
 
@@ -313,13 +360,10 @@ class Driver:
 
     def __init__(self, tree: Tree, source: Source, joints: tuple[str, ...]):
         self.tree, self.source, self.evaluations = tree, source, 0
-        driven = [next(j for j in tree.joints if j.name == name) for name in joints]
-        for joint in driven:
-            if joint.kind not in ("hinge", "slide"):
-                raise NotCovered(f"the driven joint {joint.name!r} is a {joint.kind} joint")
+        driven = driven_joints(tree, joints)
         self.places = np.array([joint.pose for joint in driven], np.intp)
         self.dofs = np.array([joint.rate for joint in driven], np.intp)
-        self.sizes = np.where(tree.turns > 0, 1.0, max(tree.extent, 1e-300))
+        self.sizes = tree.sizes
         self.units = np.eye(tree.armature.size)[self.dofs]
         self.still = np.zeros(tree.armature.size)
 
@@ -337,10 +381,7 @@ class Driver:
             left, values, right = np.linalg.svd(rows, full_matrices=False)
             rank = int((values > RANK * values[0]).sum())
             if rank < self.still.size:
-                raise SingularHere(
-                    f"the drives leave {self.still.size - rank} degrees of freedom; drives beside "
-                    f"free ones are not covered"
-                )
+                raise SingularHere(f"the drives leave {self.still.size - rank} degrees of freedom")
             found = (right.T / values) @ left.T
         return np.asarray(self.sizes[:, None] * found)
 
@@ -428,10 +469,8 @@ def driven_motion(
     values: Array,
     rates: Array,
     accelerations: Array,
-) -> tuple[HeldMotion, Array]:
+) -> HeldMotion:
     """The motion at given values, rates and accelerations of the drives, (n, drives) each.
-
-    The second result is the motion of all rates for a unit rate of each drive (n, rates, drives).
 
     Raises
     ------
@@ -447,8 +486,7 @@ def driven_motion(
         inverses.append(inverse)
     parts = [driver.rates(*one) for one in zip(poses, inverses, rates, accelerations, strict=True)]
     v, a = (np.array(part) for part in zip(*parts, strict=True))
-    tangents = np.array([driver.tangent(inverse) for inverse in inverses])
-    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations), tangents
+    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations)
 
 
 def begin(holder: Holder, t: float, q: Array, v: Array, end: float) -> "DOP853":

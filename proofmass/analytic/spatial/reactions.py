@@ -11,6 +11,7 @@ They are determined where no row depends on the others, and tendons pull nowhere
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.mechanism import carried_by
 from proofmass.analytic.spatial.kinematics import TreeMotion, cross3
 from proofmass.analytic.spatial.mechanism import PointLoop, Tree
+from proofmass.analytic.spatial.motion import driven_joints
 from proofmass.analytic.spatial.terms import (
     balances,
     loads_of,
@@ -71,6 +73,13 @@ class Reactions:
         What stops do to the joints [N m or N].
     ctrl : ndarray (n, controls), optional
         By default those of the key [SI].
+
+    Attributes
+    ----------
+    drives : ndarray (n, drives)
+        What the drives must do, without the actuators of their joints [N m or N].
+    unique : bool
+        Whether the motion determines what bodies get from their parents.
     """
 
     def __init__(
@@ -84,16 +93,24 @@ class Reactions:
     ):
         self.tree, self.motion, self.ctrl = tree, motion, ctrl
         needed, rows = asked(tree, state, joints, ctrl)
-        dofs = [joint.rate for joint in tree.joints if joint.name in joints]
+        dofs = [joint.rate for joint in driven_joints(tree, joints)]
         driven = np.eye(needed.shape[1])[dofs]
         driven = np.broadcast_to(driven, (len(needed), *driven.shape))
         across = np.concatenate([rows, driven], axis=1).swapaxes(1, 2)
         sizes = np.linalg.svd(across, compute_uv=False)
-        self.unique = not sizes.size or bool((sizes[:, -1] > RANK * sizes[:, 0]).all())
-        self.unique &= across.shape[2] <= across.shape[1]
-        self.forces = (np.linalg.pinv(across) @ (needed - pushes)[..., None])[..., 0]
-        inertia = motion.turn @ tree.masses[2] @ np.swapaxes(motion.turn, -1, -2)
-        self.balances = balances(tree, motion, inertia)
+        self.unique = determined(tree) and across.shape[2] <= across.shape[1]
+        self.unique &= not sizes.size or bool((sizes[:, -1] > RANK * sizes[:, 0]).all())
+        inverse = np.linalg.pinv(across, rcond=RANK)
+        self.forces = (inverse @ (needed - pushes)[..., None])[..., 0]
+        self.drives = self.forces[:, rows.shape[1] :]
+
+    @cached_property
+    def balances(self) -> tuple[Array, Array]:
+        """What the motion of the bodies asks for, see `proofmass.analytic.spatial.terms`."""
+        turn = self.motion.turn
+        return balances(
+            self.tree, self.motion, turn @ self.tree.masses[2] @ np.swapaxes(turn, -1, -2)
+        )
 
     def on(self, body: int, at: Array) -> tuple[Array, Array]:
         """Force [N] and moment about points `at` [N m] (n, 3) of a body's parent on it."""

@@ -185,6 +185,7 @@ FAST = 0.1  # a step that shortens to this share of the last one needs no new st
 EXACT = 1e-11  # [rad, or extents] what the next step may change where a rest is found
 LEVER = 1e3  # [rad or m per m] a joint moves so much for a gap only next to a limit position
 OFF, BRIEF = 0.3, 1e-3  # of what a tangent promises, and [rad, or extents] beside that
+TURNED = 0.5  # of the longer one: promises ahead and back differ by more across a snap
 SHORTEST = 1e-8  # of a stride, for `Resting.shortest`
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE = "the equilibrium becomes unstable"
@@ -291,7 +292,8 @@ class Resting(Linkage):
             mujoco.mj_integratePos(self.model, self.data.qpos, promised, 1.0)
             try:
                 found = self.follow(begin + (done + share) * way)
-                if self.jumped(pose, promised):
+                same = np.array_equal(side, self.stops.side)
+                if self.jumped(pose, promised, found @ way * share if same else promised):
                     raise Lost("it moved as its tangent did not promise")
                 tangent = found
                 done, share = done + share, min(2.0 * share, longest)
@@ -303,12 +305,19 @@ class Resting(Linkage):
                     raise self.ending(error) from None
         return tangent
 
-    def jumped(self, pose: Array, promised: Array) -> bool:
-        """Whether joints moved from a pose as was not promised: over a snap to another path."""
+    def jumped(self, pose: Array, promised: Array, behind: Array) -> bool:
+        """Whether joints moved from a pose over a snap to another path.
+
+        They moved as was not promised, or the tangent here promises another way, `behind`, from
+        there.
+        """
         moved = np.zeros(self.model.nv)
         mujoco.mj_differentiatePos(self.model, moved, 1.0, pose, self.data.qpos)
         off, size = (np.abs(way / self.reach).max() for way in (moved - promised, promised))
-        return bool(off > OFF * size + BRIEF)
+        ways = np.array([promised, behind]) / self.reach
+        ways[:, self.dofs] = 0.0
+        apart, longer = np.abs(ways[1] - ways[0]).max(), np.abs(ways).max()
+        return bool(off > OFF * size + BRIEF or (apart > TURNED * longer and longer > BRIEF))
 
     def together(self, values: Array, tangent: Array | None) -> None:
         """None: a rest is followed one pose after the other, since it may end."""

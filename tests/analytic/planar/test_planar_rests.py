@@ -370,3 +370,24 @@ def test_random_chains_rest_where_mujoco_has_them(tmp_path):
             assert off < 1e-8 * max(1.0, np.abs(known[name]).max()), (seed, name)
     assert compared > 5
     assert ended > 2
+
+
+PASSED = (572, 590, 633)
+"""Chains whose snap Newton's method passes from some samples: it comes to another path of rests."""
+
+
+@pytest.mark.parametrize("seed", PASSED)
+def test_a_snap_ends_a_path_wherever_the_samples_are(tmp_path, seed):
+    """The joints stop short of the tangent there, or move on as slowly as before the fold."""
+    file = tmp_path / "chain.xml"
+    file.write_text(chain(seed))
+    model, ends = mujoco.MjModel.from_xml_path(str(file)), list[float]()
+    for n in (13, 61, 241):
+        x = np.linspace(0.0, 3.0, n)
+        with pytest.raises(Unstable) as told:
+            planar.solve(x, model=model, joints=("j0",))
+        found = in_mujoco(file, Run("sweep", x, ("j1",), (Drive("j0", bar),)))
+        assert found.stopped.startswith("the equilibrium becomes unstable beyond j0 = ")
+        ends += [float(found.stopped.split()[-1])]
+        ends += [float(place) for place in re.findall(r"drives at ([\d.]+)", str(told.value))]
+    assert ends == pytest.approx([ends[0]] * 6, abs=2e-5)

@@ -230,13 +230,6 @@ def test_a_universal_joint_is_that_of_its_closed_form():
     np.testing.assert_allclose(curves["moment"], 0.02 * change * pace, rtol=0, atol=1e-7)
 
 
-def test_drives_that_leave_freedoms_are_refused():
-    model = compiled("bricard")
-    model.eq_active0[:] = 0
-    with pytest.raises(ValueError, match="the drives leave 4 degrees of freedom"):
-        spatial.solve([0.0, 0.1], model=model, joints=("h1",), terms=SmoothTerms(model))
-
-
 def test_a_driven_spatial_slider_crank_keeps_its_geometry():
     model = compiled("slider_crank_spatial")
     crank = 2 * np.pi * np.arange(128) / 128

@@ -14,7 +14,7 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial import terms as own
 from proofmass.analytic.spatial.kinematics import advance
 from proofmass.analytic.spatial.mechanism import Tree, read_tree
-from proofmass.analytic.spatial.terms import NAMES, OwnTerms, Terms, own_terms
+from proofmass.analytic.spatial.terms import NAMES, OwnTerms, Source, Terms, own_terms
 from proofmass.analytic.spatial.witness import TermsDiffer, bear_witness
 from proofmass.errors import InputError
 from proofmass.reference import facts
@@ -158,11 +158,17 @@ def of_mujoco(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.zeros(1)
 
 
+def free(model: mujoco.MjModel, source: Source, times: np.ndarray) -> spatial.Followed:
+    """Its free motion with the terms of a source."""
+    tree, _ = spatial.sources(model, "start", source)
+    return spatial.moved_in_time(tree, source, (), (), times, (), None)
+
+
 def test_the_witness_agrees_with_mujoco():
     model = mujoco.MjModel.from_xml_string(SWINGING)
     times, source = np.linspace(0.0, 0.2, 5), SmoothTerms(model)
     spatial.solve(times, model=model, terms=source)
-    seen = spatial.follow(*spatial.sources(model, "start", source), tuple(times)).witnessed
+    seen = free(model, source, times).witnessed
     assert seen.states == 5
     assert seen.difference < 1e-13
 
@@ -207,9 +213,8 @@ def test_the_witness_notices_a_gyroscopic_term_that_is_missing_or_turned(sign, m
 def test_the_equalities_hold_along_a_motion_and_their_forces_do_no_work():
     """Constraint forces Jᵀλ = M a + h - Q have no power on the motion."""
     model = mujoco.MjModel.from_xml_string(SWINGING)
-    tree, source = spatial.sources(model, "start", SmoothTerms(model))
-    held = spatial.follow(tree, source, tuple(np.linspace(0.0, 0.3, 7))).held
-    found = own_terms(tree, held.q, held.v)
+    held = free(model, SmoothTerms(model), np.linspace(0.0, 0.3, 7)).held
+    found = own_terms(read_tree(model, "start"), held.q, held.v)
     assert np.abs(found.gap).max() < 1e-13
     assert np.abs(np.einsum("nkr,nr->nk", found.jacobian, held.v)).max() < 1e-13
     force = np.einsum("nij,nj->ni", found.mass, held.a) + found.bias - found.force
@@ -265,9 +270,9 @@ def test_a_start_pose_that_is_open_is_refused_and_named():
 
 
 def test_own_terms_alone_give_the_same_motion():
-    model, times = mujoco.MjModel.from_xml_string(SWINGING), [0.0, 0.02, 0.04]
+    model, times = mujoco.MjModel.from_xml_string(SWINGING), np.array([0.0, 0.02, 0.04])
     one, two = (
-        spatial.follow(*spatial.sources(model, "start", source), tuple(times)).held
+        free(model, source, times).held
         for source in (SmoothTerms(model), OwnTerms(read_tree(model, "start")))
     )
     np.testing.assert_allclose(one.q, two.q, rtol=0, atol=1e-13)

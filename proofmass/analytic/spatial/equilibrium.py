@@ -1,0 +1,125 @@
+"""What `proofmass.analytic.equilibrium` asks of a tree in space whose drives leave freedoms."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from proofmass.analytic.numerics import Array, CannotAssemble, Index
+from proofmass.analytic.spatial.kinematics import unit
+from proofmass.analytic.spatial.mechanism import Tree, TreeJoint, product
+from proofmass.analytic.spatial.motion import CLOSED, ROUNDS, Holder
+from proofmass.analytic.spatial.terms import OwnTerms, own_terms
+from proofmass.analytic.stops import Stop, ends
+
+
+@dataclass(frozen=True)
+class TreeAtRest:
+    """A tree at rest beside its drives.
+
+    Attributes
+    ----------
+    tree : Tree
+    driven_joints : tuple of TreeJoint
+        Whose actuators do not act.
+    """
+
+    tree: Tree
+    driven_joints: tuple[TreeJoint, ...]
+
+    @property
+    def sizes(self) -> Array:
+        """What its rates are measured in (rates,): 1 rad, or the extent of the model [m]."""
+        return self.tree.sizes
+
+    @cached_property
+    def driven(self) -> Index:
+        """Where the drives stand in the rates (drives,)."""
+        return np.array([joint.rate for joint in self.driven_joints], np.intp)
+
+    @cached_property
+    def places(self) -> Index:
+        """Where the drives stand in a pose (drives,)."""
+        return np.array([joint.pose for joint in self.driven_joints], np.intp)
+
+    @cached_property
+    def stops(self) -> tuple[Stop, ...]:
+        """Of the joints that the drives leave."""
+        return tuple(
+            stop
+            for joint in self.tree.joints
+            if joint.kind in ("hinge", "slide") and joint not in self.driven_joints
+            for stop in ends(
+                joint.name, joint.range, joint.pose, joint.rate, float(self.sizes[joint.rate])
+            )
+        )
+
+    @cached_property
+    def loaded(self) -> Tree:
+        """The tree without the actuators of driven joints."""
+        others = (one for one in self.tree.actuators if one.rate not in self.driven)
+        return replace(self.tree, actuators=tuple(others))
+
+    @cached_property
+    def row_sizes(self) -> Array:
+        """What the gaps of the equalities are measured in (rows,) [rad or m]."""
+        tree, size = self.tree, max(self.tree.extent, 1e-300)
+        ties = [
+            size if tie.tendons else float(self.sizes[tree.joints[tie.one].rate])
+            for tie in tree.ties
+        ]
+        return np.array([size] * (tree.rows - len(ties)) + ties)
+
+    @cached_property
+    def closed(self) -> tuple[Array, float]:
+        """The start pose (poses,) with its equalities closed, and how far they were open."""
+        q, _, gap = Holder(self.tree, OwnTerms(self.tree)).start()
+        return q, gap
+
+    def begin(self, values: Array) -> Array:
+        """The closed pose (poses,) next to the start, with the drives at values (drives,).
+
+        Raises
+        ------
+        CannotAssemble
+            The equalities stay open.
+        """
+        q = self.closed[0][None]
+        units = np.eye(self.sizes.size)[self.driven]
+        for _ in range(ROUNDS):
+            found = own_terms(self.loaded, q, np.zeros((1, self.sizes.size)))
+            missed = self.values(q)[0] - values
+            gap = np.concatenate([found.gap[0], missed])
+            if np.abs(gap).max() < CLOSED * max(1.0, self.tree.extent):
+                return np.asarray(q[0])
+            rows = np.vstack([found.jacobian[0], units]) * self.sizes
+            q = self.moved(q, -self.sizes * np.linalg.lstsq(rows, gap)[0][None])
+        raise CannotAssemble(
+            f"the equalities stay open by {np.abs(gap).max():.3g} with the drives at "
+            f"{', '.join(f'{value:.6g}' for value in values)}"
+        )
+
+    def moved(self, q: Array, way: Array) -> Array:
+        """The poses (n, poses) at the ends of ways (n, rates), in which balls turn evenly."""
+        found, (places, rates) = q.copy(), self.tree.scalars
+        found[:, places] += way[:, rates]
+        for at, dof in self.tree.quaternions:
+            turn = way[:, dof : dof + 3]
+            angle = np.linalg.norm(turn, axis=1, keepdims=True)
+            half = np.sinc(angle / (2 * np.pi)) / 2 * turn
+            turned = np.concatenate([np.cos(angle / 2), half], axis=1)
+            found[:, at : at + 4] = unit(product(q[:, at : at + 4], turned))
+        return found
+
+    def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:
+        """Forces on the rates (n, rates) at poses q (n, poses), and the rows of the equalities.
+
+        And how far these are open (n, rows) [rad, or sizes].
+        """
+        found = own_terms(self.loaded, q, np.zeros((len(q), self.sizes.size)), ctrl)
+        rows = found.jacobian / self.row_sizes[:, None]
+        return found.force - found.bias, rows, found.gap / self.row_sizes
+
+    def values(self, q: Array) -> Array:
+        """Values of the drives (n, drives) [rad or m]."""
+        return q[:, self.places]

@@ -1,0 +1,353 @@
+"""What drives leave in space: at rest on springs, weights, loads and stops, or moving in time."""
+
+import copy
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from proofmass.analytic import planar, spatial
+from proofmass.analytic.equilibrium import Unstable
+from proofmass.analytic.numerics import NotCovered
+from proofmass.check import check
+from proofmass.reference import compiled
+from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.engine import simulate as in_mujoco
+from proofmass.sim.protocol import ChangingLoad, Drive, Run
+from proofmass.sim.smooth import SmoothTerms
+from proofmass.solve import plan
+from tests.analytic.planar.test_planar_rests import ANGLES, bar, chain, limbs
+from tests.shipped import shipped
+
+ARM = """<mujoco><compiler angle="radian"/><option gravity="0.5 0.3 -9.81" integrator="RK4"
+  timestep="5e-4">
+  <flag contact="disable" energy="enable"/></option><worldbody><site name="ground" pos="0 .3 1"/>
+  <body name="arm" pos="0 0 1"><joint name="arm" axis="0 .2 1"/>
+    <inertial pos=".3 0 0" mass="1" diaginertia=".1 .1 .1"/>
+    <body name="two" pos=".6 0 0"><joint name="ball" type="ball" stiffness="30" damping=".1"/>
+      <inertial pos=".2 .05 0" mass=".7" diaginertia=".02 .03 .04"/>
+      <body name="three" pos=".4 0 0">
+        <joint name="hinge" axis="0 1 .3" stiffness="15" springref=".2" {hinge}/>
+        <joint name="slide" type="slide" axis="1 0 .2" stiffness="200" {slide}/>
+        <inertial pos=".1 0 .1" mass=".4" diaginertia=".01 .01 .01"/>
+        <site name="end" pos=".2 .1 0"/></body></body></body></worldbody>
+  <tendon><spatial name="cord" stiffness="12" springlength=".1 .3"><site site="ground"/>
+    <site site="end"/></spatial></tendon>
+  <actuator><motor name="drive" joint="arm"/>
+    <motor name="pull" site="end" gear="1 .5 -.3 .1 .2 0"/></actuator>
+  <sensor><actuatorfrc name="moment" actuator="drive"/><e_potential name="level"/>
+    <jointpos name="hinge" joint="hinge"/><jointpos name="slide" joint="slide"/>
+    <jointvel name="hinge_rate" joint="hinge"/><framequat name="turn" objtype="site" objname="end"/>
+    <framepos name="end" objtype="site" objname="end"/>
+    <framelinvel name="velocity" objtype="site" objname="end"/>
+    <framelinacc name="acceleration" objtype="site" objname="end"/>
+    <frameangvel name="spin" objtype="site" objname="end"/></sensor>
+  <keyframe><key name="start" qpos="0 1 0 0 0 0 0" ctrl="0 {pull}"/></keyframe></mujoco>"""
+
+
+def arm(folder: Path, hinge: str = "", slide: str = "", pull: float = 1.0) -> Path:
+    """A driven arm with a ball, a hinge and a slide on springs, a cord and a load that follows."""
+    file = folder / f"arm{len(list(folder.iterdir()))}.xml"
+    file.write_text(ARM.format(hinge=hinge, slide=slide, pull=pull))
+    return file
+
+
+def rests(file: Path, angles: np.ndarray = ANGLES, **more: object) -> dict[str, np.ndarray]:
+    """The reference of its sweep."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    return spatial.solve(angles, model=model, joints=("arm",), **more)
+
+
+STOPS = ('range="-.9 .28" limited="true"', 'range="-.04 .1" limited="true"')
+
+
+@pytest.mark.parametrize("stops", [False, True])
+def test_mujoco_rests_there(tmp_path, stops):
+    """Balls, tendons, loads and stops that joints come to and leave; rates as well."""
+    file = arm(tmp_path, *(STOPS if stops else ()))
+    known = rests(file)
+    on = [np.isclose(known[name], end).sum() for name, end in (("hinge", 0.28), ("slide", -0.04))]
+    assert [0 < count < ANGLES.size for count in on] == [stops, stops]
+    names = tuple(name for name in known if "acceleration" not in name)
+    found = in_mujoco(file, Run("sweep", ANGLES, names, (Drive("arm", bar),)))
+    assert not found.stopped
+    for name in names:
+        error = 1e-10 if name.split(".")[0] in ("hinge_rate", "velocity", "spin") else 1e-11
+        assert np.abs(found.channels[name] - known[name]).max() < error, name
+    assert np.isnan(known["acceleration.x"]).all()
+    assert np.ptp(known["turn.y"]) > 0.1
+
+
+def test_the_drive_does_the_work_of_the_energy(tmp_path):
+    """Its moment is the slope of the energy of springs and weights, without a load."""
+    file, step = arm(tmp_path, pull=0.0), 1e-4
+    for angle in (0.5, 2.0, 3.5):
+        found = rests(file, np.array([angle - step, angle, angle + step]))
+        slope = (found["level"][2] - found["level"][0]) / (2 * step)
+        assert found["moment"][1] == pytest.approx(slope, abs=1e-6)
+    assert abs(slope) > 0.1
+
+
+def test_rates_are_those_of_the_path(tmp_path):
+    step, file = 1e-4, arm(tmp_path)
+    found = rests(file, np.array([1.0 - step, 1.0, 1.0 + step]))
+    for name, rate in (("hinge", "hinge_rate"), ("end.x", "velocity.x"), ("end.z", "velocity.z")):
+        slope = (found[name][2] - found[name][0]) / (2 * step)
+        assert found[rate][1] == pytest.approx(slope, abs=1e-7)
+
+
+def test_a_load_that_changes_moves_the_rest(tmp_path):
+    """Values and rates are MuJoCo's."""
+    file = arm(tmp_path)
+
+    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return 0.5 * t**2, t, np.ones_like(t)
+
+    size, rate, _ = law(ANGLES)
+    known = rests(file, controls={"pull": size}, control_rates={"pull": rate})
+    names = ("hinge", "hinge_rate", "velocity.x", "velocity.z", "moment")
+    load = (ChangingLoad("pull", law),)
+    run = Run("sweep", ANGLES, names, (Drive("arm", bar),), loads=load)
+    found = in_mujoco(file, run).channels
+    assert np.abs(known["hinge_rate"] - rests(file)["hinge_rate"]).max() > 0.02
+    for name in names:
+        assert np.abs(found[name] - known[name]).max() < 1e-9
+
+
+@pytest.mark.parametrize("ranges", [(), ('limited="true" range="-1 .1"',)])
+def test_in_a_plane_they_are_those_of_the_planar_reference(tmp_path, ranges):
+    model = mujoco.MjModel.from_xml_path(str(limbs(tmp_path, *ranges)))
+    one, two = (part.solve(ANGLES, model=model, joints=("bar",)) for part in (planar, spatial))
+    assert (np.isclose(one["two"], 0.1).any()) == bool(ranges)
+    for name in ("two", "three", "two_rate", "three_rate", "end.x", "velocity.y", "moment"):
+        np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-11)
+
+
+def test_rows_that_repeat_what_others_hold_are_no_hindrance():
+    """A `connect` of a planar linkage holds the plane's normal twice; a load that changes."""
+    case = load_case(shipped("finger.toml"))
+    run, model = plan(case, "sweep", "mujoco"), compiled(case)
+    state = tuple(part[0] for part in run.motion(run.x))
+    controls, rates = ({"contact": part[0]} for part in run.controls(run.x))
+    given = {"model": model, "joints": ("driver",), "controls": controls, "control_rates": rates}
+    one, two = (part.solve(*state, **given) for part in (planar, spatial))
+    for name in case.channels:
+        np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-11)
+
+
+def test_random_chains_are_those_of_the_planar_reference():
+    """Slack springs, ranges and loads; both end where the rest becomes unstable."""
+    x, ended = np.linspace(0.0, 3.0, 13), 0
+    for seed in (2, 3, 129):
+        model, told = mujoco.MjModel.from_xml_string(chain(seed)), []
+        for part in (planar, spatial):
+            try:
+                told.append(part.solve(x, model=model, joints=("j0",)))
+            except Unstable as error:
+                told.append(str(error))
+        one, two = told
+        if isinstance(one, str):
+            ended += 1
+            assert one == two
+            continue
+        for name in one.keys() & two.keys():
+            np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-9)
+    assert 0 < ended < 3
+
+
+def test_the_wrist_yields_about_its_compliance_centre():
+    """Six springs n at places p have the stiffness k Σ w wᵀ, w = (n, p x n), about a point.
+
+    Where it does not couple a push along x with a turn about y lies the compliance centre: the tip
+    of the peg.  Held there, the peg turns about x with the square of the way, and about y with the
+    cube.
+    """
+    model = compiled(load_case(shipped("compliant_wrist.toml")))
+    model.opt.gravity[:] = 0.0
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    ends = [data.site(f"{part}_{k}").xpos for part in ("flange", "plate") for k in range(1, 7)]
+    above, below = np.array(ends[:6]), np.array(ends[6:])
+    along = (above - below) / np.linalg.norm(above - below, axis=1)[:, None]
+    rows = np.hstack([along, np.cross(below, along)])  # about the tip, at the origin
+    stiffness = model.tendon_stiffness[0] * rows.T @ rows
+    assert abs(stiffness[0, 4]) < 1e-9 * np.abs(stiffness[:3, :3]).max()
+    assert (
+        abs(model.tendon_lengthspring[:, 0] - np.linalg.norm(above - below, axis=1)).max() < 1e-13
+    )
+    ways = np.array([-2e-4, -1e-4, 0.0, 1e-4, 2e-4])
+    found = spatial.solve(ways, model=model, joints=("hand",))
+    for name, power in (("axis.x", 3), ("axis.y", 2)):
+        assert found[name][4] / found[name][3] == pytest.approx(2.0**power, rel=1e-3)
+        assert abs(found[name][3]) < 1e-2 * 1e-4 / 0.035
+    slope = (found["force"][3] - found["force"][1]) / 2e-4
+    assert slope == pytest.approx(stiffness[0, 0], rel=1e-5)
+    model = copy.copy(model)
+    model.tendon_stiffness[:2] *= 2.0  # springs that are no longer alike: the centre is elsewhere
+    found = spatial.solve(ways, model=model, joints=("hand",))
+    assert found["axis.x"][4] / found["axis.x"][3] == pytest.approx(2.0, rel=1e-2)
+
+
+def test_what_is_not_covered_is_named(tmp_path):
+    with pytest.raises(NotCovered, match="a path of rests has no inertia"):
+        rests(arm(tmp_path), inertia=True)
+    text = ARM.format(hinge="", slide="", pull=0.0).replace('stiffness="200"', "")
+    model = mujoco.MjModel.from_xml_string(text.replace('stiffness="12"', ""))
+    model.opt.gravity[:] = 0.0
+    with pytest.raises(Unstable, match="the start pose comes to no stable rest"):
+        spatial.solve([0.0, 0.1], model=model, joints=("arm",))
+
+
+CRANE = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"><flag contact="disable"/>
+  </option><worldbody><body name="jib"><joint name="slew" axis="0 0 1"/>
+    <inertial pos="1 0 0" mass="3" diaginertia="1 1 1"/>
+    <body name="rope" pos="2 0 0"><joint name="rope" type="ball"/>
+      <inertial pos="0 0 -1.5" mass="1" diaginertia=".01 .01 .01"/>
+      <site name="load" pos="0 0 -1.5"/></body></body></worldbody>
+  <actuator><motor name="drive" joint="slew"/></actuator>
+  <sensor><framepos name="load" objtype="site" objname="load"/>
+    <framelinacc name="acceleration" objtype="site" objname="load"/>
+    <actuatorfrc name="moment" actuator="drive"/></sensor>
+  <keyframe><key name="start" qpos="0 1 0 0 0"/></keyframe></mujoco>"""
+
+
+def test_a_load_that_goes_round_with_its_crane_stands_out():
+    """tan(angle) = rate² (jib + rope sin(angle)) / g, and the drive does nothing."""
+    rate, model = 1.3, mujoco.MjModel.from_xml_string(CRANE)
+    angle = 0.5
+    for _ in range(200):
+        angle = np.arctan(rate**2 * (2.0 + 1.5 * np.sin(angle)) / 9.81)
+    model.key_qpos[0, 1:] = np.cos(angle / 2), 0.0, -np.sin(angle / 2), 0.0
+    model.key_qvel[0, :] = rate, 0.0, 0.0, 0.0  # the rope goes round with the jib
+    times = np.linspace(0.0, 3.0, 31)
+
+    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return rate * t, np.full_like(t, rate), np.zeros_like(t)
+
+    found = spatial.solve(*law(times), model=model, joints=("slew",), in_time=(times, (law,)))
+    away = 2.0 + 1.5 * np.sin(angle)
+    np.testing.assert_allclose(found["load.x"], away * np.cos(rate * times), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found["load.z"], -1.5 * np.cos(angle), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found["moment"], 0.0, rtol=0, atol=1e-9)
+
+
+def test_the_load_of_the_crane_is_a_point_mass_on_a_rope():
+    """In Cartesian coordinates, with l = r - p from the trolley's place p and the length L::
+
+    r'' = g - (|l'|² + l·(g - p'')) / L² l
+    """
+    case = load_case(shipped("tower_crane.toml"))
+    times = np.linspace(0.0, 12.0, 25)
+    slew, run = (drive.law for drive in plan(case, "dynamics", "mujoco").drives)
+    gravity = np.array([0.0, 0.0, -9.81])
+
+    def trolley(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        (turn, rate, bend), (x, speed, push) = (law(np.array(t)) for law in (slew, run))
+        out = np.exp(1j * turn)
+        parts = x, speed + 1j * x * rate, push + 2j * speed * rate + x * (1j * bend - rate**2)
+        flat = [complex(part * out) for part in parts]
+        heights = 40.0, 0.0, 0.0
+        return tuple(np.array([f.real, f.imag, z]) for f, z in zip(flat, heights, strict=True))
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        place, velocity, acceleration = trolley(t)
+        rope, pace = y[:3] - place, y[3:] - velocity
+        pull = (pace @ pace + rope @ (gravity - acceleration)) / (rope @ rope)
+        return np.concatenate([y[3:], gravity - pull * rope])
+
+    begin = np.concatenate([trolley(0.0)[0] - [0.0, 0.0, 25.0], np.zeros(3)])
+    known = solve_ivp(slope, (0, 12), begin, "DOP853", times, rtol=1e-12, atol=1e-12).y
+    joints = tuple(drive.joint for drive in case.drive)
+    state = [np.array([law(times)[k] for law in (slew, run)]) for k in range(3)]
+    in_time, model = (times, (slew, run)), compiled(case)
+    found = spatial.solve(
+        *state,
+        model=model,
+        joints=joints,
+        inertia=True,
+        in_time=in_time,
+        terms=SmoothTerms(model),
+    )
+    for k, part in enumerate("xyz"):
+        np.testing.assert_allclose(found[f"load.{part}"], known[k], rtol=0, atol=1e-8)
+    assert np.ptp(found["load.z"]) > 0.05
+    place, _, _ = trolley(6.0)
+    assert np.linalg.norm(known[:3, 12] - place) == pytest.approx(25.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("stop", ["", 'range="-.4 .45" limited="true" solreflimit="0.01 1"'])
+def test_beside_drives_in_a_plane_it_is_the_planar_motion(stop):
+    """Of a driven cart with a double pendulum, one with a stop on which it bounces or rests."""
+    text = shipped("driven_cart.xml").read_text(encoding="utf-8")
+    joint = '<joint name="upper"'
+    assert text.count(joint) == 1
+    model = mujoco.MjModel.from_xml_string(text.replace(joint, f"{joint} {stop}"))
+    case = load_case(shipped("driven_cart.toml"))
+    run, times = plan(case, "dynamics", "mujoco"), np.linspace(0.0, 1.2, 25)
+    (law,) = (drive.law for drive in run.drives)
+    state = law(times)
+    given = {
+        "model": model,
+        "start": case.start,
+        "joints": tuple(drive.joint for drive in run.drives),
+        "inertia": True,
+        "in_time": (times, (law,)),
+    }
+    one = planar.solve(*state, **given)
+    two = spatial.solve(*state, **given, terms=SmoothTerms(model))
+    assert len(one.keys() & two.keys()) > 5
+    for name in one.keys() & two.keys():
+        np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-9, err_msg=name)
+
+
+def test_a_spatial_motion_beside_a_drive_is_what_mujoco_comes_to(tmp_path):
+    """Its error falls with the third power of the step at least, moments of the drive as well."""
+    file, times = arm(tmp_path), np.linspace(0.0, 0.3, 7)
+    model = mujoco.MjModel.from_xml_path(str(file))
+
+    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return 0.5 * np.sin(2 * t), np.cos(2 * t), -2 * np.sin(2 * t)
+
+    given = {"joints": ("arm",), "in_time": (times, (law,)), "inertia": True}
+    known = spatial.solve(*law(times), model=model, terms=SmoothTerms(model), **given)
+    names = ("hinge", "slide", "end.x", "end.z", "turn.y", "spin.z", "moment")
+    errors = []
+    for step in (1e-3, 5e-4):
+        settings = {"timestep": step, "integrator": "RK4"}
+        run = Run("dynamics", times, names, (Drive("arm", law),), settings=settings)
+        found = in_mujoco(file, run).channels
+        errors.append([np.abs(found[name] - known[name]).max() for name in names])
+    assert max(errors[1]) < 1e-5
+    assert (np.array(errors[1]) < np.array(errors[0]) / 4).all()
+
+
+SIDECAR = """title = "Arm"
+source = "of the tests"
+reference = "spatial"
+drive = { joint = "arm", from = 0.0, to = 3.0, rate = 1.0 }
+run.sweep = { n = 16, solvers = ["mujoco"] }
+run.dynamics = { solvers = ["mujoco"], n = 11 }
+[channels]
+moment = { unit = "N m" }
+"acceleration.x" = { unit = "m/s^2" }
+hinge = { unit = "rad" }
+hinge_rate = { unit = "rad/s" }
+"""
+
+
+def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
+    arm(tmp_path, pull=0.0).rename(tmp_path / "arm.xml")
+    (tmp_path / "arm.toml").write_text(SIDECAR)
+    case = load_case(tmp_path / "arm.toml")
+    shares = [
+        case.tolerance_for("sweep", "mujoco", name).relative_to_range
+        for name in ("hinge", "hinge_rate")
+    ]
+    assert shares == [1e-12, 1e-10]  # with differences of forces in it
+    outcomes = {(c.run, c.channel): c.outcome for c in check([tmp_path]).comparisons}
+    assert [outcomes["sweep", name] for name in ("moment", "hinge", "hinge_rate")] == ["agrees"] * 3
+    assert outcomes["sweep", "acceleration.x"] == "unsupported"
+    assert outcomes["dynamics", "hinge"] == "agrees"
