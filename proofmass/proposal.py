@@ -2,7 +2,8 @@
 
 The reference is the general planar solver, if it covers the model.  It tells how many degrees of
 freedom that has and how far each joint can be driven; where one is left, the best of them is the
-drive, where there are more the mechanism is let go.  Another model is let go as well: with the
+drive.  Where there are more and springs hold what the one joint with an actuator leaves, that joint
+is driven in a sweep; else the mechanism is let go.  Another model is let go as well: with the
 reference for motions in space if that covers it, and else with the model's own equations, solved
 closely, as far as its motion is known.
 
@@ -12,6 +13,7 @@ its engine's tolerance gets a finer step.
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
@@ -22,7 +24,7 @@ import numpy as np
 from mujoco import MjModel
 
 from proofmass.analytic import spatial
-from proofmass.analytic.planar import Branch, read
+from proofmass.analytic.planar import Branch, Mechanism, read, solve
 from proofmass.analytic.planar.kinematics import freedoms, nearest
 from proofmass.analytic.planar.mechanism import refuse_actuators, refuse_contacts
 from proofmass.check import SAMPLES, run_one
@@ -45,6 +47,7 @@ LOOKING = 240.0
 TURN = 2 * pi
 SHARE = 0.9  # of the way that a joint can be driven, so that no limit position is met
 LEAST = 0.01  # of a turn, or of the mechanism's size: a drive that goes no further shows nothing
+SHARES = 1.0, 0.5, 0.25, 0.1, 0.05  # of a way that are tried where springs hold what a drive leaves
 LET_GO = 1.0  # s, of a free motion
 ROUNDED = 1e-12
 """Share of a curve's range that its proposed tolerance allows at least: another machine's rounding,
@@ -150,9 +153,14 @@ class Look:
     why: str = ""
 
     @property
-    def driven(self) -> bool:
-        """Whether one joint is driven, and the others follow."""
+    def determined(self) -> bool:
+        """Whether a drive determines the motion, which engines follow as closely as they say."""
         return self.reference == "planar" and self.freedoms == 1
+
+    @property
+    def driven(self) -> bool:
+        """Whether one joint is driven, and the others follow it, or springs hold them."""
+        return self.determined or bool(self.reaches)
 
 
 def look_at(path: Path) -> Look:
@@ -179,24 +187,48 @@ def look_at(path: Path) -> Look:
         return look_in_space(path, model, start, str(error))
     motors = {joint_of(model, a) for a in range(model.nactuator)}
     reaches = []
-    for j, joint in enumerate(mechanism.joints if free == 1 else ()):
+    held = free > 1 and len(motors - {-1}) == 1 and springs_hold(mechanism)
+    for j, joint in enumerate(mechanism.joints):
+        if not joint.name or (free > 1 and not (held and j in motors)):
+            continue
         at, unit = float(pose[j]), TURN if joint.hinge else mechanism.size
         low, high = joint.range
         try:
             refuse_actuators(model, (joint.name,))
             below, above = (
-                float(Branch(mechanism, (joint.name,)).walk(np.array([[end]]))[0].q[-1, j])
+                rests_until(model, start, joint.name, at, end)
+                if held
+                else float(Branch(mechanism, (joint.name,)).walk(np.array([[end]]))[0].q[-1, j])
                 for end in (max(at - unit, low), min(at + unit, high))
             )
         except ValueError:  # the others do not follow it, or have servos that are not covered
             continue
         share = max(at - below, above - at) / unit
-        if joint.name and share > LEAST:
+        if share > LEAST:
             turns = joint.hinge and above - at > TURN * (1 - 1e-9)
             grounded = bool(model.body_parentid[model.jnt_bodyid[j]] == 0)
             reaches.append(Reach(joint.name, at, below, above, share, turns, j in motors, grounded))
     reaches.sort(key=lambda one: one.rank, reverse=True)
     return look_of(model, start, free, tuple(reaches))
+
+
+def springs_hold(mechanism: Mechanism) -> bool:
+    """Whether springs act, so that what a drive leaves may rest on them."""
+    m = mechanism
+    stiff = [(one.stiffness, one.stiffness_poly) for one in m.joints]
+    stiff += [(one.stiffness, one.stiffness_poly) for one in m.point_springs]
+    stiff += [(one.stiffness, one.stiffness_poly) for one in m.sum_springs]
+    return any(one or any(more) for one, more in stiff)
+
+
+def rests_until(model: MjModel, start: str, joint: str, at: float, end: float) -> float:
+    """How far a joint can be driven towards an end while springs hold the others at rest."""
+    for share in SHARES:
+        last = at + share * (end - at)
+        with suppress(ValueError):
+            solve(np.linspace(at, last, SAMPLES), model=model, start=start, joints=(joint,))
+            return last
+    return at
 
 
 def look_of(model: MjModel, start: str, freedoms: int, reaches: tuple[Reach, ...] = ()) -> Look:
@@ -343,17 +375,29 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
             raise InputError(own, "", "it is there already; give another name")
         write_whole(own, with_sensors(model, more))
         model, written = own, [sidecar, own]
-    there = list(default_engines())
-    kinds: list[Kind] = ["sweep", "dynamics"] if look.driven else ["dynamics"]
-    proposal = Proposal(name, model.name, look, dict.fromkeys(kinds, there))
-    proposal.told.append(found_in(look))
     try:
-        measure(proposal, sidecar)
+        try:
+            told = proposed(name, model, look, sidecar)
+        except InputError:
+            if not look.driven or look.determined:
+                raise
+            told = proposed(name, model, replace(look, reaches=()), sidecar)  # no engine rests
     except BaseException:
         for file in written:
             file.unlink(missing_ok=True)
         raise
-    return written, proposal.told
+    return written, told
+
+
+def proposed(name: str, model: Path, look: Look, sidecar: Path) -> list[str]:
+    """Write the sidecar that a look at a model leads to, and tell what was found."""
+    kinds: list[Kind] = ["dynamics"]
+    if look.driven:
+        kinds = ["sweep", "dynamics"] if look.determined else ["sweep"]
+    proposal = Proposal(name, model.name, look, {kind: list(default_engines()) for kind in kinds})
+    proposal.told.append(found_in(look))
+    measure(proposal, sidecar)
+    return proposal.told
 
 
 def found_in(look: Look) -> str:
@@ -367,6 +411,11 @@ def found_in(look: Look) -> str:
         )
     best = look.reaches[0]
     turns = "turns once" if best.turns else f"goes {SHARE:.0%} of its way to a limit"
+    if not look.determined:
+        return (
+            f"It has {look.freedoms} degrees of freedom; joint {best.joint!r} is driven, as its "
+            f"actuator does, and {turns}. Springs hold the others at rest."
+        )
     return f"It has one degree of freedom; joint {best.joint!r} drives it and {turns}."
 
 
@@ -399,7 +448,7 @@ def with_sensors(model: Path, more: list[str]) -> str:
 def measure(proposal: Proposal, sidecar: Path) -> None:
     """Run what is proposed, leave out what no engine covers, and write the sidecar.
 
-    A free motion has tolerances only by what was measured.
+    What a drive does not determine has tolerances only by what was measured.
     """
     for kind in list(proposal.runs):
         for solver in list(proposal.runs[kind]):
@@ -416,8 +465,8 @@ def measure(proposal: Proposal, sidecar: Path) -> None:
                     ) from None
                 continue
             proposal.told.append(f"{kind}, {solver}: {worst(found)}")
-            if not proposal.look.driven:
-                proposal.tolerances += measured_tolerance(solver, found)
+            if not proposal.look.determined:
+                proposal.tolerances += measured_tolerance(kind, solver, found)
     write_whole(sidecar, proposal.text())
 
 
@@ -442,7 +491,7 @@ def worst(found: list[Comparison]) -> str:
         return f"{found[0].outcome}: {found[0].message}"
     far = max(errors, key=lambda c: c.nrmse if isnan(c.allowed) else c.error_max / c.allowed)
     said = f"largest error {far.error_max:.2g} {spoken_unit(far.unit)}of {far.channel}"
-    if far.outcome != Outcome.DIFFERS:
+    if far.outcome != Outcome.DIFFERS or far.run == "sweep":
         return said
     return (
         f"{said} at the finest step that was tried, where the engine's tolerance allows "
@@ -450,8 +499,8 @@ def worst(found: list[Comparison]) -> str:
     )
 
 
-def measured_tolerance(solver: str, found: list[Comparison]) -> Iterator[str]:
-    """A tolerance for each unit of a free motion, from what a run was off by."""
+def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iterator[str]:
+    """A tolerance for each unit of a run, from what it was off by."""
     errors: dict[str, float] = {}
     least: dict[str, float] = {}
     for c in found:
@@ -462,7 +511,7 @@ def measured_tolerance(solver: str, found: list[Comparison]) -> Iterator[str]:
     for unit, error in errors.items():
         yield ""
         yield "[[tolerance]]"
-        yield 'run = "dynamics"'
+        yield f'run = "{kind}"'
         yield f'solver = "{solver}"'
         yield f'unit = "{unit}"'
         yield f"abs = {rounded_up(max(SLACK * error, least[unit]))!r}"

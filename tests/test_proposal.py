@@ -74,6 +74,27 @@ def test_a_mechanism_with_two_freedoms_is_let_go_and_its_tolerances_are_measured
     assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
 
 
+def test_what_springs_hold_is_swept(bare):
+    """A joint with an actuator is driven, the others rest; without springs nothing rests there."""
+    (sidecar, *_), told = write_proposal("mine", bare("finger", keep=True))
+    assert told[0] == (
+        "It has 2 degrees of freedom; joint 'driver' is driven, as its actuator does, and turns "
+        "once. Springs hold the others at rest."
+    )
+    case = load_case(sidecar)
+    assert [drive.joint for drive in case.drive] == ["driver"]
+    assert set(case.run) == {"sweep"}
+    assert all(t.why.startswith("proposed: ") for t in case.tolerance)
+    text = sidecar.read_text().replace('["mujoco", "pymunk"]', '["mujoco"]')
+    sidecar.write_text(re.sub(r'\[\[tolerance\]\]\nrun = "sweep"\nsolver = "pymunk"[^[]*', "", text))
+    assert check([sidecar], detectable=False, causes=False).exit_code == 0
+    model = bare("finger", keep=True)
+    text = model.read_text()
+    assert 'stiffness="0.02"' in text
+    model.write_text(text.replace('stiffness="0.02"', ""))
+    assert not look_at(model).driven
+
+
 def test_what_an_engine_does_not_cover_is_left_out_with_its_reason(bare):
     model = bare("fourbar")
     model.write_text(
@@ -138,7 +159,7 @@ def test_a_tolerance_of_what_is_off_by_nothing_is_rounding_of_the_range():
     """A kilometre of range, of which 1e-12 is 1 nm; what is off by more has its own."""
     still = Comparison("", "", "", "x", "m", error_max=1e-15, error_rms=5e-16, nrmse=5e-19)
     off = Comparison("", "", "", "v", "m/s", error_max=1e-3, error_rms=1e-3, nrmse=1e-6)
-    lines = list(measured_tolerance("mujoco", [still, off]))
+    lines = list(measured_tolerance("dynamics", "mujoco", [still, off]))
     assert [line for line in lines if line.startswith("abs")] == ["abs = 1e-09", "abs = 0.003"]
     told = [line for line in lines if line.startswith("why")]
     assert ["at least 1e-12 of the range" in line for line in told] == [True, False]
