@@ -86,7 +86,9 @@ def test_what_springs_hold_is_swept(bare):
     assert set(case.run) == {"sweep"}
     assert all(t.why.startswith("proposed: ") for t in case.tolerance)
     text = sidecar.read_text().replace('["mujoco", "pymunk"]', '["mujoco"]')
-    sidecar.write_text(re.sub(r'\[\[tolerance\]\]\nrun = "sweep"\nsolver = "pymunk"[^[]*', "", text))
+    sidecar.write_text(
+        re.sub(r'\[\[tolerance\]\]\nrun = "sweep"\nsolver = "pymunk"[^[]*', "", text)
+    )
     assert check([sidecar], detectable=False, causes=False).exit_code == 0
     model = bare("finger", keep=True)
     text = model.read_text()

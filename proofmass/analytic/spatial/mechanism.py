@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from proofmass.analytic.controls import AffineActuator, SiteLoad
+from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
 from proofmass.analytic.numerics import Array, Index, NotCovered
 from proofmass.analytic.planar.mechanism import (
     beside_force,
@@ -62,6 +62,8 @@ class TreeJoint:
         The pose's numbers of the joint at which the spring is slack [SI].
     range : tuple of float
         Smallest and largest value of a hinge or slide [rad or m].
+    actuated : tuple of float
+        Smallest and largest force of all actuators together on a hinge or slide [N m or N].
     """
 
     name: str
@@ -74,6 +76,7 @@ class TreeJoint:
     stiffness: tuple[float, ...]
     rest: Array
     range: tuple[float, float]
+    actuated: tuple[float, float] = UNLIMITED
 
 
 @dataclass(frozen=True)
@@ -371,9 +374,8 @@ def read_joint(model: Any, j: int) -> TreeJoint:
         float(model.qpos0[pose]) if kind in ("hinge", "slide") else 0.0,
         tuple(sprung * c for c in (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])),
         np.array(model.qpos_spring[pose : pose + WIDTHS[kind][0]]),
-        (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
-        if bounded
-        else (-np.inf, np.inf),
+        tuple(model.jnt_range[j].tolist()) if bounded else UNLIMITED,
+        tuple(model.jnt_actfrcrange[j].tolist()) if model.jnt_actfrclimited[j] else UNLIMITED,
     )
 
 
@@ -500,7 +502,6 @@ def refuse_joints(model: Any) -> None:
                 wide and model.jnt_stiffnesspoly[j].any()
             ),
             "a spring that yields": model.jnt_springyield[j].any(),
-            "a range of actuator forces": model.jnt_actfrclimited[j],
         }.items():
             if there:
                 raise NotCovered(f"joint {name!r} has {what}")

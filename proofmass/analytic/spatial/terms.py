@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from proofmass.analytic.controls import SiteLoad
+from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.kinematics import (
     TreeMotion,
@@ -126,7 +126,7 @@ def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Term
     mass, bias = inertial_terms(tree, motion)
     lengths = [lengthened(tree, motion, q, v, tendon) for tendon in tree.tendons]
     gaps, rows, drifts = held_terms(tree, motion, lengths, q, v)
-    force = acting(tree, lengths, q, v, ctrl) + loaded(tree, motion, ctrl)
+    force = sprung(tree, lengths, q, v) + actuated(tree, motion, lengths, q, v, ctrl)
     return Terms(mass, bias, force, gaps, rows, drifts)
 
 
@@ -231,11 +231,8 @@ def powers(coefficients: tuple[float, ...], x: Array) -> Array:
     return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
 
 
-def acting(
-    tree: Tree, lengths: list[Length], q: Array, v: Array, ctrl: Array | None = None
-) -> Array:
-    """What springs, dampers and actuators do to the joints (n, rates)."""
-    controls = tree.ctrl[None] if ctrl is None else ctrl
+def sprung(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
+    """What springs and dampers do to the joints (n, rates)."""
     speed = np.abs(v)
     force = -v * (tree.damping[:, 0] + speed * (tree.damping[:, 1] + speed * tree.damping[:, 2]))
     for joint in tree.joints:
@@ -250,17 +247,41 @@ def acting(
         pull = -stretch * powers(tendon.stiffness, stretch)
         pull = pull - rate * powers(tendon.damping, np.abs(rate))
         force = force + pull[:, None] * length.rows
-    for one in tree.actuators:
-        rows = np.zeros_like(v)
-        if one.tendon < 0:
-            rows[:, one.rate] = one.gear
-            value, rate = one.gear * q[:, one.pose], one.gear * v[:, one.rate]
-        else:
-            length = lengths[one.tendon]
-            rows = one.gear * length.rows
-            value, rate = one.gear * length.value, one.gear * length.rate
-        force = force + one.force(controls[:, one.place], value, rate)[:, None] * rows
     return np.asarray(force)
+
+
+def efforts(
+    tree: Tree, lengths: list[Length], q: Array, v: Array, ctrl: Array | None
+) -> Iterator[tuple[AffineActuator, Array]]:
+    """Forces (n,) of the actuators on joints and tendons [N or N m]."""
+    controls = tree.ctrl[None] if ctrl is None else ctrl
+    for one in tree.actuators:
+        if one.tendon < 0:
+            value, rate = q[:, one.pose], v[:, one.rate]
+        else:
+            value, rate = lengths[one.tendon].value, lengths[one.tendon].rate
+        yield one, one.force(controls[:, one.place], one.gear * value, one.gear * rate)
+
+
+def actuated(
+    tree: Tree,
+    motion: TreeMotion,
+    lengths: list[Length],
+    q: Array,
+    v: Array,
+    ctrl: Array | None = None,
+) -> Array:
+    """What actuators do to the joints (n, rates), those on sites as well, within their ranges."""
+    found = loaded(tree, motion, ctrl)
+    for one, force in efforts(tree, lengths, q, v, ctrl):
+        if one.tendon < 0:
+            found[:, one.rate] += one.gear * force
+        else:
+            found += (one.gear * force)[:, None] * lengths[one.tendon].rows
+    for joint in tree.joints:
+        if joint.actuated != UNLIMITED:
+            found[:, joint.rate] = np.clip(found[:, joint.rate], *joint.actuated)
+    return found
 
 
 def loads_of(
