@@ -1,4 +1,4 @@
-"""Forces of actuators in space, within their ranges and those of their joints, and their sensors."""
+"""Forces of actuators in space, within their ranges and those of joints, and their sensors."""
 
 from pathlib import Path
 
