@@ -72,6 +72,13 @@ def test_errors_fall_with_the_step():
     assert worst[0] > 10 * worst[1]
 
 
+def test_the_page_says_why_the_motion_is_known():
+    """Before the next test, which forgets the motion of the box."""
+    told = reference.facts(load_case(BOX))
+    assert "with soft contacts" in told["equations of motion"]
+    assert told["self-consistent"].startswith("until 0.4 s, its end, known to ")
+
+
 def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
     reference.closely_once.cache_clear()
     monkeypatch.setattr(Rung, "sure", False)
@@ -132,9 +139,3 @@ def test_controls_that_change_are_those_of_the_planar_reference():
     true = evaluate(case.model_copy(update={"reference": "planar"}), "dynamics", x, None).channels
     for channel, curve in true.items():
         assert np.abs(found[channel] - curve).max() < 1e-7 * max(1.0, np.ptp(curve)), channel
-
-
-def test_the_page_says_why_the_motion_is_known():
-    told = reference.facts(load_case(BOX))
-    assert "with soft contacts" in told["equations of motion"]
-    assert told["self-consistent"].startswith("until 0.4 s, its end, known to ")
