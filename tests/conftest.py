@@ -41,9 +41,15 @@ if sys.dont_write_bytecode:
 
 @pytest.fixture(autouse=True, scope="session")
 def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Locks on processors that studies elsewhere on the machine do not hold."""
+    """Locks on processors that studies elsewhere on the machine do not hold, and fewer processors.
+
+    Processes of pytest-xdist share them: where each takes all, a reference that two runs of a case
+    are held against is evaluated in two workers.
+    """
     folder = tmp_path_factory.mktemp("locks")
+    share = (os.cpu_count() or 1) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "cpu_count", lambda: max(1, share))
         patch.setattr(measure, "lock_file", lambda name: folder / name)
         yield
 
