@@ -40,6 +40,7 @@ from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.refined import Finer, errors
 from proofmass.sidecar import load_case
+from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol import BadModel, Curves, Unsupported
 from proofmass.studies.command import named
 from proofmass.worker import Crashed
@@ -388,7 +389,10 @@ def test_a_sweep_that_ends_early_says_where(short):
     )
 
 
-def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(short, workers):
+def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
+    short, workers, monkeypatch
+):
+    monkeypatch.setattr(own_motion, "HALVINGS", own_motion.FEWEST)
     model = short.with_suffix(".xml")
     (found,) = check_model(model)
     assert workers[-1] == ("rung_of", OWN_TIMEOUT, None)
