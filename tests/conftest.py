@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from proofmass.coverage import FOLDER
+from proofmass.files import write_whole
 from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
@@ -112,6 +113,18 @@ def keep_solver(models: Path) -> Callable[[str, str], Path]:
         return models / name
 
     return keep
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages of studies beside empty figures: to draw them takes longer than a small study."""
+
+    def empty(figure: object, stem: Path) -> None:
+        for ending in (".svg", ".png"):
+            write_whole(stem.with_suffix(ending), "")
+
+    for study in ("trade", "stress", "diet"):
+        monkeypatch.setattr(f"proofmass.studies.{study}.page.save", empty)
 
 
 @pytest.fixture(scope="module")
