@@ -457,9 +457,10 @@ class Linkage:
     def pushed(self) -> Array:
         """What the forces on bodies, loads of rods, do to the joints (nv,)."""
         model, data, found = self.model, self.data, np.zeros(self.model.nv)
-        for body in self.loaded:
-            push, turn = np.split(data.xfrc_applied[body], 2)
-            mujoco.mj_applyFT(model, data, push, turn, data.xipos[body], int(body), found)
+        loads, places = data.xfrc_applied, data.xipos
+        for body in self.loaded.tolist():
+            push, turn = loads[body, :3], loads[body, 3:]
+            mujoco.mj_applyFT(model, data, push, turn, places[body], body, found)
         return found
 
     def loop_forces(self, needed: Array) -> Array:
