@@ -26,14 +26,14 @@ LIMITS = {
     "tendon": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON),
 }
 AT_REST = (
-    mujoco.mj_kinematics,
-    mujoco.mj_comPos,
-    mujoco.mj_camlight,
-    mujoco.mj_flex,
-    mujoco.mj_tendon,
-    mujoco.mj_collision,
-    mujoco.mj_makeConstraint,
-    mujoco.mj_transmission,
+    "mj_kinematics",
+    "mj_comPos",
+    "mj_camlight",
+    "mj_flex",
+    "mj_tendon",
+    "mj_collision",
+    "mj_makeConstraint",
+    "mj_transmission",
 )
 """Parts of ``mj_fwdPosition``: all but those of inertia."""
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
@@ -154,7 +154,7 @@ class Linkage:
             mujoco.mj_fwdPosition(self.model, self.data)
         else:
             for part in AT_REST:
-                part(self.model, self.data)
+                getattr(mujoco, part)(self.model, self.data)
         data, count = self.data, self.data.ne  # the rows of equalities come first
         if not mujoco.mj_isSparse(self.model):
             rows = data.efc_J.reshape(data.nefc, self.model.nv)
