@@ -15,6 +15,7 @@ import pytest
 
 from proofmass.coverage import FOLDER
 from proofmass.files import write_whole
+from proofmass.pytest_plugin import SolverItem
 from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
@@ -22,7 +23,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.worker import ALONE, WITHOUT_WINDOWS
 from tests.long import LONG, SOME
-from tests.shipped import MODELS, every_file
+from tests.shipped import MODELS, READ, every_file
 
 pytest_plugins = ["pytester"]
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
@@ -167,6 +168,12 @@ def pytest_collection() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Keep the case of a sidecar, which was read for its items, for tests that ask for it."""
+    if isinstance(item, SolverItem):
+        READ[item.path] = item.case
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
