@@ -170,10 +170,18 @@ def pytest_collection() -> Iterator[None]:
         gc.enable()
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """Keep the case of a sidecar, which was read for its items, for tests that ask for it."""
-    if isinstance(item, SolverItem):
-        READ[item.path] = item.case
+class KeptCases:
+    """Keeps cases that were read for their items; a hook of this file alone is for those below."""
+
+    def pytest_itemcollected(self, item: pytest.Item) -> None:
+        """Keep the case of a sidecar."""
+        if isinstance(item, SolverItem):
+            READ[item.path] = item.case
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let tests ask for cases that are read to collect their items."""
+    config.pluginmanager.register(KeptCases())
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
