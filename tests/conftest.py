@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 
 from proofmass.coverage import FOLDER
+from proofmass.files import write_whole
+from proofmass.pytest_plugin import SolverItem
 from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
@@ -21,7 +23,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.worker import ALONE, WITHOUT_WINDOWS
 from tests.long import LONG, SOME
-from tests.shipped import MODELS, every_file
+from tests.shipped import MODELS, READ, every_file
 
 pytest_plugins = ["pytester"]
 os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
@@ -41,9 +43,15 @@ if sys.dont_write_bytecode:
 
 @pytest.fixture(autouse=True, scope="session")
 def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Locks on processors that studies elsewhere on the machine do not hold."""
+    """Locks on processors that studies elsewhere on the machine do not hold, and fewer processors.
+
+    Processes of pytest-xdist share them: where each takes all, a reference that two runs of a case
+    are held against is evaluated in two workers.
+    """
     folder = tmp_path_factory.mktemp("locks")
+    share = (os.cpu_count() or 1) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "cpu_count", lambda: max(1, share))
         patch.setattr(measure, "lock_file", lambda name: folder / name)
         yield
 
@@ -108,6 +116,18 @@ def keep_solver(models: Path) -> Callable[[str, str], Path]:
     return keep
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages of studies beside empty figures: to draw them takes longer than a small study."""
+
+    def empty(figure: object, stem: Path) -> None:
+        for ending in (".svg", ".png"):
+            write_whole(stem.with_suffix(ending), "")
+
+    for study in ("trade", "stress", "diet"):
+        monkeypatch.setattr(f"proofmass.studies.{study}.page.save", empty)
+
+
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     """Of the scheduler of a Dask cluster: two workers, each a process, in a folder of their own."""
@@ -148,6 +168,20 @@ def pytest_collection() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+class KeptCases:
+    """Keeps cases that were read for their items; a hook of this file alone is for those below."""
+
+    def pytest_itemcollected(self, item: pytest.Item) -> None:
+        """Keep the case of a sidecar."""
+        if isinstance(item, SolverItem):
+            READ[item.path] = item.case
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let tests ask for cases that are read to collect their items."""
+    config.pluginmanager.register(KeptCases())
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers

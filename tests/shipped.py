@@ -7,11 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from proofmass.case import Case
 from proofmass.sidecar import as_toml, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
-loaded = cache(load_case)
-"""A shipped case by its file, read once in a run of the tests; nobody changes a case."""
+READ: dict[Path, Case] = {}
+"""Shipped cases by their files, those that were read to collect their items among them."""
+
+
+def loaded(file: Path) -> Case:
+    """A shipped case, read once in a run of the tests; nobody changes a case."""
+    if file not in READ:
+        READ[file] = load_case(file)
+    return READ[file]
 
 
 @cache

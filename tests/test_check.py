@@ -40,6 +40,7 @@ from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.refined import Finer, errors
 from proofmass.sidecar import load_case
+from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol import BadModel, Curves, Unsupported
 from proofmass.studies.command import named
 from proofmass.worker import Crashed
@@ -279,8 +280,9 @@ def test_a_model_without_a_sidecar_that_has_the_name_of_a_case_is_called_by_its_
     assert {c.case for c in check([short, lone]).comparisons} == {"pendulum", "robots/pendulum"}
 
 
-@pytest.mark.parametrize(("jobs", "threads"), [(3, 3), (None, os.cpu_count())])
+@pytest.mark.parametrize(("jobs", "threads"), [(3, 3), (None, 5)])
 def test_so_many_runs_are_made_side_by_side_as_were_asked_for(jobs, threads, monkeypatch, tmp_path):
+    monkeypatch.setattr(os, "cpu_count", lambda: 5)
     asked = []
 
     class Pool(CHECK.ThreadPoolExecutor):
@@ -387,7 +389,10 @@ def test_a_sweep_that_ends_early_says_where(short):
     )
 
 
-def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(short, workers):
+def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
+    short, workers, monkeypatch
+):
+    monkeypatch.setattr(own_motion, "HALVINGS", own_motion.FEWEST)
     model = short.with_suffix(".xml")
     (found,) = check_model(model)
     assert workers[-1] == ("rung_of", OWN_TIMEOUT, None)

@@ -95,13 +95,6 @@ def test_a_model_in_which_nothing_moves_loads_and_steps(tmp_path):
     assert [row["outcome"] for row in json.loads(answer.stdout)["comparisons"]] == ["unchecked"]
 
 
-def test_report_writes_an_index_and_a_page_a_case(models, tmp_path):
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
-    assert answer.exit_code == 0
-    pages = {p.name for p in (tmp_path / "pages").glob("*.html")}
-    assert pages == {"index.html", "pendulum.html"}
-
-
 def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver, tmp_path):
     keep_solver("pendulum.toml", "mujoco")
     edit("pendulum.toml", "length = 1.0", "length = 1.001")  # whose cause is soon found
@@ -119,9 +112,11 @@ def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver
 
 
 @pytest.mark.parametrize(("options", "there"), [((), False), (("--figures",), True)])
-def test_report_writes_figures_for_papers_on_demand(models, tmp_path, options, there):
+def test_report_writes_an_index_and_a_page_a_case(models, tmp_path, options, there):
+    """And figures for papers on demand."""
     answer = run("report", models / "pendulum.toml", "-o", tmp_path, *options)
     assert answer.exit_code == 0
+    assert {p.name for p in tmp_path.glob("*.html")} == {"index.html", "pendulum.html"}
     assert (tmp_path / "figures" / "pendulum-mechanism.svg").is_file()
     assert (tmp_path / "figures" / "pendulum-mechanism.png").is_file() == there
     assert (tmp_path / "figures" / "pendulum-dynamics-overlay.svg").is_file() == there

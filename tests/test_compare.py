@@ -362,8 +362,9 @@ def fail() -> None:
     raise InputError(Path("a"), "b", "c")
 
 
-def test_a_model_without_a_sidecar_is_self_consistent(models):
+def test_a_model_without_a_sidecar_is_self_consistent(models, edit):
     (models / "pendulum.toml").unlink()
+    edit("pendulum.xml", 'timestep="1e-3"', 'timestep="1e-2"')
     result = check([models / "pendulum.xml"])
     assert [(c.case, c.outcome) for c in result.comparisons] == [("pendulum", "self-consistent")]
     assert result.exit_code == 0

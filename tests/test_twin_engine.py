@@ -178,6 +178,7 @@ def test_the_report_has_the_twin(site: Path, tmp_path: Path) -> None:
     assert "twin-engine" in page  # among the versions
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -240,6 +241,7 @@ def test_choose_writes_a_program_of_the_twin(site: Path, tmp_path: Path) -> None
     assert "Made by proofmass choose with pymunk" in " ".join(program.read_text().split())
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_stress_finds_where_the_twin_breaks(site: Path, tmp_path: Path) -> None:
     run(
         "stress",

@@ -159,6 +159,7 @@ def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
     assert [p.get_width() for p in memory.patches] == [10.0, 10.0, 0.0, 10.0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_every_link_of_a_report_with_studies_leads_somewhere(
     studies: list[Path], models: Path, tmp_path: Path
 ) -> None:

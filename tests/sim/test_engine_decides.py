@@ -14,6 +14,7 @@ from proofmass.errors import InputError
 from proofmass.outcome import FAILURES
 from proofmass.reference import compiled
 from proofmass.sim.mujoco import model as mujoco_model
+from proofmass.sim.mujoco.linkage import AT_REST
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk import model as pymunk_model
 from proofmass.sim.pymunk import space
@@ -37,9 +38,9 @@ MUJOCO = (
     "mj_fwdVelocity",
     "mj_fwdActuation",
     "mj_inverse",
-    "mj_kinematics",
     "mj_jacDot",
     "mj_fullM",
+    *AT_REST,
 )
 """All that `sim` asks MuJoCo to compute of a pose, with steps and without."""
 LOST = (InputError, BadModel, *FAILURES)

@@ -47,7 +47,8 @@ def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
     truth = np.array([1.0 - row["u"], row["w"]])
     file = model(tmp_path, actuators=pull("r.tip", 0, row["alpha"]), ctrl="1")
     rods = [cantilever(n) for n in (10, 20, 40)]
-    tips = np.array([[rest(file, rod).channels[c][-1] for c in SHAPE[:2]] for rod in rods])
+    ends = [rest(file, rod).channels for rod in rods]
+    tips = np.array([[found[c][-1] for c in SHAPE[:2]] for found in ends])
     h = np.array([points(rod).lengths[-1] for rod in rods])
     errors = np.linalg.norm(tips - truth, axis=1)
     orders = np.log(errors[:-1] / errors[1:]) / np.log(h[:-1] / h[1:])

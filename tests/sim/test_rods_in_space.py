@@ -1,5 +1,6 @@
 """Chains of rods in space: their order, their moments, wrong numbers, what cannot be run."""
 
+from functools import cache
 from shutil import copyfile
 from xml.etree import ElementTree
 
@@ -48,19 +49,25 @@ def rest(tmp_path, one: Rod, force=LOAD, parts=PARTS + MOMENTS):
 def errors(tmp_path, segments: int, **others) -> dict[str, float]:
     """Largest errors of all parts of a rod's shape."""
     curves = rest(tmp_path, rod(segments, **others))
-    exact = solve(
-        curves.x,
-        length=LENGTH,
-        **STIFF,
-        **{key: others[key] for key in ("axial", "shear") if key in others},
-        **dict(zip(("twist", "curvature_y", "curvature"), NATURAL, strict=True)),
-        **{f"force_{name}": value for name, value in zip("xyz", LOAD, strict=True)},
-        **{f"weight_{name}": value for name, value in zip("xyz", WIND, strict=True)},
-    )
+    exact = reference(tuple(curves.x), **{k: others[k] for k in ("axial", "shear") if k in others})
     return {
         name: float(np.abs(curves.channels[f"rod.{name}"] - exact[name]).max())
         for name in PARTS + MOMENTS
     }
+
+
+@cache
+def reference(arcs: tuple[float, ...], **strains: float) -> dict[str, np.ndarray]:
+    """The rod's shape and moments."""
+    return solve(
+        arcs,
+        length=LENGTH,
+        **STIFF,
+        **strains,
+        **dict(zip(("twist", "curvature_y", "curvature"), NATURAL, strict=True)),
+        **{f"force_{name}": value for name, value in zip("xyz", LOAD, strict=True)},
+        **{f"weight_{name}": value for name, value in zip("xyz", WIND, strict=True)},
+    )
 
 
 @pytest.mark.parametrize("strains", [{}, {"axial": 40.0, "shear": 25.0}])

@@ -98,27 +98,27 @@ def bounds(b: Balancer, side: Array) -> Array:
 def system(b: Balancer, p: Point) -> tuple[Array, Array]:
     """Residual (B, N) and Newton's matrix (B, N, N) of the equilibrium."""
     n, j = b.segments, list(b.stopped)
-    psi, force, stop = np.split(p.unknowns, [n, n + 2], axis=-1)
+    psi, force, stop = p.unknowns[:, :n], p.unknowns[:, n : n + 2], p.unknowns[:, n + 2 :]
     e = windings(b, p.alpha, psi)
     moment, slope = b.moments(e), b.slopes(e)
     east, north = b.length * np.sin(psi), b.length * np.cos(psi)
     held = (p.side != 0).astype(float)
     load = moment.copy()
     load[:, j] -= stop
+    left, stiff = load.copy(), slope.copy()  # less and with those of the joint beyond
+    left[:, :-1] -= load[:, 1:]
+    stiff[:, :-1] += slope[:, 1:]
     residual = np.concatenate(
         [
-            load
-            - np.pad(load[:, 1:], ((0, 0), (0, 1)))
-            + force[:, :1] * north
-            - force[:, 1:] * east,
+            left + force[:, :1] * north - force[:, 1:] * east,
             np.stack([east.sum(-1), north.sum(-1) - b.reach(p.alpha)], axis=-1),
             np.where(held > 0, bounds(b, p.side) - e[:, j], stop),
         ],
         axis=-1,
     )
     matrix = np.zeros((*residual.shape, residual.shape[-1]))
-    i, after = np.arange(n), np.pad(slope[:, 1:], ((0, 0), (0, 1)))
-    matrix[:, i, i] = slope + after - force[:, :1] * east - force[:, 1:] * north
+    i = np.arange(n)
+    matrix[:, i, i] = stiff - force[:, :1] * east - force[:, 1:] * north
     matrix[:, i[1:], i[:-1]] = matrix[:, i[:-1], i[1:]] = -slope[:, 1:]
     matrix[:, n, i] = matrix[:, i, n] = north
     matrix[:, n + 1, i] = matrix[:, i, n + 1] = -east

@@ -1,6 +1,7 @@
 """Charts of buckling: straight and bent equilibria over the load, stable and unstable."""
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -99,8 +100,7 @@ def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.0
         raise ValueError(f"share must be within (0, 1), got {share}")
     found = [*straight([critical()], NEAR), *both_sides(*of_free(1), "along", NEAR)]
     for side in (1.0, -1.0):
-        k_rel = side * np.tanh(np.geomspace(1e-9, LEANT, 401))
-        found += [*parted(*of_free(1, k_rel, share), f"with {share:.3g} across", NEAR)]
+        found += [*parted(*of_free(1, side, share), f"with {share:.3g} across", NEAR)]
     return Chart(
         ("deflection of the tip", "m"),
         ("load over π² EI/4 L²", ""),
@@ -110,16 +110,22 @@ def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.0
     )
 
 
-def of_free(
-    mode: int, k_rel: Array | None = None, share: float = 0.0
-) -> tuple[Array, Array, Array]:
-    """Tip's deflection, load along, and directions to fall in, of a clamped and free column."""
-    k = np.tanh(np.linspace(1e-3, FURTHEST, 601)) if k_rel is None else k_rel
+@lru_cache(16)
+def of_free(mode: int, side: float = 0.0, share: float = 0.0) -> tuple[Array, Array, Array]:
+    """Tip's deflection, load along, and directions to fall in, of a clamped and free unit column.
+
+    With a share of the load across, which leans to a side, 1 or -1.
+    """
+    if side:
+        k = side * np.tanh(np.geomspace(1e-9, LEANT, 401))
+    else:
+        k = np.tanh(np.linspace(1e-3, FURTHEST, 601))
     rod = tip(np.pi - np.arctan(share), k, mode)
     along, across = rod["R"] / np.hypot(1.0, share) * np.array([[-1.0], [share]])
     return rod["y"], -along, stability(along, across, rod["theta"]).free
 
 
+@lru_cache(16)
 def of_pinned(mode: int) -> tuple[Array, Array, Array]:
     """The middle's deflection, load, and directions to fall in, of a clamped and pinned column."""
     alpha, q = on_the_line(mode)

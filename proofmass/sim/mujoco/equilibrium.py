@@ -458,7 +458,7 @@ class Resting(Linkage):
                 for way in (nudge, -nudge):
                     self.data.qpos[:] = pose
                     mujoco.mj_integratePos(self.model, self.data.qpos, way, 1.0)
-                    jacobian = self.rows()[1]
+                    jacobian = self.rows(inertia=False)[1]
                     ends.append(self.force() - jacobian.T @ pushes)
                 found.append((ends[0] - ends[1]) / (2 * nudge.sum()))
             return np.array(found).T

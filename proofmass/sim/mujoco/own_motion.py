@@ -549,22 +549,19 @@ class Turning:
                 quaternions.append(pose + plain)
                 turns.append(dof + plain)
         self.scalars, self.rates_of = np.array(scalars, int), np.array(rates, int)
-        self.quaternions = np.array(quaternions, int)[:, None] + np.arange(4)
-        self.turns = np.array(turns, int)[:, None] + np.arange(3)
+        self.quaternions, self.turns = quaternions, turns
 
     def rates(self, pose: Array, speed: Array) -> Array:
         """Rates of the coordinates (poses,)."""
         found = np.empty_like(pose)
         found[self.scalars] = speed[self.rates_of]
-        w, x, y, z = pose[self.quaternions].T
-        a, b, c = speed[self.turns].T
-        found[self.quaternions] = 0.5 * np.stack(
-            [
-                -x * a - y * b - z * c,
-                w * a + y * c - z * b,
-                w * b + z * a - x * c,
-                w * c + x * b - y * a,
-            ],
-            axis=-1,
-        )
+        for q, v in zip(self.quaternions, self.turns, strict=True):
+            w, x, y, z = pose[q : q + 4].tolist()  # of few numbers faster than as arrays
+            a, b, c = speed[v : v + 3].tolist()
+            found[q : q + 4] = (
+                0.5 * (-x * a - y * b - z * c),
+                0.5 * (w * a + y * c - z * b),
+                0.5 * (w * b + z * a - x * c),
+                0.5 * (w * c + x * b - y * a),
+            )
         return found

@@ -26,7 +26,8 @@ def stepped(friction, path):
     """
 
     def joints(theta1, alpha):
-        return np.append(windings(ROW, theta1, alpha), alpha - angles(ROW, theta1, alpha)[2])
+        turned = angles(ROW, theta1, alpha)
+        return np.append(np.diff(turned, prepend=0.0), alpha - turned[2])
 
     def energy(theta1, alpha):
         return float(potential(alpha, theta1 - ROW["rest_angle"], **flat(ROW)).energy)
@@ -135,16 +136,21 @@ UP = np.radians(np.concatenate([np.arange(0.0, 80.1, 1.0), np.arange(79.0, 29.9,
 @pytest.mark.parametrize("friction", [(0.01, 0.02, 0.0), (0.0, 0.03, 0.05), (0.005, 0.02, 0.02)])
 def test_postures_are_of_least_energy_and_dissipation(friction):
     """Stick and slip of the reference against small steps that minimise what they cost."""
-    chain = flat(ROW) | {f"friction{i}": tau for i, tau in enumerate(friction, start=1)}
+    own = flat(ROW)
+    chain = own | {f"friction{i}": tau for i, tau in enumerate(friction, start=1)}
     found, tau = solve(UP, np.gradient(UP), **chain), np.array(friction)
+
+    def joints(theta1, alpha):
+        return np.diff(angles(ROW, theta1, alpha), prepend=0.0)
+
     theta, parts, worst = ROW["rest_angle"], 4, 0.0
     for last, alpha, expected in zip(UP[:-1], UP[1:], found["theta1"][1:], strict=True):
         for before, now in pairwise(np.linspace(last, alpha, parts + 1)):
-            here = windings(ROW, theta, before)
+            here = joints(theta, before)
 
             def cost(t, now=now, here=here):
-                energy = potential(now, t - ROW["rest_angle"], **flat(ROW)).energy
-                return float(energy) + tau @ np.abs(windings(ROW, t, now) - here)
+                energy = potential(now, t - ROW["rest_angle"], **own).energy
+                return float(energy) + tau @ np.abs(joints(t, now) - here)
 
             theta = minimize_scalar(
                 cost, bounds=(theta - 0.05, theta + 0.05), method="bounded", options={"xatol": 1e-9}

@@ -51,6 +51,7 @@ def swung(t: np.ndarray) -> np.ndarray:
 def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
     case = loaded(shipped("driven_cart.toml"))
     t = grid(case, "dynamics")
+    t = t[: t.size // 2]
     state = tuple(part[None] for part in law(t))
     found = evaluate(case, "dynamics", t, state).channels
     truth = swung(t)

@@ -32,6 +32,7 @@ def end(psi: float, k: float, size: float) -> tuple[float, int]:
         lambda _, y: [y[1], size * np.sin(y[0] - psi)],
         (0.0, 1.0),
         [0.0, slope],
+        "DOP853",
         rtol=1e-11,
         atol=1e-12,
         t_eval=np.append(np.linspace(0.0, 0.998, 2000), 1.0),

@@ -12,6 +12,7 @@ from proofmass.errors import InputError
 from proofmass.ladder import Rung
 from proofmass.reference import evaluate, grid
 from proofmass.sidecar import load_case
+from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.solve import prescribed_run, solve
 from tests.shipped import shipped
@@ -24,6 +25,12 @@ def refined(name, **run):
     case = load_case(shipped(f"{name}.toml"))
     kept = case.run["dynamics"].model_copy(update=run)
     return case.model_copy(update={"reference": "refined", "run": {"dynamics": kept}})
+
+
+@pytest.fixture
+def fewer_steps(monkeypatch):
+    """Steps down to an eighth alone, which tell how long a motion is known, and not its curves."""
+    monkeypatch.setattr(own_motion, "HALVINGS", own_motion.FEWEST)
 
 
 def test_the_engines_sensor_of_kinetic_energy_is_an_evaluation_late():
@@ -41,6 +48,7 @@ def test_the_engines_sensor_of_kinetic_energy_is_an_evaluation_late():
     assert right == pytest.approx(1.01**2 * first)
 
 
+@pytest.mark.usefixtures("fewer_steps")
 @pytest.mark.parametrize(("name", "until"), [("heavy_top", 0.5), ("euler_top", 2.0)])
 def test_a_motion_without_contacts_is_that_of_the_spatial_reference(name, until):
     """Which integrates the same equations with an allowance of 3e-14."""
@@ -72,6 +80,13 @@ def test_errors_fall_with_the_step():
     assert worst[0] > 10 * worst[1]
 
 
+def test_the_page_says_why_the_motion_is_known():
+    """Before the next test, which forgets the motion of the box."""
+    told = reference.facts(load_case(BOX))
+    assert "with soft contacts" in told["equations of motion"]
+    assert told["self-consistent"].startswith("until 0.4 s, its end, known to ")
+
+
 def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
     reference.closely_once.cache_clear()
     monkeypatch.setattr(Rung, "sure", False)
@@ -91,6 +106,7 @@ def test_a_sweep_and_rods_are_refused():
         evaluate(case.model_copy(update={"parameters": {}}), "dynamics", np.linspace(0, 1, 3), None)
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
     """Whose drive is exact: a flywheel of 1e9 and an allowance of 1e-9 are within 1e-7."""
     case = refined("driven_cart", n=41, until=1.0)
@@ -103,6 +119,7 @@ def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
     assert max(np.ptp(curve) for curve in true.values()) > 1.0
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
     """The four-bar's loops are soft: steps come to this reference, and not to the rigid one."""
     case = refined("fourbar", n=31)
@@ -125,6 +142,7 @@ def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
     assert off[1] < 0.1 * far[1]
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_controls_that_change_are_those_of_the_planar_reference():
     case = refined("axes_controlled", n=11, until=0.5)
     x = grid(case, "dynamics")
@@ -132,9 +150,3 @@ def test_controls_that_change_are_those_of_the_planar_reference():
     true = evaluate(case.model_copy(update={"reference": "planar"}), "dynamics", x, None).channels
     for channel, curve in true.items():
         assert np.abs(found[channel] - curve).max() < 1e-7 * max(1.0, np.ptp(curve)), channel
-
-
-def test_the_page_says_why_the_motion_is_known():
-    told = reference.facts(load_case(BOX))
-    assert "with soft contacts" in told["equations of motion"]
-    assert told["self-consistent"].startswith("until 0.4 s, its end, known to ")

@@ -287,6 +287,7 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
     assert "potential" in left["sensors"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
     # timings are not looked at
     monkeypatch.setattr("proofmass.studies.diet.trial.own_core", nullcontext)

@@ -419,6 +419,7 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, words):
     assert len(result.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_command_finds_writes_and_goes_on(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for _ in range(2):

@@ -1,6 +1,7 @@
 """Disturbed starts: growth as theory has it, the horizon that it sets, and rounding."""
 
 from dataclasses import replace
+from math import cos, sin
 from pathlib import Path
 
 import mujoco
@@ -55,15 +56,16 @@ def short(case: Case, until: float) -> Case:
 def slope(_: float, y: np.ndarray) -> list[float]:
     """Two uniform bars of 1 m and 1 kg by Lagrange, absolute angles from straight down."""
     a, b, u, v = y
-    across = HALF * np.cos(a - b)
-    matrix = np.array([[MOMENT + HALF**2 + 1.0, across], [across, MOMENT + HALF**2]])
-    right = np.array(
-        [
-            -HALF * v * v * np.sin(a - b) - 1.5 * G * np.sin(a),
-            HALF * u * u * np.sin(a - b) - HALF * G * np.sin(b),
-        ]
-    )
-    return [u, v, *np.linalg.solve(matrix, right)]
+    across, upper, lower = HALF * cos(a - b), MOMENT + HALF**2 + 1.0, MOMENT + HALF**2
+    first = -HALF * v * v * sin(a - b) - 1.5 * G * sin(a)
+    second = HALF * u * u * sin(a - b) - HALF * G * sin(b)
+    whole = upper * lower - across**2
+    return [
+        u,
+        v,
+        (lower * first - across * second) / whole,
+        (upper * second - across * first) / whole,
+    ]
 
 
 def by_hand(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:

@@ -217,7 +217,7 @@ def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
 def test_a_program_that_does_not_end_is_ended() -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
     text = written(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
-    assert run_program(case, setting, text, 1.0) == ProgramRun(failure="no end after 1 s")
+    assert run_program(case, setting, text, 0.5) == ProgramRun(failure="no end after 0.5 s")
 
 
 def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:

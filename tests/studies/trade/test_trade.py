@@ -427,6 +427,7 @@ def command(*args):
     return CliRunner().invoke(app, ["trade", *map(str, args)])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, monkeypatch):
     monkeypatch.setattr(varied, "WORK", 3e3)
     monkeypatch.setattr(
