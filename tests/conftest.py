@@ -184,6 +184,12 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(KeptCases())
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """One process more than there are processors: tests wait for others for a tenth of the time."""
+    return (os.cpu_count() or 1) + 1
+
+
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what takes seconds and has a faster like of it; all of both must be there.

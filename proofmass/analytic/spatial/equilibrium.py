@@ -1,6 +1,6 @@
 """What `proofmass.analytic.equilibrium` asks of a tree in space whose drives leave freedoms."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,6 @@ class TreeAtRest:
     ----------
     tree : Tree
     driven_joints : tuple of TreeJoint
-        Whose actuators do not act.
     """
 
     tree: Tree
@@ -48,17 +47,11 @@ class TreeAtRest:
         return tuple(
             stop
             for joint in self.tree.joints
-            if joint.kind in ("hinge", "slide") and joint not in self.driven_joints
+            if joint.kind in ("hinge", "slide") and joint.rate not in self.driven
             for stop in ends(
                 joint.name, joint.range, joint.pose, joint.rate, float(self.sizes[joint.rate])
             )
         )
-
-    @cached_property
-    def loaded(self) -> Tree:
-        """The tree without the actuators of driven joints."""
-        others = (one for one in self.tree.actuators if one.rate not in self.driven)
-        return replace(self.tree, actuators=tuple(others))
 
     @cached_property
     def row_sizes(self) -> Array:
@@ -87,7 +80,7 @@ class TreeAtRest:
         q = self.closed[0][None]
         units = np.eye(self.sizes.size)[self.driven]
         for _ in range(ROUNDS):
-            found = own_terms(self.loaded, q, np.zeros((1, self.sizes.size)))
+            found = own_terms(self.tree, q, np.zeros((1, self.sizes.size)))
             missed = self.values(q)[0] - values
             gap = np.concatenate([found.gap[0], missed])
             if np.abs(gap).max() < CLOSED * max(1.0, self.tree.extent):
@@ -116,7 +109,7 @@ class TreeAtRest:
 
         And how far these are open (n, rows) [rad, or sizes].
         """
-        found = own_terms(self.loaded, q, np.zeros((len(q), self.sizes.size)), ctrl)
+        found = own_terms(self.tree, q, np.zeros((len(q), self.sizes.size)), ctrl)
         rows = found.jacobian / self.row_sizes[:, None]
         return found.force - found.bias, rows, found.gap / self.row_sizes
 
