@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import planar
-from proofmass.analytic.equilibrium import Unstable
+from proofmass.analytic.equilibrium import Resting, Unstable
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import SingularHere
+from proofmass.analytic.planar.equilibrium import LinkageAtRest
+from proofmass.analytic.planar.kinematics import Drives
 from proofmass.check import check
 from proofmass.reference import compiled, evaluate
 from proofmass.sidecar import load_case
@@ -212,6 +214,21 @@ def test_the_start_pose_falls_to_the_rest_on_its_side():
     assert column(push, start=-0.2) == pytest.approx(-column(push, start=0.2), abs=1e-12)
     with pytest.raises(Unstable, match="the start pose comes to no stable rest"):
         column(push)
+
+
+def test_a_stop_that_holds_what_others_hold_is_refused(tmp_path):
+    """Both ends of one range at once: no pose is at both."""
+    model = mujoco.MjModel.from_xml_path(str(limbs(tmp_path, 'limited="true" range="-1 .1"')))
+    mechanism, _ = planar.read(model, "start")
+    statics = LinkageAtRest(mechanism, Drives.of(mechanism, ("bar",)))
+    resting, values = Resting(statics), np.array([[0.3]])
+    q = statics.begin(values[0])[None]
+    resting.count(q)
+    found = resting.equations(q, values, None, statics.stops)
+    assert len(statics.stops) == 2
+    with pytest.raises(SingularHere, match="a stop or a drive holds what others hold"):
+        found.solved(-found.left, -found.gap)
+    assert resting.next(q, (values, None), (values, None), statics.stops) is None
 
 
 def test_what_is_not_covered_is_named(tmp_path):
