@@ -31,7 +31,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import inf, log2, nan
+from math import inf, isnan, log2, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,10 @@ BETTER = 0.1, 0.55
 
 @dataclass(frozen=True)
 class Way:
-    """Another setting, its error at T [m], and how many times as long as the own it takes."""
+    """Another setting, its error at T [m], and how many times as long as the own it takes.
+
+    That is NaN where the clock is too coarse for the own one.
+    """
 
     name: str
     error: float
@@ -219,7 +222,8 @@ class Rung:
         """Other settings, the model's own first."""
         own = self.motion.runs[0]
         for run in (*self.motion.runs, *self.motion.others):
-            yield Way(run.name, self.error(run), run.seconds / own.seconds)
+            times = run.seconds / own.seconds if own.seconds else nan
+            yield Way(run.name, self.error(run), times)
 
     def better(self) -> Way | None:
         """The cheapest setting with a tenth of the own error, or about half; None if none has.
@@ -230,7 +234,7 @@ class Rung:
         for share in BETTER:
             good = [way for way in others if 0 < way.error <= share * own.error]
             if good:
-                return min(good, key=lambda way: way.times)
+                return min(good, key=lambda way: (isnan(way.times), way.times))
         return None
 
     @property
@@ -292,7 +296,8 @@ class Rung:
         evidence = listed(self.evidence())
         yield f"{evidence[0].upper()}{evidence[1:]}."
         if error > known and (way := self.better()):
-            yield f"{way.name}: {format_length(way.error)} in {number(way.times, 2)} × the time."
+            cost = "" if isnan(way.times) else f" in {number(way.times, 2)} × the time"
+            yield f"{way.name}: {format_length(way.error)}{cost}."
         if self.softness > max(error, known):
             moved = format_length(self.softness)
             yield (

@@ -66,6 +66,16 @@ def test_a_motion_that_converges_is_known_to_its_end(order):
     assert f"converge with order {order:g}, DOP853 at 1e-9 agrees with the finest and" in words
 
 
+def test_a_clock_that_is_too_coarse_tells_no_cost():
+    """Some count in ticks of 16 ms, in which a short motion takes none."""
+    own = motion()
+    assert " × the time" in Rung(own).words()
+    ticks = tuple(replace(one, seconds=0.0) for one in own.runs)
+    rung = Rung(replace(own, runs=ticks))
+    assert f"{rung.better().name}: " in rung.words()
+    assert " × the time" not in rung.words()
+
+
 def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():
     """Steps and disturbance grow as e^(30 t): 1e-9 becomes 1e-3 at 0.46 s."""
     own = motion(spread=30.0)
