@@ -12,6 +12,10 @@ from proofmass.report.mechanism import clearest
 from proofmass.sim.picture import Mark, Picture
 
 POSES = 30
+BYTES, FEWEST = 2400, 12
+"""Of the poses of one drawing: one with many points has fewer poses, but not fewer than so many."""
+ROUND = 26
+"""Points of an outline: of more, such as those of rims, some are left out."""
 WIDE, HIGH, MARGIN = 248, 168, 16
 """Of the drawing in whole steps, which a byte can count; on the page it is a third as wide."""
 MANY = 14  # joints, beyond which their signs would hide the links
@@ -90,10 +94,13 @@ def line(points: Array, closed: bool) -> str:
 
 
 def reduced(whole: Picture) -> Thumbnail:
-    """A picture with `POSES` of its poses, evenly over the run, in whole steps."""
-    chosen = np.unique(np.linspace(0, len(whole.x) - 1, POSES).round().astype(int))
+    """A picture with some of its poses, evenly over the run, in whole steps."""
+    sizes = [fewer(o).shape[1] for link in whole.links for o in link.outlines]
+    points = sum(sizes) + len(whole.marks)
+    poses = int(np.clip(BYTES // max(2 * points, 1), FEWEST, POSES))
+    chosen = np.unique(np.linspace(0, len(whole.x) - 1, poses).round().astype(int))
     few = whole.at(chosen.tolist())
-    outlines = [o for link in few.links for o in link.outlines]
+    outlines = [fewer(o) for link in few.links for o in link.outlines]
     marks = [m for m in few.marks if m.kind != "clamp"]
     guides = [m.guide for m in few.marks if m.guide is not None and m.ground]
     everything = [*outlines, *(m.at[:, None] for m in marks), *guides]
@@ -120,6 +127,11 @@ def reduced(whole: Picture) -> Thumbnail:
         guides=[steps(guide[0]) for guide in guides],
         shown=clearest(few),
     )
+
+
+def fewer(outline: Array) -> Array:
+    """An outline (poses, points, 2) with no more than `ROUND` of its points, evenly along it."""
+    return outline[:, :: -(-outline.shape[1] // ROUND)]
 
 
 def standing(mark: Mark) -> bool:

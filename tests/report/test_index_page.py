@@ -20,7 +20,16 @@ from proofmass.report.drawing import moving as moved
 from proofmass.report.index_page import columns_of, row_of
 from proofmass.report.record import History, continued
 from proofmass.report.study import ShownStudy
-from proofmass.report.thumbnail import HIGH, POSES, WIDE, reduced
+from proofmass.report.thumbnail import (
+    BYTES,
+    FEWEST,
+    HIGH,
+    POSES,
+    ROUND,
+    WIDE,
+    fewer,
+    reduced,
+)
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from tests.report.index_rows import (
@@ -228,6 +237,24 @@ def test_the_drawing_moves_within_its_frame():
     length = np.linalg.norm(first[:, 0] - first[:, 1], axis=1)
     assert np.ptp(length) <= 2 * np.sqrt(2)
     assert np.ptp(first, axis=0).max() > 10  # and it does move
+
+
+@pytest.mark.parametrize("name", ["balls_touching", "compliant_wrist"])
+def test_a_drawing_with_many_points_has_fewer_poses(name):
+    """All drawings are on one page; outlines keep their shape to a twentieth of their width."""
+    case = load_case(shipped(f"{name}.toml"))
+    motions, _ = moved(case, [])
+    picture = next(iter(motions.values())).picture
+    whole = [outline for link in picture.links for outline in link.outlines]
+    moving = reduced(picture)
+    assert moving.points.nbytes <= max(BYTES, 2 * FEWEST * moving.points.shape[1])
+    assert FEWEST <= len(moving.points) < POSES
+    assert max(moving.sizes) <= ROUND
+    for outline in whole:
+        kept = fewer(outline)[0]
+        for part in (np.min, np.max):
+            off = np.abs(part(kept, axis=0) - part(outline[0], axis=0))
+            assert (off <= np.ptp(outline[0], axis=0).max() / 20).all()
 
 
 def test_a_rod_that_begins_straight_is_shown_where_it_is_bent():
