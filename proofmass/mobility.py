@@ -40,7 +40,10 @@ def leaves_freedoms(case: Case) -> bool:
     """Whether the drives of a case leave degrees of freedom, which rest in a sweep."""
     with suppress(InputError, ValueError):  # which the run names
         if case.reference == SPATIAL:
-            return freedoms_in_space(compiled(case), case.start) > len(case.drive)
+            from proofmass.analytic import spatial  # scipy is slow to load
+
+            tree, _ = spatial.sources(compiled(case), case.start, None)
+            return spatial.leaves_freedoms(tree, tuple(drive.joint for drive in case.drive))
         return (mobility(case) or 0) > len(case.drive)
     return False
 
@@ -59,14 +62,3 @@ def freedoms_of(model: "MjModel", start: str) -> int:
 
     mechanism, _ = read(model, start)
     return freedoms(mechanism, nearest(mechanism, mechanism.start))
-
-
-@lru_cache(KEPT)
-def freedoms_in_space(model: "MjModel", start: str) -> int:
-    """The same of a model that moves in space."""
-    from proofmass.analytic.spatial.mechanism import read_tree
-    from proofmass.analytic.spatial.motion import freedoms
-    from proofmass.analytic.spatial.terms import OwnTerms
-
-    tree = read_tree(model, start)
-    return freedoms(tree, OwnTerms(tree))

@@ -26,7 +26,13 @@ from mujoco import MjModel
 from proofmass.analytic import spatial
 from proofmass.analytic.planar import Branch, Mechanism, read, solve
 from proofmass.analytic.planar.kinematics import freedoms, nearest
-from proofmass.analytic.planar.mechanism import refuse_actuators, refuse_contacts
+from proofmass.analytic.planar.mechanism import (
+    PlanarJoint,
+    PointSpring,
+    SumSpring,
+    refuse_actuators,
+    refuse_contacts,
+)
 from proofmass.check import SAMPLES, run_one
 from proofmass.check import read as read_sidecar
 from proofmass.compare import Comparison, compare
@@ -215,10 +221,9 @@ def look_at(path: Path) -> Look:
 def springs_hold(mechanism: Mechanism) -> bool:
     """Whether springs act, so that what a drive leaves may rest on them."""
     m = mechanism
-    stiff = [(one.stiffness, one.stiffness_poly) for one in m.joints]
-    stiff += [(one.stiffness, one.stiffness_poly) for one in m.point_springs]
-    stiff += [(one.stiffness, one.stiffness_poly) for one in m.sum_springs]
-    return any(one or any(more) for one, more in stiff)
+    springs: tuple[PlanarJoint | PointSpring | SumSpring, ...]
+    springs = (*m.joints, *m.point_springs, *m.sum_springs)
+    return any(any((spring.stiffness, *spring.stiffness_poly)) for spring in springs)
 
 
 def rests_until(model: MjModel, start: str, joint: str, at: float, end: float) -> float:

@@ -547,7 +547,9 @@ def facts(case: Case, beside: str | None = None) -> dict[str, str]:
         if "control_laws" in asked and kind == "dynamics":
             own["control_laws"] = control_laws(case, kind)
         elif "controls" in asked:
-            own["controls"] = {name: one(x)[0] for name, one in control_laws(case, kind).items()}
+            found = {name: one(x) for name, one in control_laws(case, kind).items()}
+            own["controls"] = {name: one[0] for name, one in found.items()}
+            own["control_rates"] = {name: one[1] for name, one in found.items()}
     if "terms" in asked:
         own["terms"] = smooth_terms(own["model"], case.start)
     try:

@@ -303,8 +303,8 @@ class Resting:
             found = self.equations(pose, *inputs, held)
             others = self.switched(pose[0], found.forces[0], held)
             if others == held:
-                beside = held == first and self.turned(pose, ahead, found, before, held)
-                return (pose, held) if found.least[0] > FLAT and not beside else None
+                snapped = held == first and self.turned(pose, ahead, found, before, held)
+                return (pose, held) if found.least[0] > FLAT and not snapped else None
             many = len(others) + self.rank > self.sizes.size
             less = [tuple(one for one in others if one != old) for old in held if old in others]
             waiting += [one for one in (less if many else [others]) if one not in seen]

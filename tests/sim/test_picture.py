@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from proofmass.report.drawing import moving, shape_of
 from proofmass.report.families import families
 from proofmass.report.svg import compact
 from proofmass.sidecar import load_case
-from proofmass.sim.picture import picture
+from proofmass.sim.picture import picture, solid
 from proofmass.sim.protocol import Drive, Run
 from proofmass.solve import plan
 from tests.shipped import MODELS, shipped
@@ -119,6 +120,18 @@ def test_what_leaves_the_plane_is_drawn_from_a_side(tmp_path: Path) -> None:
     drawing = (tmp_path / "figures" / "bare-mechanism.svg").read_text(encoding="utf-8")
     assert ">x [m]</text>" in drawing
     assert '"along":"' in page
+
+
+def test_a_cylinder_is_closed_on_both_sides_that_are_seen() -> None:
+    """Its line goes from rim to rim at both edges, whichever way it lies."""
+    size = np.array([0.3, 0.5, 0.0])
+    for view in (np.array([0.0, 1.0, 0.0]), np.array([0.6, -0.8, 0.0])):
+        line = solid(mujoco.mjtGeom.mjGEOM_CYLINDER, size, view)
+        ways = np.roll(line, -1, axis=0) - line
+        along = np.isclose(np.abs(ways[:, 2]), 2 * size[1])
+        assert along.sum() == 2
+        across = np.cross(view, [0.0, 0.0, 1.0])
+        assert np.sort(line[along] @ across) == pytest.approx([-0.3, 0.3])
 
 
 def test_index_goes_by_folder_and_reference_with_what_is_wrong_first() -> None:

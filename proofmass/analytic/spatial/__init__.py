@@ -32,7 +32,6 @@ from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, product, read_tree
 from proofmass.analytic.spatial.motion import (
     HeldMotion,
-    driven_joints,
     driven_motion,
     freedoms,
     held_motion,
@@ -192,6 +191,7 @@ def facts(
     motion: Any,
     in_time: tuple[Array, Sequence[Law]] | None = None,
     controls: Mapping[str, ArrayLike] | None = None,
+    control_rates: Mapping[str, ArrayLike] | None = None,
     control_laws: Mapping[str, Law] | None = None,
     **_: float,
 ) -> dict[str, str]:
@@ -201,7 +201,7 @@ def facts(
     rest is that of `solve`.
     """
     tree, source = sources(model, start, terms)
-    changing = Changing(controls, None, control_laws)
+    changing = Changing(controls, control_rates, control_laws)
     given = motion if joints else (motion,)
     followed = follow(model, tree, source, joints, given, in_time, changing)
     seen, held = followed.witnessed, followed.held
@@ -213,7 +213,8 @@ def facts(
         ),
     }
     if tree.rows:
-        rows = f"{held.rank} independent of {tree.rows} rows" if held.rank else f"{tree.rows} rows"
+        rows = f"{held.rank} independent of" if followed.way == IN_TIME else "all"
+        rows = f"{rows} {tree.rows} rows"
         found["equalities"] = f"held exactly, {rows}; open by {held.open_by:.1g} in the key"
     if events := held.stopped.events():
         found["stops"] = events
@@ -308,8 +309,7 @@ def moved_in_time(
     """A motion in time, free or beside drives that follow laws."""
     drives = UNDRIVEN
     if joints:
-        at_rest = TreeAtRest(tree, driven_joints(tree, joints))
-        drives = Prescribed.of(at_rest.places, at_rest.driven, laws)
+        drives = Prescribed.of(*tree.places(joints), laws)
     held = held_motion(tree, source, times, stops, changing, drives)
     ctrl = changing.along(times) if changing else None
     return witnessed(tree, source, IN_TIME, held, times, ctrl)
@@ -334,7 +334,7 @@ def driven_once(tree: Tree, source: Source, joints: tuple[str, ...], packed: byt
 def rests_once(tree: Tree, source: Source, joints: tuple[str, ...], packed: bytes) -> Followed:
     """A path of rests beside drives, of their states, all controls and their rates as bytes."""
     (values, rates, _), ctrl, ctrl_rates = pickle.loads(packed)
-    at_rest = TreeAtRest(tree, driven_joints(tree, joints))
+    at_rest = TreeAtRest(tree, joints)
     resting = Resting(at_rest)
     q, stops = resting.follow(values, ctrl)
     v, pushes = resting.beside(q, stops, values, rates, ctrl, ctrl_rates)
@@ -430,7 +430,7 @@ def stops_of(model: Any, tree: Tree) -> Iterator[Stop]:
     """The ends of the ranges of the joints."""
     for j, joint in enumerate(tree.joints):
         if joint.kind in ("hinge", "slide"):
-            size = 1.0 if joint.kind == "hinge" else max(tree.extent, 1e-300)
+            size = float(tree.sizes[joint.rate])
             yield from read_stops(model, j, joint.range, joint.pose, joint.rate, size)
 
 

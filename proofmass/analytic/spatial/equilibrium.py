@@ -7,7 +7,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, CannotAssemble, Index
 from proofmass.analytic.spatial.kinematics import unit
-from proofmass.analytic.spatial.mechanism import Tree, TreeJoint, product
+from proofmass.analytic.spatial.mechanism import Tree, product
 from proofmass.analytic.spatial.motion import CLOSED, ROUNDS, Holder
 from proofmass.analytic.spatial.terms import OwnTerms, own_terms
 from proofmass.analytic.stops import Stop, ends
@@ -20,26 +20,27 @@ class TreeAtRest:
     Attributes
     ----------
     tree : Tree
-    driven_joints : tuple of TreeJoint
+    joints : tuple of str
+        The driven joints.
     """
 
     tree: Tree
-    driven_joints: tuple[TreeJoint, ...]
+    joints: tuple[str, ...]
 
     @property
     def sizes(self) -> Array:
-        """What its rates are measured in (rates,): 1 rad, or the extent of the model [m]."""
+        """What its rates are measured in (rates,): 1 rad, or the size of the model [m]."""
         return self.tree.sizes
 
     @cached_property
+    def places(self) -> tuple[Index, Index]:
+        """Where the drives stand in a pose and in the rates (drives,)."""
+        return self.tree.places(self.joints)
+
+    @property
     def driven(self) -> Index:
         """Where the drives stand in the rates (drives,)."""
-        return np.array([joint.rate for joint in self.driven_joints], np.intp)
-
-    @cached_property
-    def places(self) -> Index:
-        """Where the drives stand in a pose (drives,)."""
-        return np.array([joint.pose for joint in self.driven_joints], np.intp)
+        return self.places[1]
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
@@ -56,12 +57,12 @@ class TreeAtRest:
     @cached_property
     def row_sizes(self) -> Array:
         """What the gaps of the equalities are measured in (rows,) [rad or m]."""
-        tree, size = self.tree, max(self.tree.extent, 1e-300)
+        tree = self.tree
         ties = [
-            size if tie.tendons else float(self.sizes[tree.joints[tie.one].rate])
+            tree.size if tie.tendons else float(self.sizes[tree.joints[tie.one].rate])
             for tie in tree.ties
         ]
-        return np.array([size] * (tree.rows - len(ties)) + ties)
+        return np.array([tree.size] * (tree.rows - len(ties)) + ties)
 
     @cached_property
     def closed(self) -> tuple[Array, float]:
@@ -115,4 +116,4 @@ class TreeAtRest:
 
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""
-        return q[:, self.places]
+        return q[:, self.places[0]]

@@ -253,10 +253,30 @@ class Tree:
                 found[joint.rate : joint.rate + (3 if joint.kind == "free" else 1)] = 0.0
         return found
 
+    @property
+    def size(self) -> float:
+        """What lengths are measured in: the extent, if there is any [m]."""
+        return max(self.extent, 1e-300)
+
     @cached_property
     def sizes(self) -> Array:
-        """What rates are measured in (rates,): 1 rad, or the extent of the model [m]."""
-        return np.where(self.turns > 0, 1.0, max(self.extent, 1e-300))
+        """What rates are measured in (rates,): 1 rad, or the size of the model [m]."""
+        return np.where(self.turns > 0, 1.0, self.size)
+
+    def places(self, joints: tuple[str, ...]) -> tuple[Index, Index]:
+        """Where driven joints stand in a pose and in the rates (drives,), by their names.
+
+        Raises
+        ------
+        NotCovered
+            One is no hinge or slide.
+        """
+        found = [next(joint for joint in self.joints if joint.name == name) for name in joints]
+        for joint in found:
+            if joint.kind not in ("hinge", "slide"):
+                raise NotCovered(f"the driven joint {joint.name!r} is a {joint.kind} joint")
+        poses, rates = ([getattr(one, part) for one in found] for part in ("pose", "rate"))
+        return np.array(poses, np.intp), np.array(rates, np.intp)
 
     @cached_property
     def quaternions(self) -> tuple[tuple[int, int], ...]:

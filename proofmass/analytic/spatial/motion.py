@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from proofmass.analytic.controls import UNDRIVEN, ControlsInTime, Prescribed, smooth_pieces
-from proofmass.analytic.numerics import Array, CannotAssemble, NotCovered, SingularHere
+from proofmass.analytic.numerics import Array, CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
-from proofmass.analytic.spatial.mechanism import Tree, TreeJoint
+from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import Source, Terms
 from proofmass.analytic.stops import (
     Balance,
@@ -114,7 +114,7 @@ class Holder:
             drift=np.concatenate([found.drift, acceleration, np.zeros(len(gaps))]),
         )
 
-    def asked(self, t: float) -> Array:
+    def row_rates(self, t: float) -> Array:
         """Rates of all rows (rows,) at a time: none but those of drives."""
         rate = self.drives.law(min(t, self.last))[1]
         return np.concatenate([np.zeros(self.tree.rows), rate, np.zeros(len(self.stops))])
@@ -165,7 +165,7 @@ class Holder:
             inverse = self.closing(terms, plain)
             gap = np.abs(terms.gap).max()
             if gap < CLOSED * max(1.0, self.tree.extent):
-                return q, v - inverse @ (terms.jacobian @ v - self.asked(t))
+                return q, v - inverse @ (terms.jacobian @ v - self.row_rates(t))
             q = advance(self.tree, q, -inverse @ terms.gap)
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
 
@@ -332,21 +332,6 @@ SHORTEST = 1e-6
 """Share of a stride below which it is not halved any more."""
 
 
-def driven_joints(tree: Tree, names: tuple[str, ...]) -> tuple[TreeJoint, ...]:
-    """The joints of some names.
-
-    Raises
-    ------
-    NotCovered
-        One is no hinge or slide.
-    """
-    found = tuple(next(j for j in tree.joints if j.name == name) for name in names)
-    for joint in found:
-        if joint.kind not in ("hinge", "slide"):
-            raise NotCovered(f"the driven joint {joint.name!r} is a {joint.kind} joint")
-    return found
-
-
 class Driver:
     """A tree whose driven joints have given values, and that these determine.
 
@@ -360,9 +345,7 @@ class Driver:
 
     def __init__(self, tree: Tree, source: Source, joints: tuple[str, ...]):
         self.tree, self.source, self.evaluations = tree, source, 0
-        driven = driven_joints(tree, joints)
-        self.places = np.array([joint.pose for joint in driven], np.intp)
-        self.dofs = np.array([joint.rate for joint in driven], np.intp)
+        self.places, self.dofs = tree.places(joints)
         self.sizes = tree.sizes
         self.units = np.eye(tree.armature.size)[self.dofs]
         self.still = np.zeros(tree.armature.size)

@@ -19,7 +19,6 @@ from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.mechanism import carried_by
 from proofmass.analytic.spatial.kinematics import TreeMotion, cross3
 from proofmass.analytic.spatial.mechanism import PointLoop, Tree
-from proofmass.analytic.spatial.motion import driven_joints
 from proofmass.analytic.spatial.terms import (
     balances,
     loads_of,
@@ -43,7 +42,7 @@ def asked(
     And the rows of the equalities (n, rows, rates).  Actuators of the driven joints do not act.
     """
     q, v, a = state
-    dofs = [joint.rate for joint in tree.joints if joint.name in joints]
+    _, dofs = tree.places(joints)
     others = tuple(one for one in tree.actuators if one.rate not in dofs)
     found = own_terms(replace(tree, actuators=others), q, v, ctrl)
     needed = np.einsum("nij,nj->ni", found.mass, a) + found.bias - found.force
@@ -93,8 +92,7 @@ class Reactions:
     ):
         self.tree, self.motion, self.ctrl = tree, motion, ctrl
         needed, rows = asked(tree, state, joints, ctrl)
-        dofs = [joint.rate for joint in driven_joints(tree, joints)]
-        driven = np.eye(needed.shape[1])[dofs]
+        driven = np.eye(needed.shape[1])[tree.places(joints)[1]]
         driven = np.broadcast_to(driven, (len(needed), *driven.shape))
         across = np.concatenate([rows, driven], axis=1).swapaxes(1, 2)
         sizes = np.linalg.svd(across, compute_uv=False)
