@@ -321,7 +321,7 @@ FRONT = {1, 3}  # numbers of settings
 
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory):
-    """The trade of the pendulum, some of its lines; which are near the front is not left to clocks."""
+    """The trade of the pendulum, some of its lines; clocks do not tell which are near the front."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             trade,
@@ -343,7 +343,7 @@ def test_defaults_and_settings_near_the_front_are_timed_again_and_no_others(pend
     rows = pendulum[0].rows
     again = {k for k, row in enumerate(rows) if len(row.repeats) > 1}
     assert again == FRONT.union(k for k, row in enumerate(rows) if is_default(row))
-    assert FRONT < again
+    assert again > FRONT
 
 
 @pytest.mark.parametrize("name", ORDERS)
