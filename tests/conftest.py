@@ -3,6 +3,7 @@
 import gc
 import os
 import re
+import shutil
 import sys
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
@@ -56,19 +57,56 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+class SpareFolder:
+    """A folder with all files below `models/` that goes from test to test.
+
+    To write it for each of them would take longer than many a test: only what one changed is
+    written again.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.kept = path, dict[str, tuple[int, ...]]()
+        path.mkdir()
+        self.mend()
+
+    def mend(self) -> None:
+        """Let all files be there as they were at first, and no others."""
+        contents = every_file()
+        there = {entry.name: entry for entry in os.scandir(self.path)}
+        for name in there.keys() - contents.keys():
+            is_folder = there[name].is_dir(follow_symlinks=False)
+            shutil.rmtree(there[name]) if is_folder else os.unlink(there[name])
+        for name, content in contents.items():
+            entry = there.get(name)
+            if entry is None or self.kept[name] != stamp(entry.stat(follow_symlinks=False)):
+                file = self.path / name
+                file.unlink(missing_ok=True)
+                file.write_bytes(content)
+                self.kept[name] = stamp(file.stat())
+
+
+def stamp(found: os.stat_result) -> tuple[int, ...]:
+    """What differs once a file has been written."""
+    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_mode
+
+
+@pytest.fixture(scope="session")
+def spare(tmp_path_factory: pytest.TempPathFactory) -> SpareFolder:
+    """The folder that `models` gives to tests."""
+    return SpareFolder(tmp_path_factory.mktemp("spare") / "models")
+
+
 @pytest.fixture
-def models(tmp_path: Path) -> Path:
+def models(tmp_path: Path, spare: SpareFolder) -> Iterator[Path]:
     """A copy of all files below `models/`, in one folder, that a test may change.
 
     The sidecars leave nothing to defaults, so that a test can change any line.
     """
     folder = tmp_path / "models"
-    folder.mkdir()
-    for name, content in every_file().items():  # of 156 files for each test: by the system's calls
-        file = os.open(f"{folder}/{name}", os.O_WRONLY | os.O_CREAT, 0o644)
-        os.write(file, content)
-        os.close(file)
-    return folder
+    spare.path.rename(folder)
+    yield folder
+    folder.rename(spare.path)
+    spare.mend()
 
 
 @pytest.fixture
@@ -170,8 +208,16 @@ def pytest_collection() -> Iterator[None]:
         gc.enable()
 
 
-class KeptCases:
-    """Keeps cases that were read for their items; a hook of this file alone is for those below."""
+class Collection:
+    """Hooks for all files; those of this file itself are for the tests below it."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(self, file_path: Path) -> Iterator[list[pytest.Collector]]:
+        """Look for doctests only where there are any."""
+        found = yield
+        if file_path.suffix != ".py" or b">>> " in file_path.read_bytes():
+            return found
+        return [one for one in found if type(one).__name__ != "DoctestModule"]
 
     def pytest_itemcollected(self, item: pytest.Item) -> None:
         """Keep the case of a sidecar."""
@@ -181,7 +227,7 @@ class KeptCases:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let tests ask for cases that are read to collect their items."""
-    config.pluginmanager.register(KeptCases())
+    config.pluginmanager.register(Collection())
 
 
 @pytest.hookimpl(optionalhook=True)

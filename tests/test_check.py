@@ -182,7 +182,7 @@ def test_a_folder_that_cannot_be_read_costs_itself_only(models, monkeypatch):
     scandir = os.scandir
 
     def refuse(path):
-        if Path(path) == locked:
+        if path in (locked, str(locked)):
             raise PermissionError(13, "Permission denied", str(locked))
         return scandir(path)
 
