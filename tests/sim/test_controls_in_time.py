@@ -49,19 +49,20 @@ class Rows:
         return value, np.zeros_like(value), np.zeros_like(value)
 
 
-def pushed(folder: Path, actuator: str) -> Path:
+def pushed(folder: Path, actuator: str, joint: str = "", key: str = "") -> Path:
     """A mass of 2 kg on a slide, pushed at 2 N for a unit of the control."""
     file = folder / "slide.xml"
     file.write_text(f"""<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="1e-3">
       <flag contact="disable"/></option><worldbody><site name="ground"/>
-      <body name="slide"><joint name="x" type="slide" axis="1 0 0"/>
+      <body name="slide"><joint name="x" type="slide" axis="1 0 0" {joint}/>
         <geom type="box" size="0.1 0.05 0.05" mass="2"/><site name="middle"/></body>
       <body pos="0 0 1"><joint name="h" axis="0 -1 0"/><geom size="0.1" mass="1"/></body>
       </worldbody>
       <actuator>{actuator}</actuator>
       <sensor><jointpos name="x" joint="x"/><jointvel name="rate" joint="x"/>
-      <actuatorfrc name="push" actuator="push"/></sensor>
-      <keyframe><key name="start" qpos="0.1 0" qvel="0.3 0"/></keyframe></mujoco>""")
+      <actuatorfrc name="push" actuator="push"/>
+      <jointactuatorfrc name="on_x" joint="x"/></sensor>
+      <keyframe><key name="start" qpos="0.1 0" qvel="0.3 0" {key}/></keyframe></mujoco>""")
     return file
 
 
@@ -91,7 +92,11 @@ def run(step: float, **settings) -> Run:
     """A second of it."""
     loads = (ChangingLoad("push", Rows(TIMES, FORCES)),)
     return Run(
-        "dynamics", T, ("x", "rate", "push"), settings={"timestep": step, **settings}, loads=loads
+        "dynamics",
+        T,
+        ("x", "rate", "push", "on_x"),
+        settings={"timestep": step, **settings},
+        loads=loads,
     )
 
 
@@ -522,19 +527,93 @@ def test_a_driven_joint_and_an_equilibrium_take_no_control(changed):
 def test_what_an_engine_or_a_reference_does_not_change_is_said(changed, tmp_path):
     [error] = check([changed(".toml", '"planar"', '"pendulum"')]).errors
     assert "'pendulum' covers no load that changes" in str(error)
-    file = pushed(tmp_path, '<motor name="push" joint="x" gear="2" forcerange="-9 9"/>')
-    with pytest.raises(Unsupported, match="the range of forces of actuator 'push', whose control"):
-        in_pymunk(file, run(1e-2))
+    file = pushed(
+        tmp_path,
+        '<motor name="push" joint="x" gear="2"/><motor name="pull" joint="x"/>',
+        'actuatorfrcrange="-9 9"',
+    )
+    both = run(1e-2)
+    both = replace(both, loads=(*both.loads, replace(both.loads[0], actuator="pull")))
+    with pytest.raises(Unsupported, match="range of actuator forces of joint 'x', on which actua"):
+        in_pymunk(file, both)
 
 
-def test_a_range_of_forces_clips_what_a_control_asks_in_mujoco(tmp_path):
-    """At 2 N: the speed is then that of the clipped polyline."""
-    file = pushed(tmp_path, '<motor name="push" joint="x" gear="2" forcerange="-1 2"/>')
-    found = in_mujoco(file, run(1e-3, integrator="RK4")).channels
+RANGES = {
+    "its own": ('<motor name="push" joint="x" gear="2" forcerange="-1 2"/>', "", (-1.0, 2.0)),
+    "of its joint": (
+        '<motor name="push" joint="x" gear="2"/>',
+        'actuatorfrcrange="-2 4"',
+        (-9.0, 9.0),
+    ),
+    "of both": (
+        '<motor name="push" joint="x" gear="-2" forcerange="-1.5 2"/>',
+        'actuatorfrcrange="-4 2"',
+        (-1.5, 2.0),
+    ),
+}
+
+
+@pytest.mark.parametrize(("actuator", "joint", "own"), RANGES.values(), ids=RANGES)
+def test_a_range_of_forces_clips_what_a_control_asks(actuator, joint, own, tmp_path):
+    """To -1 N to 2 N of the motor: the speed is that of the clipped polyline, whose kinks lie
+    between steps, in both engines and in the planar reference.
+
+    The motor's sensor shows what its own range leaves, before that of the joint.
+    """
+    file, sense = pushed(tmp_path, actuator, joint), -1.0 if 'gear="-2"' in actuator else 1.0
     fine = np.linspace(0.0, 1.0, 100001)
     force = np.clip(np.interp(fine, TIMES, FORCES), -1.0, 2.0)
-    speed = 0.3 + np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1])) * 1e-5)
-    assert np.abs(found["rate"] - speed[::20000]).max() < 2e-6
+    speed = 0.3 + sense * np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1])) * 1e-5)
+    found = {
+        "mujoco": in_mujoco(file, run(1e-3, integrator="RK4")).channels,
+        "pymunk": in_pymunk(file, run(1e-3)).channels,
+    }
+    model = mujoco.MjModel.from_xml_path(str(file))
+    found["planar"] = planar.solve(T, model=model, control_laws={"push": Rows(TIMES, FORCES)})
+    for solver, curves in found.items():
+        assert np.abs(curves["rate"] - speed[::20000]).max() < 2e-6, solver
+        shown = np.clip(np.interp(T, TIMES, FORCES), *own)
+        assert curves["push"] == pytest.approx(shown, abs=1e-9), solver
+        assert curves["on_x"] == pytest.approx(2.0 * sense * force[::20000], abs=1e-9), solver
+
+
+def test_a_range_of_a_joint_is_shared_with_a_motor_whose_control_stays(tmp_path):
+    """Of 3 N that the joint takes, 1.5 N are taken: the other motor is held at 0.75 N."""
+    file = pushed(
+        tmp_path,
+        '<motor name="push" joint="x" gear="2"/><motor name="steady" joint="x" gear="1.5"/>',
+        'actuatorfrcrange="-3 3"',
+        'ctrl="0 1"',
+    )
+    wanted = in_mujoco(file, run(1e-3, integrator="RK4")).channels
+    found = in_pymunk(file, run(1e-3)).channels
+    assert np.ptp(wanted["rate"]) > 0.1
+    assert np.abs(found["rate"] - wanted["rate"]).max() < 2e-6
+    wrong = pushed(
+        tmp_path,
+        '<motor name="push" joint="x" gear="2"/><motor name="steady" joint="x" gear="1.5"/>',
+        'actuatorfrcrange="-3.1 3.1"',
+        'ctrl="0 1"',
+    )
+    found = in_pymunk(wrong, run(1e-3)).channels
+    assert np.abs(found["rate"] - wanted["rate"]).max() > 1e-3
+
+
+def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
+    file, given = pushed(tmp_path, *RANGES["of both"][:2]), run(1e-2)
+    wanted = in_pymunk(file, given)
+    law = law_of_profile(
+        tmp_path, ProfileTable(time=TIMES, value=FORCES, interpolation="linear"), 0.0, "1"
+    )
+    given, source = replace(given, settings=wanted.settings), controls_source([law], T)
+    with pytest.raises(Unsupported, match="sensor 'push', which shows more of a force than the"):
+        pymunk_program.write_program(file, given, "", "", controls=source)
+    given = replace(given, channels=("x", "rate", "on_x"))
+    text = pymunk_program.write_program(file, given, "", "", controls=source)
+    assert "np.clip(controls(t)" in text
+    found = curves_of(text, tmp_path)
+    for name in given.channels:
+        assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
 
 
 def test_a_steady_law_is_written_as_a_formula():

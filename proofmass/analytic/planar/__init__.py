@@ -262,15 +262,18 @@ def refuse_limits(m: Mechanism, q: Array) -> None:
 
 
 def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
-    """Raise NotCovered if a control changes whose joint has a range of actuator forces."""
+    """Raise NotCovered if a control changes whose motor shares the range of a joint with others."""
     controls_by_place(model, named)  # ValueError if there is no such actuator
     for name in named:
         actuator = model.actuator(name).id
         joint = int(model.actuator_trnid[actuator, 0])
-        if joined(model, actuator) and model.jnt_actfrclimited[joint]:
+        if not (joined(model, actuator) and model.jnt_actfrclimited[joint]):
+            continue
+        on_joint = [a for a in switched_on(model) if joined(model, a)]
+        if sum(int(model.actuator_trnid[a, 0]) == joint for a in on_joint) > 1:
             raise NotCovered(
                 f"the control of actuator {name!r} changes, and its joint "
-                f"{model.joint(joint).name!r} has a range of actuator forces"
+                f"{model.joint(joint).name!r} has a range of forces for several actuators"
             )
 
 

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.controls import AffineActuator, SiteLoad
+from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
 from proofmass.analytic.numerics import (
     Array,
     CannotMove,
@@ -557,11 +557,13 @@ class Reader:
     def constant(self, j: int) -> list[int]:
         """The actuators of joint number j that are part of its own load and servo.
 
-        All but those whose force has a range; of joints with a range of actuator forces, which no
-        servo has, all.
+        All but those whose force has a range, be it of a joint that they alone act on; of several
+        on a joint with a range of actuator forces, which no servo has, all.
         """
-        whole = self.model.jnt_actfrclimited[j]
-        return [a for a in self.acting(j) if whole or not self.model.actuator_forcelimited[a]]
+        acting = self.acting(j)
+        if self.model.jnt_actfrclimited[j]:
+            return acting if len(acting) > 1 else []
+        return [a for a in acting if not self.model.actuator_forcelimited[a]]
 
     def actuators(self) -> Iterator[AffineActuator]:
         """All actuators of joints; only those that the joints' own loads leave out have a range."""
@@ -569,7 +571,14 @@ class Reader:
             constant = self.constant(j)
             for a in self.acting(j):
                 one = read_actuator(self.model, a)
-                yield replace(one, range=(-np.inf, np.inf)) if a in constant else one
+                if a in constant:
+                    yield replace(one, range=UNLIMITED)
+                elif self.model.jnt_actfrclimited[j] and one.gear:
+                    least, most = np.sort(self.model.jnt_actfrcrange[j] / one.gear)
+                    low, high = np.clip(one.range, least, most).tolist()
+                    yield replace(one, range=(low, high))
+                else:
+                    yield one
 
     def point_load(self, a: int) -> PointLoad:
         """The load of actuator number a on a site.
@@ -611,10 +620,10 @@ class Reader:
 
         Of servos what they do where the spring of the joint is slack, and without a rate.
         """
-        model = self.model
-        load = sum(self.motor(a, ctrl) for a in self.constant(j))
+        model, constant = self.model, self.constant(j)
+        load = sum(self.motor(a, ctrl) for a in constant)
         load -= self.servo(j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
-        limited = model.jnt_actfrclimited[j]
+        limited = constant and model.jnt_actfrclimited[j]
         return float(np.clip(load, *model.jnt_actfrcrange[j]) if limited else load)
 
     def motor(self, a: int, ctrl: Array) -> float:

@@ -211,7 +211,7 @@ def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
     feed = None
     if run.loads:
         times = run.x[0] + settings["timestep"] * np.arange(len(targets))
-        feed = add_loads(space, links, run), changes(run, times).tolist()
+        feed = add_loads(space, links, run), changes(links, run, times).tolist()
     record = np.zeros(len(targets), bool)
     record[::per] = record[per - 1 :: per] = True
     buffer = empty_buffer()

@@ -33,6 +33,11 @@ def turned(angle: Array, vector: Array) -> Array:
 
 def apart(hold: Hold | HoldTable | LinkSpring, pose: Array) -> Array:
     """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
+    if isinstance(hold, HoldTable):
+        ends = pose.take(hold.ends, axis=-2)
+        points, count = turned(ends[..., 2], hold.on_ends), len(hold.a)
+        points += ends[..., :2]
+        return points[..., :count, :] - points[..., count:, :]
     a, b = pose[..., hold.a, :], pose[..., hold.b, :]
     return b[..., :2] + turned(b[..., 2], hold.on_b) - a[..., :2] - turned(a[..., 2], hold.on_a)
 
@@ -490,7 +495,7 @@ def _rise(
 
 def sizes(links: Links, moves: Array) -> Array:
     """Largest part of each of some moves (..., links + 1, 3), in extents or radians."""
-    return np.asarray(np.abs(moves / links.sizes[:3]).max(axis=(-2, -1)))
+    return np.asarray(np.abs(moves / links.scale).max(axis=(-2, -1)))
 
 
 def _held(links: Links, stops: tuple[LinkJoint, ...], pose: Array) -> Array:

@@ -54,6 +54,16 @@ class HoldTable:
         """Whether any of them has."""
         return bool(self.slides.any())
 
+    @cached_property
+    def ends(self) -> NDArray[np.intp]:
+        """The second links (holds,), then the first ones."""
+        return np.concatenate([self.b, self.a])
+
+    @cached_property
+    def on_ends(self) -> Array:
+        """The anchors on these links (2 holds, 2)."""
+        return np.concatenate([self.on_b, self.on_a])
+
 
 def columns(holds: Sequence[Hold]) -> dict[str, Any]:
     """What a `HoldTable` has of some holds."""
@@ -304,6 +314,11 @@ class Links:
     def sizes(self) -> Array:
         """What the coordinates of a pose are measured in (3 links,): extents [m], radians."""
         return np.tile([self.extent, self.extent, 1.0], len(self.mass))
+
+    @cached_property
+    def scale(self) -> Array:
+        """The same of one link (3,)."""
+        return np.array([self.extent, self.extent, 1.0])
 
     @cached_property
     def bounds(self) -> Array:

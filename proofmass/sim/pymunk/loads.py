@@ -8,11 +8,12 @@ that the new velocities belong to, and its law is met to the second order.
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 import pymunk
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import gear_of, joint_of
+from proofmass.sim.contents import gear_of, is_off, joint_of
 from proofmass.sim.protocol import Run, Unsupported
 from proofmass.sim.pymunk.links import Links, Pull
 from proofmass.sim.pymunk.model import pull_of, with_controls
@@ -89,22 +90,58 @@ def names_of(run: Run) -> tuple[str, ...]:
 
 
 def at_start(links: Links, run: Run) -> Links:
-    """The links with the controls of the first sample of a run.
+    """The links with the controls of the first sample of a run."""
+    if not run.loads:
+        return links
+    return with_controls(links, names_of(run), run.controls(run.x[:1])[0][:, 0])
+
+
+def followed(links: Links, run: Run) -> tuple[Array, Array]:
+    """Smallest and largest controls (loads,) that forces follow, where these have ranges.
+
+    A motor's own range, and what the range of its joint leaves beside the motors whose controls
+    stay.
+
+    Parameters
+    ----------
+    links : Links
+        From `at_start`.
+    run : Run
 
     Raises
     ------
     Unsupported
-        A control changes whose force has a range.
+        Several controls change whose motors share the range of a joint.
     """
-    if not run.loads:
-        return links
-    model = links.model
-    for name in names_of(run):
-        a = model.actuator(name).id
-        joint = joint_of(model, a)
-        if model.actuator_forcelimited[a] or (joint >= 0 and model.jnt_actfrclimited[joint]):
-            raise Unsupported(f"the range of forces of actuator '{name}', whose control changes")
-    return with_controls(links, names_of(run), run.controls(run.x[:1])[0][:, 0])
+    model, names = links.model, names_of(run)
+    ids = [model.actuator(name).id for name in names]
+    low, high = np.full(len(ids), -np.inf), np.full(len(ids), np.inf)
+    for k, (name, a) in enumerate(zip(names, ids, strict=True)):
+        j, gain, gear = joint_of(model, a), model.actuator_gainprm[a, 0], gear_of(model, a)[0]
+        limited = j >= 0 and model.jnt_actfrclimited[j]
+        others = [b for b in motors_on(model, j) if b != a] if limited else []
+        if set(others) & set(ids):
+            raise Unsupported(
+                f"the range of actuator forces of joint '{model.joint(j).name}', on which actuator "
+                f"'{name}' is not the only one whose control changes"
+            )
+        held = sum(
+            links.data.actuator_force[model.actuator_outadr[b]] * gear_of(model, b)[0]
+            for b in others
+        )
+        for there, ends, unit in (
+            (model.actuator_forcelimited[a], model.actuator_forcerange[a], gain),
+            (limited, model.jnt_actfrcrange[j] - held, gain * gear),
+        ):
+            if there and unit:
+                least, most = np.sort(ends / unit)
+                low[k], high[k] = np.clip([low[k], high[k]], least, most)
+    return low, high
+
+
+def motors_on(model: mujoco.MjModel, j: int) -> list[int]:
+    """The actuators that act on joint number j."""
+    return [a for a in range(model.nactuator) if joint_of(model, a) == j and not is_off(model, a)]
 
 
 def efforts_of_loads(links: Links, run: Run) -> tuple[ChangingEffort, ...]:
@@ -121,9 +158,13 @@ def efforts_of_loads(links: Links, run: Run) -> tuple[ChangingEffort, ...]:
     return tuple(found)
 
 
-def changes(run: Run, times: Array) -> Array:
-    """Controls of the loads (n, loads) at times, less those of the first sample."""
-    return run.controls(times)[0].T - run.controls(run.x[:1])[0].T
+def changes(links: Links, run: Run, times: Array) -> Array:
+    """Controls of the loads (n, loads) at times, less those of the first sample.
+
+    As far as the forces follow them.
+    """
+    ends = followed(links, run)
+    return np.clip(run.controls(times)[0].T, *ends) - np.clip(run.controls(run.x[:1])[0].T, *ends)
 
 
 def add_loads(space: pymunk.Space, links: Links, run: Run) -> Callable[[list[float]], None]:

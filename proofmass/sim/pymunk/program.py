@@ -17,7 +17,7 @@ from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_
 from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring
-from proofmass.sim.pymunk.loads import at_start, efforts_of_loads, names_of
+from proofmass.sim.pymunk.loads import at_start, efforts_of_loads, followed, names_of
 from proofmass.sim.pymunk.model import find_channels, read_model, with_controls
 from proofmass.sim.pymunk.read import (
     Direction,
@@ -177,6 +177,15 @@ def spoken(name: str) -> str:
 def digits(number: float) -> str:
     """A number with all its digits; no -0.0."""
     return repr(float(number) + 0.0)
+
+
+def or_infinite(number: float) -> str:
+    """A number, or infinity as NumPy's.
+
+    >>> or_infinite(-np.inf), or_infinite(2.5)
+    ('-np.inf', '2.5')
+    """
+    return digits(number).replace("inf", "np.inf")
 
 
 def tupled(numbers: Iterable[float]) -> str:
@@ -341,24 +350,31 @@ def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
     found = dict[str, tuple[float, ...]]()
     if not run.loads:
         return found
-    values = run.controls(run.x)[0]
-    ends = np.array([values.min(axis=1), values.max(axis=1)])  # all are within their ranges
+    asked = run.controls(run.x)[0]
+    values = np.clip(asked.T, *followed(links, run)).T
+
+    def level(name: str, k: int, control: float) -> float:
+        controls = values[:, 0].copy()
+        controls[k] = control
+        shown = channel_of(with_controls(links, names_of(run), controls), name)
+        assert isinstance(shown, Sensor)
+        assert isinstance(shown.function, Level)
+        return float(shown.function.value)
+
     for name in run.channels:
         first = channel_of(links, name)
         if not isinstance(first, Sensor) or first.order or not isinstance(first.function, Level):
             continue
         shares = []
-        for k in range(len(values)):
-            level = list[float]()
-            for end in ends[:, k]:
-                controls = values[:, 0].copy()
-                controls[k] = end
-                shown = channel_of(with_controls(links, names_of(run), controls), name)
-                assert isinstance(shown, Sensor)
-                assert isinstance(shown.function, Level)
-                level.append(shown.function.value)
-            width = float(np.ptp(ends[:, k]))
-            shares.append((level[1] - level[0]) / width if width else 0.0)
+        for k, curve in enumerate(values):
+            least, most = (level(name, k, end(curve)) for end in (np.min, np.max))
+            if (least, most) != tuple(level(name, k, end(asked[k])) for end in (np.min, np.max)):
+                raise Unsupported(
+                    f"a program with sensor '{name}', which shows more of a force than the range "
+                    "of its joint leaves"
+                )
+            width = float(np.ptp(curve))
+            shares.append((most - least) / width if width else 0.0)
         found[name] = tuple(shares)
     return found
 
@@ -740,9 +756,15 @@ class Writer:
                 lines.append(
                     wrapped("pull_more({body}, {k}, {at}, {force}, {moment})".format(**row))
                 )
+        least, most = followed(self.links, run)
+        limited = bool(np.isfinite([least, most]).any())
         return {
             "source": source.strip(),
-            "first": run.controls(run.x[:1])[0][:, 0].tolist(),
+            "ends": [f"[{', '.join(map(or_infinite, end))}]" for end in (least, most)]
+            if limited
+            else None,
+            "by": "followed" if limited else "controls",
+            "first": np.clip(run.controls(run.x[:1])[0][:, 0], least, most).tolist(),
             "names": ", ".join(map(spoken, names_of(run))),
             "lines": lines,
             "efforts": efforts,

@@ -6,7 +6,6 @@ this project is at hand there.
 
 import ast
 import csv
-import doctest
 import re
 import subprocess
 import sys
@@ -23,7 +22,6 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.drive import Swing, motion_source
 from proofmass.sidecar import load_case
-from proofmass.sim import program_text
 from proofmass.sim.protocol import (
     BadSetting,
     Curves,
@@ -34,7 +32,6 @@ from proofmass.sim.protocol import (
     Unsupported,
     drive_columns,
 )
-from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from proofmass.units import FORCES
@@ -527,13 +524,6 @@ def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
         assert word not in text
     assert max(map(len, text.replace(HEAD, "").splitlines())) < 200
     ran(tmp_path / "bare", text)
-
-
-def test_the_examples_in_the_writer_hold():
-    assert [doctest.testmod(module) for module in (pymunk_program, program_text)] == [
-        (0, 3),
-        (0, 1),
-    ]
 
 
 @pytest.mark.parametrize(
