@@ -2,35 +2,51 @@
 
     python -m benchmarks.sweeping [--quick]
 
-Interleaved, the least of the repeats; a sweep reads all channels of its case at every pose, with
-moments and forces where the case has them.
+Interleaved, the least of the repeats.  A sweep reads positions alone, these and rates, or all
+channels of its case, with moments and forces where the case has them.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
 
 from benchmarks import ROOT, command
+from proofmass.reference import compiled
 from proofmass.sidecar import load_case
 from proofmass.solve import plan, simulate
 
 CASES = ("fourbar", "slider_crank", "hacksaw", "fivebar", "threeprr")
 ENGINES = ("mujoco", "pymunk")
 REPEATS = 7
+STAGES = {
+    "positions": mujoco.mjtStage.mjSTAGE_POS,
+    "and rates": mujoco.mjtStage.mjSTAGE_VEL,
+    "all": mujoco.mjtStage.mjSTAGE_ACC,
+}
+"""Up to which stage of MuJoCo's the sensors are read."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Print a row a case."""
+    """Print a row for each case and what is read of it."""
     quick = command(__doc__).parse_args(argv).quick
-    print(f"{'poses a second':<18}{'poses':>8}" + "".join(f"{name:>12}" for name in ENGINES))
+    print(f"{'poses a second':<28}{'poses':>6}" + "".join(f"{name:>10}" for name in ENGINES))
     for name in CASES[:1] if quick else CASES:
         case = load_case(ROOT / "models" / "linkages" / f"{name}.toml")
-        runs = {engine: plan(case, "sweep", engine) for engine in ENGINES}
-        least = dict.fromkeys(ENGINES, float("inf"))
-        for _ in range(1 if quick else REPEATS):
-            for engine, run in runs.items():
-                curves = simulate(engine, case.model_path, run)
+        model = compiled(case)
+        for words, stage in STAGES.items():
+            least = dict.fromkeys(ENGINES, float("inf"))
+            for engine in ENGINES * (1 if quick else REPEATS):
+                run = plan(case, "sweep", engine)
+                sensors = {one: model.sensor(one.partition(".")[0]) for one in run.channels}
+                read = tuple(one for one, s in sensors.items() if s.needstage[0] <= int(stage))
+                curves = simulate(engine, case.model_path, replace(run, channels=read))
                 least[engine] = min(least[engine], curves.seconds)
-        count = runs[ENGINES[0]].x.size
-        print(f"{name:<18}{count:>8}" + "".join(f"{count / least[e]:>12.0f}" for e in ENGINES))
+            count = run.x.size
+            print(
+                f"{f'{name}, {words}':<28}{count:>6}"
+                + "".join(f"{count / least[engine]:>10.0f}" for engine in ENGINES)
+            )
 
 
 if __name__ == "__main__":

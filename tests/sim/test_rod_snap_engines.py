@@ -85,9 +85,9 @@ def test_a_sweep_without_time_ends_at_the_fold():
     ("engine", "settings", "atol"),
     [
         ("pymunk", {}, 1e-11),  # rest to 1e-12 of the model, over its softness
-        pytest.param("mujoco", {"settled": True}, 1e-5, marks=pytest.mark.slow),
+        ("mujoco", {"settled": True}, 1e-5),  # soft loops
     ],
-)  # soft loops
+)
 def test_engines_snap_where_their_chain_does(engine, settings, atol):
     """Down and up again with ten links: on every shape the chain's own equilibrium."""
     degrees = [80.0, 30.0, -20.0, -45.0, -62.0, -80.0, -30.0, 20.0, 45.0, 62.0]
