@@ -66,11 +66,11 @@ class SpareFolder:
 
     def __init__(self, path: Path) -> None:
         self.path, self.kept = path, dict[str, tuple[int, ...]]()
-        path.mkdir()
         self.mend()
 
     def mend(self) -> None:
         """Let all files be there as they were at first, and no others."""
+        self.path.mkdir(exist_ok=True)
         contents = every_file()
         there = {entry.name: entry for entry in os.scandir(self.path)}
         for name in there.keys() - contents.keys():
@@ -97,15 +97,17 @@ def spare(tmp_path_factory: pytest.TempPathFactory) -> SpareFolder:
 
 
 @pytest.fixture
-def models(tmp_path: Path, spare: SpareFolder) -> Iterator[Path]:
+def models(tmp_path: Path, spare: SpareFolder, request: pytest.FixtureRequest) -> Iterator[Path]:
     """A copy of all files below `models/`, in one folder, that a test may change.
 
-    The sidecars leave nothing to defaults, so that a test can change any line.
+    The sidecars leave nothing to defaults, so that a test can change any line.  A test that fails
+    keeps its folder.
     """
-    folder = tmp_path / "models"
+    folder, failed = tmp_path / "models", request.session.testsfailed
     spare.path.rename(folder)
     yield folder
-    folder.rename(spare.path)
+    if request.session.testsfailed == failed:
+        folder.rename(spare.path)
     spare.mend()
 
 

@@ -425,6 +425,22 @@ LONG = {
         "tests/test_detectable.py::test_what_is_said_of_a_parameter_is_what_a_changed_one_does"
         "[rod_cantilever"
     ),
+    "tests/analytic/rods/test_rod_cosserat.py::test_potential_by_virtual_work": (
+        "tests/analytic/rods/test_rod_cantilever.py::test_potential_by_virtual_work[load0"
+    ),
+    "tests/report/test_animation.py::test_rods_bend_and_keep_their_length": (
+        "tests/report/test_animation.py::test_a_file_plays[.webp"
+    ),
+    "tests/studies/stress/test_stress.py::test_the_least_inertia_bounds_the_size": (
+        "tests/studies/stress/test_stress_theory.py::test_boundaries_are_where_theory_says[hung"
+    ),
+    f"{RODS}/rod_follower.toml::mujoco": (
+        "tests/sim/test_rods_loads.py::test_another_load_is_noticed[rod_follower"
+    ),
+    f"{RODS}/rod_taut.toml::mujoco": (
+        "tests/sim/test_rods_taut.py::test_both_engines_sag_alike_and_symmetrically"
+    ),
+    "models/contacts/tumbling_box.toml::mujoco": "models/contacts/ball_bounces.toml::mujoco",
     # an item of a sidecar validates its case first
     f"{VALID}[pfr3": f"{RODS}/pfr3.toml::mujoco",
     f"{VALID}[rfr3": f"{RODS}/rfr3.toml::mujoco",
