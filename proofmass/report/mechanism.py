@@ -73,11 +73,15 @@ def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) ->
     True
     """
     taken: list[tuple[Array, Array]] = []
+    order = np.argsort(points[:, 0])
+    (x, y), weights = np.ascontiguousarray(points[order].T), weights[order]
     for label in labels:
         centres, half = label.centres(), label.half
         costs = 0.05 * np.arange(len(centres), dtype=float)
-        inside = (np.abs(points - centres[:, None]) < half + 1).all(axis=2)
-        costs += inside @ weights
+        first = np.searchsorted(x, centres[:, 0] - half[0] - 1, "right").tolist()
+        last = np.searchsorted(x, centres[:, 0] + half[0] + 1).tolist()
+        for k, (a, b) in enumerate(zip(first, last, strict=True)):
+            costs[k] += weights[a:b][np.abs(y[a:b] - centres[k, 1]) < half[1] + 1].sum()
         outside = np.maximum(box[0] - (centres - half), 0) + np.maximum(centres + half - box[1], 0)
         costs += 5 * outside.sum(axis=1)
         for middle, size in taken:
