@@ -31,6 +31,11 @@ def turned(angle: Array, vector: Array) -> Array:
     return found
 
 
+def cross(one: Array, other: Array) -> Array:
+    """The product x v - y u (...) of vectors (x, y) and (u, v), as (..., 2)."""
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+
+
 def apart(hold: Hold | HoldTable | LinkSpring, pose: Array) -> Array:
     """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
     if isinstance(hold, HoldTable):
@@ -325,18 +330,19 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     stops : tuple of LinkJoint
         These joints.
     """
-    table = links.table
+    table, count = links.table, len(links.table.a)
     force, moment = _between(links, pose, pull, stops)
-    arms = [
-        turned(pose[..., link, 2], on) @ QUARTER
-        for link, on in ((table.a, table.on_a), (table.b, table.on_b))
-    ]
-    on_a, on_b = (moment + (force * arm).sum(-1) for arm in arms)
-    with_a = (force @ QUARTER * apart(table, pose)).sum(-1) * table.slides
-    units = np.eye(pose.shape[-2])
+    ends = pose.take(table.ends, axis=-2)
+    points = turned(ends[..., 2], table.on_ends)
+    on_b = moment + cross(points[..., :count, :], force)
+    on_a = moment + cross(points[..., count:, :], force)
+    if table.slide:
+        points += ends[..., :2]
+        on_a += cross(points[..., :count, :] - points[..., count:, :], force) * table.slides
+    first, second = links.incidence
     found = np.zeros_like(pose)
-    found[..., :2] = (units[table.b] - units[table.a]).T @ force
-    found[..., 2] = on_b @ units[table.b] - (on_a - with_a) @ units[table.a]
+    found[..., :2] = (second - first).T @ force
+    found[..., 2] = on_b @ second - on_a @ first
     found[..., :-1, :2] -= links.mass[:, None] * links.gravity
     for gear, moment in zip(links.gears, pull[2 * len(links.holds) : links.rows], strict=True):
         found[..., gear.a, 2] -= moment
@@ -345,14 +351,12 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
         way, length = spring_line(spring, pose)
         force = spring.push(length)[..., None] * way
         for link, on, sign in ((spring.a, spring.on_a, 1.0), (spring.b, spring.on_b, -1.0)):
-            arm = turned(pose[..., link, 2], on) @ QUARTER
             found[..., link, :2] += sign * force
-            found[..., link, 2] += sign * (arm * force).sum(-1)
+            found[..., link, 2] += sign * cross(turned(pose[..., link, 2], on), force)
     for load in links.pulls:
-        arm = turned(pose[..., load.link, 2], load.at) @ QUARTER
-        force = force_of(load, pose)
+        arm, force = turned(pose[..., load.link, 2], load.at), force_of(load, pose)
         found[..., load.link, :2] -= force
-        found[..., load.link, 2] -= (arm * force).sum(-1) + load.moment
+        found[..., load.link, 2] -= cross(arm, force) + load.moment
     return found
 
 
@@ -367,6 +371,8 @@ def _between(
         efforts[..., next(k for k, one in enumerate(links.joints) if one is pushed)] -= push
     held = -pull[: 2 * len(links.holds)].reshape(-1, 2)
     signs = np.append(links.joint_table.sign, np.zeros(len(links.loops)))
+    if not table.slide:
+        return np.broadcast_to(held, (*efforts.shape, 2)), signs * efforts
     axis = turned(pose[..., table.a, 2], table.axis)
     sliding = held[:, :1] * (axis @ QUARTER) + efforts[..., None] * axis
     return (np.where(slides[:, None], sliding, held), np.where(slides, held[:, 1], signs * efforts))

@@ -293,6 +293,12 @@ class Links:
         return HoldTable(**columns(self.holds))
 
     @cached_property
+    def incidence(self) -> tuple[Array, Array]:
+        """Which link is the first, and which the second, of each hold (holds, links + 1)."""
+        units = np.eye(len(self.centre))
+        return units[self.table.a], units[self.table.b]
+
+    @cached_property
     def joint_table(self) -> JointTable:
         """All joints as arrays."""
         joints = self.joints
