@@ -616,5 +616,25 @@ def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
 
 
+@pytest.mark.parametrize(("gain", "ends"), [(0.7, "-0.33 1.1"), (-3.0, "-3.7 1.3")])
+def test_a_program_of_pymunk_shows_a_force_up_to_its_own_range(gain, ends, tmp_path):
+    """Also where gain times range over gain is the range but for a digit."""
+    actuator = f'<general name="push" joint="x" gear="2" gainprm="{gain}" forcerange="{ends}"/>'
+    file, given = pushed(tmp_path, actuator), run(1e-2)
+    wanted = in_pymunk(file, given)
+    force = gain * np.interp(T, TIMES, FORCES)
+    shown = np.clip(force, *map(float, ends.split()))
+    assert np.abs(shown - force).max() > 0.5
+    assert wanted.channels["push"] == pytest.approx(shown, abs=1e-12)
+    law = law_of_profile(
+        tmp_path, ProfileTable(time=TIMES, value=FORCES, interpolation="linear"), 0.0, "1"
+    )
+    given = replace(given, settings=wanted.settings)
+    text = pymunk_program.write_program(file, given, "", "", controls=controls_source([law], T))
+    found = curves_of(text, tmp_path)
+    for name in given.channels:
+        assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
+
+
 def test_a_steady_law_is_written_as_a_formula():
     assert "0.5 + 2.0 * t" in controls_source([Steady(0.5, 2.0, x_is_time=True)], T)

@@ -368,7 +368,8 @@ def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
         shares = []
         for k, curve in enumerate(values):
             least, most = (level(name, k, end(curve)) for end in (np.min, np.max))
-            if (least, most) != tuple(level(name, k, end(asked[k])) for end in (np.min, np.max)):
+            beyond = [level(name, k, end(asked[k])) for end in (np.min, np.max)]
+            if not np.allclose([least, most], beyond, rtol=1e-12, atol=0.0):
                 raise Unsupported(
                     f"a program with sensor '{name}', which shows more of a force than the range "
                     "of its joint leaves"
