@@ -21,7 +21,7 @@ ENGINES = ("mujoco", "pymunk")
 REPEATS = 7
 STAGES = {
     "positions": mujoco.mjtStage.mjSTAGE_POS,
-    "and rates": mujoco.mjtStage.mjSTAGE_VEL,
+    "with rates": mujoco.mjtStage.mjSTAGE_VEL,
     "all": mujoco.mjtStage.mjSTAGE_ACC,
 }
 """Up to which stage of MuJoCo's the sensors are read."""

@@ -57,6 +57,11 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+LONG_AGO = 1e9
+"""When files of a `SpareFolder` were written, they say [s]: clocks of files tick every few
+milliseconds, in which a test may begin and write as many bytes."""
+
+
 class SpareFolder:
     """A folder with all files below `models/` that goes from test to test.
 
@@ -82,6 +87,7 @@ class SpareFolder:
                 file = self.path / name
                 file.unlink(missing_ok=True)
                 file.write_bytes(content)
+                os.utime(file, (LONG_AGO, LONG_AGO))
                 self.kept[name] = stamp(file.stat())
 
 

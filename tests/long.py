@@ -399,24 +399,15 @@ LONG = {
     f"{RODS}/rod_coil.toml::mujoco": f"{RODS}/rod_bend.toml::mujoco",
     f"{PLANE}/swinging_block_forces.toml::pymunk": f"{PLANE}/inverted_slider_crank.toml::pymunk",
     f"{RODS}/slider_crank_elastic.toml::mujoco": f"{RODS}/rod_released.toml::mujoco",
-    f"{RODS}/rfr2_driven.toml::mujoco": f"{RODS}/rfr2_load_path.toml::mujoco",
+    f"{RODS}/rfr2_driven.toml::mujoco": (
+        "tests/sim/test_rods_2rfr.py::test_a_motion_of_both_motors_is_that_of_the_chains[mujoco"
+    ),
     f"{BENCHMARK}[modules_used_once": f"{BENCHMARK}[sweeping",
     f"{BENCHMARK}[contacts": f"{BENCHMARK}[sweeping",
     f"{BENCHMARK}[balancer]": f"{BENCHMARK}[sweeping",
     f"{BENCHMARK}[files_passed": f"{BENCHMARK}[sweeping",
     f"{BENCHMARK}[foreign": f"{BENCHMARK}[sweeping",
-    "tests/report/test_browser.py::test_a_mechanism_plays_through_its_snaps": (
-        "tests/report/test_jumps.py::test_a_snap_is_found_and_smooth_curves_have_none"
-    ),
-    "tests/report/test_trend.py::test_axe_finds_nothing[light": (
-        "tests/report/test_browser.py::test_axe_finds_nothing[rod_cantilever-light"
-    ),
-    "tests/studies/test_study_pages_browser.py::test_axe_finds_nothing[trade/fourbar-dynamics"
-    "-trade.html-light": (
-        "tests/studies/test_study_pages_browser.py::test_axe_finds_nothing[trade/index.html-light"
-    ),
-    f"{LENGTHS}[ball_bounces-height-pymunk": f"{LENGTHS}[ball_bounces-height-mujoco",
-    f"{LENGTHS}[balls_in_row-gap-pymunk": f"{LENGTHS}[ball_bounces-height-mujoco",
+    f"{LENGTHS}[ball_bounces-height-pymunk": f"{LENGTHS}[balls_in_row-gap-pymunk",
     f"{LENGTHS}[balancer_sine_free_preload-pendulum-mujoco": (
         f"{LENGTHS}[balancer4_sam_prescribed-pendulum-mujoco"
     ),
@@ -425,22 +416,9 @@ LONG = {
         "tests/test_detectable.py::test_what_is_said_of_a_parameter_is_what_a_changed_one_does"
         "[rod_cantilever"
     ),
-    "tests/analytic/rods/test_rod_cosserat.py::test_potential_by_virtual_work": (
-        "tests/analytic/rods/test_rod_cantilever.py::test_potential_by_virtual_work[load0"
-    ),
-    "tests/report/test_animation.py::test_rods_bend_and_keep_their_length": (
-        "tests/report/test_animation.py::test_a_file_plays[.webp"
-    ),
-    "tests/studies/stress/test_stress.py::test_the_least_inertia_bounds_the_size": (
-        "tests/studies/stress/test_stress_theory.py::test_boundaries_are_where_theory_says[hung"
-    ),
-    f"{RODS}/rod_follower.toml::mujoco": (
-        "tests/sim/test_rods_loads.py::test_another_load_is_noticed[rod_follower"
-    ),
     f"{RODS}/rod_taut.toml::mujoco": (
         "tests/sim/test_rods_taut.py::test_both_engines_sag_alike_and_symmetrically"
     ),
-    "models/contacts/tumbling_box.toml::mujoco": "models/contacts/ball_bounces.toml::mujoco",
     # an item of a sidecar validates its case first
     f"{VALID}[pfr3": f"{RODS}/pfr3.toml::mujoco",
     f"{VALID}[rfr3": f"{RODS}/rfr3.toml::mujoco",

@@ -261,6 +261,13 @@ def is_off(model: mujoco.MjModel, actuator: int) -> bool:
     return bool(off or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION))
 
 
+def actuators_on(model: mujoco.MjModel, joint: int) -> list[int]:
+    """The actuators that act on a joint, by number, without those that are switched off."""
+    return [
+        a for a in range(model.nactuator) if joint_of(model, a) == joint and not is_off(model, a)
+    ]
+
+
 def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
     """Why the force of an actuator is not its control times a number; empty if it is.
 

@@ -88,6 +88,12 @@ def exact(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(place), np.array(speed)
 
 
+def polyline(folder: Path):
+    """The law of its control, from a table."""
+    table = ProfileTable(time=TIMES, value=FORCES, interpolation="linear")
+    return law_of_profile(folder, table, 0.0, "1")
+
+
 def run(step: float, **settings) -> Run:
     """A second of it."""
     loads = (ChangingLoad("push", Rows(TIMES, FORCES)),)
@@ -184,12 +190,7 @@ def test_programs_have_the_controls(engine, actuator, tmp_path):
     if engine == "pymunk":
         simulate, writer, given = in_pymunk, pymunk_program, run(1e-2)
     wanted = simulate(file, given)
-    sampled = law_of_profile(
-        tmp_path,
-        ProfileTable(time=TIMES, value=FORCES, interpolation="linear"),
-        0.0,
-        "1",
-    )
+    sampled = polyline(tmp_path)
     assert sampled(np.array([0.2, 0.8]))[0] == pytest.approx([2.0, 0.5], abs=1e-14)
     text = writer.write_program(
         file,
@@ -579,33 +580,24 @@ def test_a_range_of_forces_clips_what_a_control_asks(actuator, joint, own, tmp_p
 
 def test_a_range_of_a_joint_is_shared_with_a_motor_whose_control_stays(tmp_path):
     """Of 3 N that the joint takes, 1.5 N are taken: the other motor is held at 0.75 N."""
-    file = pushed(
-        tmp_path,
-        '<motor name="push" joint="x" gear="2"/><motor name="steady" joint="x" gear="1.5"/>',
-        'actuatorfrcrange="-3 3"',
-        'ctrl="0 1"',
-    )
-    wanted = in_mujoco(file, run(1e-3, integrator="RK4")).channels
-    found = in_pymunk(file, run(1e-3)).channels
+
+    def ranged(most: float) -> Path:
+        both = ON_JOINT + '<motor name="steady" joint="x" gear="1.5"/>'
+        return pushed(tmp_path, both, f'actuatorfrcrange="-{most} {most}"', 'ctrl="0 1"')
+
+    wanted = in_mujoco(ranged(3.0), run(1e-3, integrator="RK4")).channels
     assert np.ptp(wanted["rate"]) > 0.1
+    found = in_pymunk(ranged(3.0), run(1e-3)).channels
     assert np.abs(found["rate"] - wanted["rate"]).max() < 2e-6
-    wrong = pushed(
-        tmp_path,
-        '<motor name="push" joint="x" gear="2"/><motor name="steady" joint="x" gear="1.5"/>',
-        'actuatorfrcrange="-3.1 3.1"',
-        'ctrl="0 1"',
-    )
-    found = in_pymunk(wrong, run(1e-3)).channels
+    found = in_pymunk(ranged(3.1), run(1e-3)).channels
     assert np.abs(found["rate"] - wanted["rate"]).max() > 1e-3
 
 
 def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
     file, given = pushed(tmp_path, *RANGES["of both"][:2]), run(1e-2)
     wanted = in_pymunk(file, given)
-    law = law_of_profile(
-        tmp_path, ProfileTable(time=TIMES, value=FORCES, interpolation="linear"), 0.0, "1"
-    )
-    given, source = replace(given, settings=wanted.settings), controls_source([law], T)
+    given = replace(given, settings=wanted.settings)
+    source = controls_source([polyline(tmp_path)], T)
     with pytest.raises(Unsupported, match="sensor 'push', which shows more of a force than the"):
         pymunk_program.write_program(file, given, "", "", controls=source)
     given = replace(given, channels=("x", "rate", "on_x"))
@@ -626,11 +618,10 @@ def test_a_program_of_pymunk_shows_a_force_up_to_its_own_range(gain, ends, tmp_p
     shown = np.clip(force, *map(float, ends.split()))
     assert np.abs(shown - force).max() > 0.5
     assert wanted.channels["push"] == pytest.approx(shown, abs=1e-12)
-    law = law_of_profile(
-        tmp_path, ProfileTable(time=TIMES, value=FORCES, interpolation="linear"), 0.0, "1"
-    )
     given = replace(given, settings=wanted.settings)
-    text = pymunk_program.write_program(file, given, "", "", controls=controls_source([law], T))
+    text = pymunk_program.write_program(
+        file, given, "", "", controls=controls_source([polyline(tmp_path)], T)
+    )
     found = curves_of(text, tmp_path)
     for name in given.channels:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name

@@ -61,6 +61,7 @@ from proofmass.analytic.planar.mechanism import (
     Mirrored,
     Overconstrained,
     Reader,
+    acting,
     is_fixed,
     joined,
     read,
@@ -269,8 +270,7 @@ def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
         joint = int(model.actuator_trnid[actuator, 0])
         if not (joined(model, actuator) and model.jnt_actfrclimited[joint]):
             continue
-        on_joint = [a for a in switched_on(model) if joined(model, a)]
-        if sum(int(model.actuator_trnid[a, 0]) == joint for a in on_joint) > 1:
+        if len(acting(model, joint)) > 1:
             raise NotCovered(
                 f"the control of actuator {name!r} changes, and its joint "
                 f"{model.joint(joint).name!r} has a range of forces for several actuators"

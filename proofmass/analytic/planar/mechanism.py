@@ -547,29 +547,22 @@ class Reader:
             if joint.name not in driven:
                 yield from read_stops(self.model, j, joint.range, j, j, float(m.scale[j]))
 
-    def acting(self, j: int) -> list[int]:
-        """The actuators that act on joint number j."""
-        model = self.model
-        return [
-            a for a in switched_on(model) if model.actuator_trnid[a, 0] == j and joined(model, a)
-        ]
-
     def constant(self, j: int) -> list[int]:
         """The actuators of joint number j that are part of its own load and servo.
 
         All but those whose force has a range, be it of a joint that they alone act on; of several
         on a joint with a range of actuator forces, which no servo has, all.
         """
-        acting = self.acting(j)
+        there = acting(self.model, j)
         if self.model.jnt_actfrclimited[j]:
-            return acting if len(acting) > 1 else []
-        return [a for a in acting if not self.model.actuator_forcelimited[a]]
+            return there if len(there) > 1 else []
+        return [a for a in there if not self.model.actuator_forcelimited[a]]
 
     def actuators(self) -> Iterator[AffineActuator]:
         """All actuators of joints; only those that the joints' own loads leave out have a range."""
         for j in range(self.model.njnt):
             constant = self.constant(j)
-            for a in self.acting(j):
+            for a in acting(self.model, j):
                 one = read_actuator(self.model, a)
                 if a in constant:
                     yield replace(one, range=UNLIMITED)
@@ -785,6 +778,11 @@ def ends(values: Array, limited: bool) -> tuple[float, float]:
 def disabled(model: Any, *flags: int) -> bool:
     """Whether a model sets one of these disable flags."""
     return any(model.opt.disableflags & int(flag) for flag in flags)
+
+
+def acting(model: Any, j: int) -> list[int]:
+    """The actuators that act on joint number j."""
+    return [a for a in switched_on(model) if model.actuator_trnid[a, 0] == j and joined(model, a)]
 
 
 def switched_on(model: Any) -> list[int]:

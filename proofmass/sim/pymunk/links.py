@@ -319,7 +319,7 @@ class Links:
     @cached_property
     def sizes(self) -> Array:
         """What the coordinates of a pose are measured in (3 links,): extents [m], radians."""
-        return np.tile([self.extent, self.extent, 1.0], len(self.mass))
+        return np.tile(self.scale, len(self.mass))
 
     @cached_property
     def scale(self) -> Array:

@@ -8,12 +8,11 @@ that the new velocities belong to, and its law is met to the second order.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 import pymunk
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import gear_of, is_off, joint_of
+from proofmass.sim.contents import actuators_on, gear_of, joint_of
 from proofmass.sim.protocol import Run, Unsupported
 from proofmass.sim.pymunk.links import Links, Pull
 from proofmass.sim.pymunk.model import pull_of, with_controls
@@ -119,7 +118,7 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
     for k, (name, a) in enumerate(zip(names, ids, strict=True)):
         j, gain, gear = joint_of(model, a), model.actuator_gainprm[a, 0], gear_of(model, a)[0]
         limited = j >= 0 and model.jnt_actfrclimited[j]
-        others = [b for b in motors_on(model, j) if b != a] if limited else []
+        others = [b for b in actuators_on(model, j) if b != a] if limited else []
         if set(others) & set(ids):
             raise Unsupported(
                 f"the range of actuator forces of joint '{model.joint(j).name}', on which actuator "
@@ -137,11 +136,6 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
                 least, most = np.sort(ends / unit)
                 low[k], high[k] = np.clip([low[k], high[k]], least, most)
     return low, high
-
-
-def motors_on(model: mujoco.MjModel, j: int) -> list[int]:
-    """The actuators that act on joint number j."""
-    return [a for a in range(model.nactuator) if joint_of(model, a) == j and not is_off(model, a)]
 
 
 def efforts_of_loads(links: Links, run: Run) -> tuple[ChangingEffort, ...]:

@@ -11,10 +11,10 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import (
+    actuators_on,
     connects,
     follows_joint,
     gear_of,
-    is_off,
     joint_of,
     straight_tendon,
 )
@@ -310,8 +310,8 @@ def servo(model: mujoco.MjModel, j: int) -> tuple[float, float]:
     """Stiffness and damping that actuators give a joint which they follow."""
     gains = [
         -(gear_of(model, a)[0] ** 2) * model.actuator_biasprm[a, 1:3]
-        for a in range(model.nactuator)
-        if joint_of(model, a) == j and follows_joint(model, a) and not is_off(model, a)
+        for a in actuators_on(model, j)
+        if follows_joint(model, a)
     ]
     stiffness, damping = np.sum(gains, axis=0) if gains else (0.0, 0.0)
     return float(stiffness), float(damping)
@@ -490,14 +490,13 @@ def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
     Of servos what they do where the spring of the joint is slack, and without a rate.
     """
     own = -servo(model, j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
-    for a in range(model.nactuator):
-        if joint_of(model, a) == j and not is_off(model, a):
-            out = model.actuator_outadr[a]
-            force = data.actuator_force[out]
-            if follows_joint(model, a):
-                state = data.actuator_length[out], data.actuator_velocity[out]
-                force = force - model.actuator_biasprm[a, 1:3] @ state
-            own += float(force * gear_of(model, a)[0])
+    for a in actuators_on(model, j):
+        out = model.actuator_outadr[a]
+        force = data.actuator_force[out]
+        if follows_joint(model, a):
+            state = data.actuator_length[out], data.actuator_velocity[out]
+            force = force - model.actuator_biasprm[a, 1:3] @ state
+        own += float(force * gear_of(model, a)[0])
     return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
 
 

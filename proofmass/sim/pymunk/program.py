@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pymunk
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
 from proofmass.sim.pymunk.contacts import ContactShape
@@ -179,13 +180,13 @@ def digits(number: float) -> str:
     return repr(float(number) + 0.0)
 
 
-def or_infinite(number: float) -> str:
-    """A number, or infinity as NumPy's.
+def listed(numbers: Iterable[float]) -> str:
+    """Numbers as a list, infinity as NumPy's.
 
-    >>> or_infinite(-np.inf), or_infinite(2.5)
-    ('-np.inf', '2.5')
+    >>> listed([-np.inf, 2.5])
+    '[-np.inf, 2.5]'
     """
-    return digits(number).replace("inf", "np.inf")
+    return f"[{', '.join(map(digits, numbers))}]".replace("inf", "np.inf")
 
 
 def tupled(numbers: Iterable[float]) -> str:
@@ -353,13 +354,17 @@ def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
     asked = run.controls(run.x)[0]
     values = np.clip(asked.T, *followed(links, run)).T
 
-    def level(name: str, k: int, control: float) -> float:
-        controls = values[:, 0].copy()
-        controls[k] = control
-        shown = channel_of(with_controls(links, names_of(run), controls), name)
-        assert isinstance(shown, Sensor)
-        assert isinstance(shown.function, Level)
-        return float(shown.function.value)
+    def levels(name: str, k: int, curve: Array) -> list[float]:
+        """What a channel shows at the smallest and the largest value of control number k."""
+        found = []
+        for control in (curve.min(), curve.max()):
+            controls = values[:, 0].copy()
+            controls[k] = control
+            shown = channel_of(with_controls(links, names_of(run), controls), name)
+            assert isinstance(shown, Sensor)
+            assert isinstance(shown.function, Level)
+            found.append(shown.function.value)
+        return found
 
     for name in run.channels:
         first = channel_of(links, name)
@@ -367,9 +372,9 @@ def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
             continue
         shares = []
         for k, curve in enumerate(values):
-            least, most = (level(name, k, end(curve)) for end in (np.min, np.max))
-            beyond = [level(name, k, end(asked[k])) for end in (np.min, np.max)]
-            if not np.allclose([least, most], beyond, rtol=1e-12, atol=0.0):
+            least, most = ends = levels(name, k, curve)
+            clipped = (curve != asked[k]).any()
+            if clipped and not np.allclose(ends, levels(name, k, asked[k]), rtol=1e-12, atol=0.0):
                 raise Unsupported(
                     f"a program with sensor '{name}', which shows more of a force than the range "
                     "of its joint leaves"
@@ -757,15 +762,12 @@ class Writer:
                 lines.append(
                     wrapped("pull_more({body}, {k}, {at}, {force}, {moment})".format(**row))
                 )
-        least, most = followed(self.links, run)
-        limited = bool(np.isfinite([least, most]).any())
+        reach = followed(self.links, run)
+        limited = np.isfinite(reach).any()
         return {
             "source": source.strip(),
-            "ends": [f"[{', '.join(map(or_infinite, end))}]" for end in (least, most)]
-            if limited
-            else None,
-            "by": "followed" if limited else "controls",
-            "first": np.clip(run.controls(run.x[:1])[0][:, 0], least, most).tolist(),
+            "ends": [listed(end) for end in reach] if limited else None,
+            "first": np.clip(run.controls(run.x[:1])[0][:, 0], *reach).tolist(),
             "names": ", ".join(map(spoken, names_of(run))),
             "lines": lines,
             "efforts": efforts,

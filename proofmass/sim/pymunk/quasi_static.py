@@ -300,7 +300,7 @@ class Held:
     joints that rub, with what each has to give in ``rub`` [N m or N].  ``moving`` is a space of its
     own for rates, if the drives leave nothing free: Chipmunk begins each step with the impulses of
     the last one, and those of a motion are far from those of a rest.  ``largest`` is the largest
-    effort [N m or N] until now, ``aimed`` what the drives are aimed at.
+    effort [N m or N] until now.
     """
 
     links: Links
@@ -319,14 +319,12 @@ class Held:
     rub: Array = field(default_factory=lambda: np.zeros(0))
     moving: "Held | None" = None
     largest: float = 0.0
-    aimed: Array | None = None
 
     def carry(self, links: Links, error_bias: float) -> None:
         """Go on in a space whose links have other loads, at the present pose."""
         self.links, self.space = links, space_of(links, self.usual, error_bias)
         self.bodies = StillBodies(self.space, links)
         self.drives, self.stops = add_drives(self.space, links), find_stops(links, self.space)
-        self.aimed = None
 
     @property
     def driving(self) -> int:
@@ -350,9 +348,7 @@ class Held:
         NotSolved
             It does not agree.
         """
-        if target is not self.aimed:
-            aim(self.drives, target.tolist())
-            self.aimed = target
+        aim(self.drives, target.tolist())
         ease(self.stops, self.pose, self.dt)
         if not self.free:
             self._solve()
@@ -709,7 +705,7 @@ class HeldRubbing(Held):
         self.links = replace(self.own, joints=tuple(joints), driven=(*self.own.driven, *stuck))
         holds = [new_drive(joints[j], self.own, self.space) for j in stuck]
         self.space.add(*holds)
-        self.drives, self.aimed = [*self.real, *holds], None
+        self.drives = [*self.real, *holds]
         self.fixed = values(tuple(joints[j] for j in stuck), self.pose)
         self.settle(np.append(self.at(), self.fixed))
 
