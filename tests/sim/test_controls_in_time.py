@@ -608,7 +608,7 @@ def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
 
 
-@pytest.mark.parametrize(("gain", "ends"), [(0.7, "-0.33 1.1"), (-3.0, "-3.7 1.3")])
+@pytest.mark.parametrize(("gain", "ends"), [(0.7, "-0.36 1.5"), (-3.0, "-3.6 0.9")])
 def test_a_program_of_pymunk_shows_a_force_up_to_its_own_range(gain, ends, tmp_path):
     """Also where gain times range over gain is the range but for a digit."""
     actuator = f'<general name="push" joint="x" gear="2" gainprm="{gain}" forcerange="{ends}"/>'
