@@ -21,13 +21,13 @@ from proofmass.sim.pymunk.kinematics import (
     chain_at,
     close,
     damping,
+    drive_values,
     gaps,
     jacobian,
     joint_values,
     potential,
     residual,
     sizes,
-    values,
 )
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.loads import Loaded, add_loads, at_start, changes
@@ -361,7 +361,7 @@ def _needed(links: Links, pose: Array) -> int:
 
 def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array, Array] | None:
     def value(pose: Array) -> Array:
-        return values(links.drives, pose)
+        return drive_values(links, pose)
 
     if not links.drives:
         return None

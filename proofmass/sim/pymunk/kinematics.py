@@ -14,11 +14,18 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import BadModel
-from proofmass.sim.pymunk.links import Hold, HoldTable, LinkJoint, Links, LinkSpring, Pull
+from proofmass.sim.pymunk.links import (
+    QUARTER,
+    Hold,
+    HoldTable,
+    JointTable,
+    LinkJoint,
+    Links,
+    LinkSpring,
+    Pull,
+)
 
 STEP = 1e-30
-QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
-"""Turns row vectors by a quarter turn."""
 
 
 def turned(angle: Array, vector: Array) -> Array:
@@ -50,11 +57,13 @@ def apart(hold: Hold | HoldTable | LinkSpring, pose: Array) -> Array:
 def _rows(links: Links, pose: Array) -> Array:
     """How far each hold is from held (..., holds, 2): both ways, or across a slide and turned."""
     table = links.table
-    rows, slides = apart(table, pose), table.slides
+    rows = apart(table, pose)
     if table.slide:
-        a, b = pose[..., table.a[slides], 2], pose[..., table.b[slides], 2]
-        across = turned(a, table.axis[slides] @ QUARTER)
-        rows[..., slides, :] = np.stack([(across * rows[..., slides, :]).sum(-1), b - a], axis=-1)
+        slides, a, b, across = table.guides
+        turns = pose[..., 2]
+        from_a = turns[..., a]
+        rows[..., slides, 0] = (turned(from_a, across) * rows[..., slides, :]).sum(-1)
+        rows[..., slides, 1] = turns[..., b] - from_a
     return rows
 
 
@@ -124,7 +133,15 @@ def values(joints: tuple[LinkJoint, ...], pose: Array) -> Array:
 
 def joint_values(links: Links, pose: Array) -> Array:
     """The coordinates of all joints (..., joints), of poses (..., links + 1, 3)."""
-    table = links.joint_table
+    return _tabled(links.joint_table, pose)
+
+
+def drive_values(links: Links, pose: Array) -> Array:
+    """The coordinates of the driven joints (..., drives), of poses (..., links + 1, 3)."""
+    return _tabled(links.drive_table, pose)
+
+
+def _tabled(table: JointTable, pose: Array) -> Array:
     turns = table.sign * (pose[..., table.b, 2] - pose[..., table.a, 2])
     if table.slide:
         axes = turned(pose[..., table.a, 2], table.axis)
@@ -134,7 +151,7 @@ def joint_values(links: Links, pose: Array) -> Array:
 
 def bound(links: Links, pose: Array) -> Array:
     """All that is prescribed (..., rows + drives): the residual, then the drives' values."""
-    return np.concatenate([residual(links, pose), values(links.drives, pose)], axis=-1)
+    return np.concatenate([residual(links, pose), drive_values(links, pose)], axis=-1)
 
 
 def along(function: Callable[[Array], Array], pose: Array, velocity: Array) -> Array:
@@ -173,8 +190,7 @@ def potential(links: Links, pose: Array) -> Array:
     Loads that follow their links have no potential.  Here they keep the direction that they have in
     the real part of the pose, so that derivatives by complex steps are those of their work.
     """
-    weight = links.mass[:, None] * links.gravity
-    energy = -(pose[..., :-1, :2] * weight).sum((-1, -2))
+    energy = -(pose[..., :-1, :2] * links.weight).sum((-1, -2))
     energy = energy + links.joint_table.energy(joint_values(links, pose))
     for spring in links.springs:
         energy = energy + spring.energy(spring_length(spring, pose))
@@ -225,7 +241,7 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
     BadModel
         The loops cannot be closed here.
     """
-    for stage in stages(links, values(links.drives, pose), drives):
+    for stage in stages(links, drive_values(links, pose), drives):
         pose = _newton(links, pose, stage, rest)
     return pose
 
@@ -236,7 +252,7 @@ def chain_at(links: Links, drives: Array) -> Array:
     All other joints keep theirs: what hangs on a driven joint goes with it.
     """
     pose, ways = links.pose.copy(), np.zeros(len(links.joints))
-    ways[list(links.driven)] = drives - values(links.drives, links.pose)
+    ways[list(links.driven)] = drives - drive_values(links, links.pose)
     for joint, way in zip(links.joints, ways.tolist(), strict=True):
         hold = joint.hold
         if not joint.holds:
@@ -343,7 +359,7 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
     found = np.zeros_like(pose)
     found[..., :2] = (second - first).T @ force
     found[..., 2] = on_b @ second - on_a @ first
-    found[..., :-1, :2] -= links.mass[:, None] * links.gravity
+    found[..., :-1, :2] -= links.weight
     for gear, moment in zip(links.gears, pull[2 * len(links.holds) : links.rows], strict=True):
         found[..., gear.a, 2] -= moment
         found[..., gear.b, 2] += gear.ratio * moment
@@ -510,4 +526,4 @@ def _held(links: Links, stops: tuple[LinkJoint, ...], pose: Array) -> Array:
 
 def _root(links: Links) -> Array:
     """Roots of the masses of all coordinates."""
-    return np.asarray(np.sqrt(links.weights[:-1]).ravel())
+    return np.asarray(np.sqrt(links.inertia[:-1]).ravel())

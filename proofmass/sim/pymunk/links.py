@@ -17,6 +17,8 @@ HAIR = 1e-13
 """How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
 stops hold a joint only beyond them, and let one fall in anew that they put back to the last digit.
 """
+QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Turns row vectors by a quarter turn."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,12 @@ class HoldTable:
     def slide(self) -> bool:
         """Whether any of them has."""
         return bool(self.slides.any())
+
+    @cached_property
+    def guides(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], Array]:
+        """Which holds have an axis, their links a and b, and a vector across each axis (n, 2)."""
+        slides = np.flatnonzero(self.slides)
+        return slides, self.a[slides], self.b[slides], self.axis[slides] @ QUARTER
 
     @cached_property
     def ends(self) -> NDArray[np.intp]:
@@ -131,6 +139,18 @@ class JointTable(HoldTable):
     rest: Array
     acting: Array
     load: Array
+
+    @classmethod
+    def of(cls, joints: Sequence[LinkJoint]) -> "JointTable":
+        """The table of some joints."""
+        return cls(
+            **columns([joint.hold for joint in joints]),
+            value=np.array([joint.value for joint in joints]),
+            sign=np.array([joint.sign for joint in joints]),
+            rest=np.array([joint.rest for joint in joints]),
+            acting=np.array([joint.acting for joint in joints]).reshape(-1, 3).T,
+            load=np.array([joint.load for joint in joints]),
+        )
 
     def efforts(self, values: Array) -> Array:
         """Moments [N m] or forces [N] of springs, servos and loads at values (..., joints)."""
@@ -221,6 +241,8 @@ class Links:
         Centres of mass [m]; a pose is (links + 1, 3): centres [m] and turns since the start [rad].
     mass, moment : ndarray (links,)
         [kg], [kg m^2] about the centre, along the normal.
+    weight : ndarray (links, 2)
+        Forces of gravity in the plane [N].
     joints : tuple of LinkJoint
     driven : tuple of int
         Ids of the joints with a prescribed motion, in the run's order.
@@ -247,6 +269,7 @@ class Links:
     centre: Array
     mass: Array
     moment: Array
+    weight: Array
     joints: tuple[LinkJoint, ...]
     driven: tuple[int, ...]
     loops: tuple[Hold, ...]
@@ -301,18 +324,15 @@ class Links:
     @cached_property
     def joint_table(self) -> JointTable:
         """All joints as arrays."""
-        joints = self.joints
-        return JointTable(
-            **columns([joint.hold for joint in joints]),
-            value=np.array([joint.value for joint in joints]),
-            sign=np.array([joint.sign for joint in joints]),
-            rest=np.array([joint.rest for joint in joints]),
-            acting=np.array([joint.acting for joint in joints]).reshape(-1, 3).T,
-            load=np.array([joint.load for joint in joints]),
-        )
+        return JointTable.of(self.joints)
 
     @cached_property
-    def weights(self) -> Array:
+    def drive_table(self) -> JointTable:
+        """The joints with a prescribed motion as arrays."""
+        return JointTable.of(self.drives)
+
+    @cached_property
+    def inertia(self) -> Array:
         """Masses and moments of all coordinates of a pose (links + 1, 3); the ground has none."""
         return np.pad(np.column_stack([self.mass, self.mass, self.moment]), ((0, 1), (0, 0)))
 

@@ -394,6 +394,7 @@ def read_links(
     of_body = np.array(
         [len(roots) if w == 0 else int(np.searchsorted(roots, w)) for w in model.body_weldid]
     )
+    gravity = plane.flat(model.opt.gravity)
     centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
     pulls = (
         *_pulls(model, data, plane, of_body, centre),
@@ -413,13 +414,14 @@ def read_links(
         centre,
         mass,
         moment,
+        mass[:, None] * gravity,
         joints,
         driven,
         loops,
         tuple(_gears(model, joints)),
         _springs(model, data, plane, of_body, centre, extent),
         pulls,
-        plane.flat(model.opt.gravity),
+        gravity,
         extent,
         read_contacts(model, data, plane, of_body, centre, extent),
     )

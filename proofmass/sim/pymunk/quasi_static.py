@@ -21,6 +21,7 @@ there, and is not at rest in the right pose by having been put into it.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import compress
 
 import numpy as np
@@ -44,6 +45,7 @@ from proofmass.sim.pymunk.kinematics import (
     bent,
     bound,
     close,
+    drive_values,
     find_modes,
     free_directions,
     gaps,
@@ -164,7 +166,7 @@ def toward_rest(
 
 def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -> Array:
     """The move if the joints that the modes hold stay on their stops."""
-    parts = modes.of(links.weights * velocity)
+    parts = modes.of(links.inertia * velocity)
     stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
     closing = dt * (velocity - modes.sum(parts))
     closing /= max(1.0, float(sizes(links, closing)) / CLOSE)
@@ -227,6 +229,10 @@ BESIDE = 1e-3
 """How far beside the start pose free coordinates begin, in extents or radians."""
 MOST = {True: 1000, False: 200}
 """Steps after which a pose that still moves is given up, with and without free coordinates."""
+ITERATIONS = 500
+"""Iterations of the solver in a step at first, where the run sets none: as many or fewer."""
+SOLVED = 1e-12
+"""Share of an error that fewer of them may leave in the start pose, with nothing free."""
 LEFT = 1e-3
 """Share of an error that a solver with more iterations may leave in a step."""
 MOST_ITERATIONS = 10**6
@@ -386,8 +392,8 @@ class Held:
         NotSolved
             It does not come to rest in the steps that there are.
         """
-        last = values(self.links.drives, self.pose).tolist(), self.pose
-        self.ahead(target)
+        last = drive_values(self.links, self.pose).tolist(), self.pose
+        self.ahead(target, last[0])
         calm, unsolved, began, modes = 0, 0, self.pose, None
         self.space.iterations = self.usual
         for count in range(MOST[self.free]):
@@ -400,13 +406,13 @@ class Held:
                 solved, unsolved = False, unsolved + 1
                 if unsolved > UNSOLVED:
                     raise
-            if not np.isfinite(self.velocity).all():
-                break
             on, move = beyond(self.stops, self.pose), self.dt * self.velocity
-            if self.free:
+            if self.free and np.isfinite(move).all():
                 move, modes = toward_rest(self.links, self.pose, self.velocity, self.dt, modes)
             self.pose = self.pose + move
-            moved = sizes(self.links, move)
+            moved = float(sizes(self.links, move))
+            if not moved < np.inf:
+                break
             # a step to a stop is as short as the way there, and small whatever the forces are
             steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
             calm = calm + 1 if steady and solved else 0
@@ -421,8 +427,8 @@ class Held:
         kind = NotSolved if np.isfinite(self.velocity).all() else Diverged
         raise self._lost(target, f"not at rest after {count + 1} steps", kind)
 
-    def ahead(self, target: Array) -> None:
-        """Begin where the last rests point to, if the drives go on in the same direction.
+    def ahead(self, target: Array, here: list[float]) -> None:
+        """Begin where the last rests point to, if the drives go `here` on in the same direction.
 
         Nearer to the next rest, and on the smooth branch where two of them cross; unless less is
         held there than here, as after a snap to another equilibrium.  A polynomial through more
@@ -431,7 +437,6 @@ class Held:
         """
         if not self.past:
             return
-        here = values(self.links.drives, self.pose).tolist()
         share = ways_along(apart(target.tolist(), here), apart(here, self.past[-1][0]))
         if not 0 < share <= FAR:
             return
@@ -445,10 +450,12 @@ class Held:
         smooth = sizes(self.links, curved - there) < BENDS * sizes(self.links, move)
         if smooth and not beyond(self.stops, self.pose):
             there = curved
-        bounds = self.links.bounds
-        off = np.abs(missing(self.links, there, target) / bounds).max()
-        if off < np.abs((target - here) / bounds[len(bounds) - len(here) :]).max():
-            self.pose = there
+        if self.free:
+            bounds = self.links.bounds
+            off = np.abs(missing(self.links, there, target) / bounds).max()
+            if not off < np.abs((target - here) / bounds[len(bounds) - len(here) :]).max():
+                return
+        self.pose = there
 
     def _doubt(self, began: Array, target: Array) -> None:
         """Ask whether the loops can be closed; if so, begin again with more iterations.
@@ -473,7 +480,7 @@ class Held:
             return BadModel(
                 f"joint {', '.join(names)} is on its stop before {named(self.links, target)}"
             )
-        here = named(self.links, values(self.links.drives, self.pose))
+        here = named(self.links, drive_values(self.links, self.pose))
         return kind(
             f"drives at {np.round(target, 4).tolist()}: {how}, loops open by "
             f"{gaps(self.links, self.pose).max():.3g} m" + (f", {here}" if here else "")
@@ -490,7 +497,7 @@ class Held:
         if (rub != self.rub).any():
             self.rub = rub
             self.push()
-            self.settle(values(self.links.drives, self.pose))
+            self.settle(drive_values(self.links, self.pose))
 
     def push(self) -> None:
         """Let the motors of friction push with what they have to give."""
@@ -506,20 +513,44 @@ class Held:
         others.  The drive holds less by `LESS` of the largest effort, so that the next rest begins
         with impulses that are nearly right, and nothing if its effort is smaller than that.
         """
-        here = values(self.links.drives, self.pose)
+        here = drive_values(self.links, self.pose)
         self.step(here)
         size, fall = self.impulses() / self.dt, np.empty(self.driving)
         self.largest = max(self.largest, float(size.max(initial=0.0)))
         held = np.maximum(size - LESS * self.largest, 0.0)
         usual, first = self.space.iterations, 1 if not self.free else self.space.iterations
-        for k, drive in enumerate(self.drives[: self.driving]):
-            if k:
+        for turn, some in enumerate(self.together):
+            if turn:
                 self.step(here)
-            drive.max_force, self.space.iterations = float(held[k]), first
+            for k in some:
+                self.drives[k].max_force = float(held[k])
+            self.space.iterations = first
             self.step(here)
-            drive.max_force, self.space.iterations = float("inf"), usual
-            fall[k] = along(lambda p: values(self.links.drives, p), self.pose, self.velocity)[k]
+            self.space.iterations = usual
+            for k in some:
+                self.drives[k].max_force = float("inf")
+            fallen = along(lambda p: drive_values(self.links, p), self.pose, self.velocity)
+            fall[some] = fallen[some]
         return -size * np.sign(fall)
+
+    @cached_property
+    def together(self) -> list[list[int]]:
+        """Drives that may hold less at a time: no two of them have a link in common that moves.
+
+        With free coordinates more than the first iteration is asked for, and each is let go alone.
+        """
+        turns, taken = list[list[int]](), list[set[int]]()
+        for k, joint in enumerate(self.links.drives[: self.driving]):
+            ends = {joint.hold.a, joint.hold.b} - {len(self.links.mass)}
+            for some, links in zip(turns, taken, strict=True):
+                if not self.free and not ends & links:
+                    some.append(k)
+                    links |= ends
+                    break
+            else:
+                turns.append([k])
+                taken.append(ends)
+        return turns
 
     def impulses(self) -> Array:
         """Impulses of the drives in the step, which motors of friction let converge slowly."""
@@ -539,7 +570,7 @@ class Held:
             return np.zeros_like(self.pose)
         moving = self.moving or self
         moving.pose, moving.space.iterations = self.pose, self.space.iterations
-        ahead = values(self.links.drives, self.pose) + self.dt * rate / size
+        ahead = drive_values(self.links, self.pose) + self.dt * rate / size
         moving.step(ahead)
         for _ in range(1, MOST[False]):
             last = moving.velocity
@@ -638,7 +669,7 @@ class HeldRubbing(Held):
 
     def at(self) -> Array:
         """Values of the run's drives."""
-        return values(self.own.drives, self.pose)
+        return drive_values(self.own, self.pose)
 
     def kept(self) -> tuple[Array, Array]:
         """The pose, and the engine's last velocity."""
@@ -720,13 +751,18 @@ def hold(links: Links, settings: Settings) -> Held:
     BadModel
         The loops cannot be closed there.
     """
-    pose = close(links, links.pose, values(links.drives, links.pose))
+    pose = close(links, links.pose, drive_values(links, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
+    if not len(moves):
+        links = quick(links)
+    iterations = settings["iterations"] or ITERATIONS
+    if not settings["iterations"] and not len(moves):
+        iterations = min(iterations, enough(links, pose[None], SOLVED))
     loose = set(links.rubbing) - set(links.driven)
     dt, begin = _step(links, pose), links.pose + _beside(links, moves)
 
     def held(kind: type[Held], rubs: bool) -> Held:
-        space = space_of(links, settings["iterations"], settings["error_bias"])
+        space = space_of(links, iterations, settings["error_bias"])
         friction = add_friction(space, links) if rubs else []
         return kind(
             links,
@@ -737,7 +773,7 @@ def hold(links: Links, settings: Settings) -> Held:
             dt,
             len(moves) > 0,
             begin,
-            settings["iterations"],
+            iterations,
             friction=friction,
             rub=np.zeros(len(friction)),
         )
@@ -754,13 +790,46 @@ def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
         joints=tuple(replace(joint, damping=0.0) for joint in links.joints),
         springs=tuple(replace(spring, damping=0.0) for spring in links.springs),
     )
-    return build(undamped, iterations, error_bias)
+    space = build(undamped, iterations, error_bias)
+    space.gravity = 0.0, 0.0  # `StillBodies` has what it gives
+    return space
+
+
+HEAVY = 100.0
+"""Mass [kg] of links that drives hold against the ground; of all others it is 1 kg."""
+SPREAD = 0.5
+"""Square of the radius of gyration of a link, in mean squares of the distances of its holds."""
+WIDE = 0.1
+"""Least distance of a hold from a centre of mass [extents] that is counted."""
+
+
+def quick(links: Links) -> Links:
+    """The links with the masses and moments of inertia with which Chipmunk iterates least.
+
+    Nothing at rest depends on them, and gravity pulls as before.  An iteration goes from hold to
+    hold; the less one of them moves what another holds, the fewer are needed.  So a link has its
+    mass in its holds rather than between them, and what a drive holds is heavy.  Links that the
+    drives leave free keep their own: the modes of `toward_rest` are those of all masses.
+    """
+    ground = len(links.mass)
+    mass, squares = np.ones(ground), [list[float]() for _ in range(ground + 1)]
+    for hold in links.holds:
+        squares[hold.a].append(float(hold.on_a @ hold.on_a))
+        squares[hold.b].append(float(hold.on_b @ hold.on_b))
+    held = {ground}
+    for _ in links.drives:
+        for ends in ({joint.hold.a, joint.hold.b} for joint in links.drives):
+            held |= ends if ends & held else set()
+    mass[list(held - {ground})] = HEAVY
+    least = (WIDE * links.extent) ** 2
+    square = [max(float(np.mean(own)), least) for own in squares[:-1]]
+    return replace(links, mass=mass, moment=SPREAD * mass * square)
 
 
 def _beside(links: Links, moves: Array) -> Array:
     """A move in all free directions (n, links + 1, 3), whatever basis they are given in."""
     shares = np.pad(np.cos(np.arange(links.sizes.size)) * links.sizes, (0, 3))
-    way = np.tensordot(np.tensordot(moves, links.weights * shares.reshape(-1, 3), 2), moves, 1)
+    way = np.tensordot(np.tensordot(moves, links.inertia * shares.reshape(-1, 3), 2), moves, 1)
     return np.asarray(BESIDE * way / (sizes(links, way) or 1.0))
 
 
@@ -828,7 +897,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         curves |= loaded.curves(wanted, SampledMotion.at_rest(pose, taken))
     else:
         curves |= force_curves(links, between, SampledMotion.at_rest(pose, taken))
-    state = (values(links.drives, pose).T, laws[:, 1, :n], laws[:, 2, :n])
+    state = (drive_values(links, pose).T, laws[:, 1, :n], laws[:, 2, :n])
     return Curves(
         run.x[:n],
         curves,
@@ -881,7 +950,7 @@ def _drive_to(
         except PathEnds as error:
             raise BadModel(str(error)) from None
         return
-    way = stages(held.links, values(held.links.drives, held.pose), target)
+    way = stages(held.links, drive_values(held.links, held.pose), target)
     for k, stage in enumerate(way, 1):
         if controls.size:
             now = before + k / len(way) * (controls - before)

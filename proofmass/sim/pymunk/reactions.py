@@ -85,7 +85,7 @@ def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
     coefficients, damped = damping(links)
     slopes = along(damped, pose, units)
     rates = along(damped, pose[:, 0], velocity)
-    moved = (links.weights * motion.acceleration[block])[:, :-1].reshape(-1, size)
+    moved = (links.inertia * motion.acceleration[block])[:, :-1].reshape(-1, size)
     load = along(lambda p: potential(links, p), pose, units)
     rub = np.broadcast_to(motion.rub, (len(motion.pose), len(links.joints)))
     lost = coefficients * rates

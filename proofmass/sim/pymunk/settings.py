@@ -33,7 +33,7 @@ def settings_of_run(run: Run, model: mujoco.MjModel, touching: bool) -> Settings
     own = given.pop("defaults", False)
     tuned = {
         "timestep": float(model.opt.timestep),
-        "iterations": 10 if own else None if run.kind == "dynamics" else 500,
+        "iterations": 10 if own else None,
         "error_bias": CHIPMUNK_BIAS if own else 0.0,
     }
     if touching:

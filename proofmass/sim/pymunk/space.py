@@ -21,6 +21,7 @@ Settings = dict[str, Any]
 """timestep [s], iterations, error_bias; of contacts collision_slop [m] and collision_bias."""
 RATES = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 FIELDS = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | RATES
+LOADED = FIELDS | batch.BodyFields.FORCE
 STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
 """Kinds of constraints that stand for a joint's limits, in the order of the joints."""
 REACH = 100.0
@@ -314,14 +315,15 @@ class StillBodies:
     """All bodies of a space, put into a pose and read at once; the ground is the last of them."""
 
     def __init__(self, space: pymunk.Space, links: Links):
-        self.space, self.states = space, np.zeros((len(links.mass) + 1, 6))
+        self.space, self.states = space, np.zeros((len(links.mass) + 1, 8))
+        self.states[:-1, 6:] = links.weight
         self.given, self.found = batch.Buffer(), batch.Buffer()
         self.given.set_float_buf(self.states)
 
     def step(self, pose: Array, dt: float) -> Array:
         """The velocity (links + 1, 3) that a step of dt [s] gives to a pose that stands still."""
         self.states[:, :3] = pose
-        batch.set_space_bodies(self.space, FIELDS, self.given)
+        batch.set_space_bodies(self.space, LOADED, self.given)
         self.space.step(dt)
         self.found.clear()
         batch.get_space_bodies(self.space, RATES, self.found)

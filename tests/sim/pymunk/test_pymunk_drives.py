@@ -1,18 +1,22 @@
 """Several ideal drives in pymunk: five-bar, cylinder and boom, serial arm; limits; iterations."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from proofmass import load_case
 from proofmass.analytic import planar
 from proofmass.engines import engine_of
 from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.dynamics import contraction
 from proofmass.sim.pymunk.engine import simulate
-from proofmass.sim.pymunk.model import read_links
+from proofmass.sim.pymunk.model import read_links, read_model
 from proofmass.sim.pymunk.space import build, put
+from proofmass.solve import plan
 from tests.shipped import shipped
 
 HEAD = (
@@ -227,6 +231,85 @@ def test_drives_that_share_links_are_met_to_rounding_and_carry_their_own_moments
     law = np.array([drive.law(run.x)[0] for drive in ARM_DRIVES])
     # only the last is met exactly in a step, but what lacks is made up for in the next
     np.testing.assert_allclose(moved.drive[0], law, atol=1e-9)
+
+
+SHORT = FIVEBAR.replace(
+    f'<joint name="right"/>{bar(1, 1)}\n    <body pos="1 0 0">',
+    f'<joint name="right"/>{bar(0.2, 0.1)}<body pos=".2 0 0">',
+).replace('qpos="1.5708 -.5236 1.5708 .5236"', 'qpos="1.570796 -0.949182 1.570796 0.188169"')
+BENDING = SHORT.replace(
+    f'{bar(2, 2)}<site name="a" pos="2 0 0"/></body></body>',
+    f'{bar(1, 1)}<body pos="1 0 0"><joint stiffness="40"/>{bar(1, 1)}<site name="a" pos="1 0 0"/>'
+    "</body></body></body>",
+).replace('qpos="1.570796 -0.949182', 'qpos="1.570796 -0.949182 0')
+
+
+@pytest.mark.parametrize("model", [SHORT, BENDING], ids=["rigid", "a rod bends"])
+def test_each_of_two_drives_does_the_work_that_the_energy_gains(model, write):
+    """Their moments are derivatives of the energy, with the signs that Chipmunk does not tell.
+
+    Each of them vanishes on the way while the other does not.  Where a rod bends, a joint of the
+    heavy crank falls as the light one lets it, so that each drive has to let go alone.
+    """
+    h, left = 1e-4, np.linspace(1.3, 2.2, 19)
+    moves = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+    place = (np.column_stack([left, 3.77 - 1.44 * left])[:, None] + moves).reshape(-1, 2)
+    drives = tuple(
+        Drive(name, lambda x, k=k: (place[x.astype(int), k], 0 * x, 0 * x))
+        for k, name in enumerate(("left", "right"))
+    )
+    text = model.replace("<sensor>", '<sensor><e_potential name="energy"/>')
+    run = Run("sweep", np.arange(len(place)) + 0.0, ("energy", "l", "r"), drives)
+    got = simulate(write(text), run).channels
+    energy = got["energy"].reshape(-1, 5)
+    gained = (energy[:, 1::2] - energy[:, 2::2]) / (2 * h)
+    done = np.column_stack([got["l"][::5], -2 * got["r"][::5]])  # the gear of the right motor
+    np.testing.assert_allclose(done, gained, atol=2e-6)  # h^2, and rounding of the energy by h
+    assert all(np.ptp(np.sign(moment)) == 2 for moment in done.T)
+
+
+@pytest.mark.parametrize("name", ["fourbar", "hacksaw_forces", "threeprr_forces", "fivebar_forces"])
+def test_nothing_at_rest_depends_on_inertia(name, monkeypatch):
+    """Poses, rates, moments and forces are those of the masses of the model, with fewer iterations.
+
+    What is left of an error in an iteration says how many are needed.
+    """
+    case = load_case(shipped(f"{name}.toml"))
+    run = plan(case, "sweep", "pymunk")
+    run = replace(run, x=run.x[:: len(run.x) // 12])
+    found, shares = [], []
+    for masses in (quasi_static.quick, lambda links: links):
+        monkeypatch.setattr(quasi_static, "quick", masses)
+        found.append(simulate(case.model_path, run).channels)
+        links, settings = read_model(case.model_path, run)
+        held = quasi_static.hold(links, settings)
+        shares.append(contraction(held.links, held.pose))
+    for channel, curve in found[0].items():
+        np.testing.assert_allclose(curve, found[1][channel], rtol=1e-9, atol=1e-9)  # iterations
+    assert np.log(shares[0]) < 2.5 * np.log(shares[1])
+
+
+def test_a_sweep_takes_no_more_iterations_with_a_coupler_of_a_gram(tmp_path):
+    """The crank has 1000 kg.  The drive does the work that the weights of the bars ask for."""
+    case = load_case(shipped("fourbar.toml"))
+    run = plan(case, "sweep", "pymunk")
+    run = replace(run, x=run.x[::30])
+    text = case.model_path.read_text()
+    for mass, turn, factor in (("1", "0.0833333333333333", 1e3), ("2", "0.666666666666667", 5e-4)):
+        old = f'mass="{mass}" diaginertia="0.001 {turn} {turn}"'
+        assert text.count(old) == 1
+        turn = factor * float(turn)
+        text = text.replace(
+            old, f'mass="{factor * float(mass)}" diaginertia="{turn} {turn} {turn}"'
+        )
+    uneven = tmp_path / "uneven.xml"
+    uneven.write_text(text)
+    even, got = (simulate(file, run) for file in (case.model_path, uneven))
+    assert got.settings == even.settings
+    pin, turn = got.channels["pin_velocity.y"], np.cos(run.x)  # 1 rad/s
+    wanted = G * (1000 * turn / 2 + 0.001 * (turn + pin) / 2 + 2.5 * pin / 2)
+    np.testing.assert_allclose(got.channels["holding_moment"], wanted, rtol=1e-10, atol=1e-8)
+    np.testing.assert_allclose(got.channels["rocker"], even.channels["rocker"], atol=1e-12)
 
 
 ROCKER = Drive("rocker", lambda x: (x, 1 + 0 * x, 0 * x))

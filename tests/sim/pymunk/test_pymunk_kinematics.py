@@ -92,7 +92,7 @@ def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled
     assert rank == len(rows)
     assert len(moves) == rows.shape[1] - rank
     flat = moves[:, :-1].reshape(len(moves), rows.shape[1])
-    weights = links.weights[:-1].ravel()
+    weights = links.inertia[:-1].ravel()
     np.testing.assert_allclose(flat * weights @ flat.T, np.eye(len(flat)), atol=1e-12)
     off = np.abs(flat @ rows.T)  # parts of a row times parts of a move, summed up
     assert (off <= 1e-13 * (np.abs(flat) @ np.abs(rows).T).max(initial=1.0)).all()
@@ -105,7 +105,7 @@ def test_pulls_hold_what_springs_and_weights_ask_for(name):
     modes = find_modes(links, links.pose, ())
     left = slope(links, links.pose, modes.pull, ())
     load = slope(links, links.pose, np.zeros_like(modes.pull), ())
-    free = modes.sum(modes.of(left)) * links.weights
-    size = np.abs(load / links.weights.clip(min=links.weights[:-1].min()) ** 0.5).max()
-    rest = (left - free)[:-1] / links.weights[:-1] ** 0.5
+    free = modes.sum(modes.of(left)) * links.inertia
+    size = np.abs(load / links.inertia.clip(min=links.inertia[:-1].min()) ** 0.5).max()
+    rest = (left - free)[:-1] / links.inertia[:-1] ** 0.5
     assert np.abs(rest).max() <= 1e-11 * size
