@@ -39,14 +39,19 @@ AT_REST = (
 SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
 TOUCHES = 1e-12  # [rad or m] rounding of a pose; beyond it a joint is past its range
 NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
+LEFT = 1e-15  # [extents or rad] what such a step leaves: its size times the way from the inverse
+CHORD = 1e-3  # [extents or rad] way on which an inverse serves for the next step as well
 CLOSED = 1e-11  # [extents or rad] what may stay open of a loop
 UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is singular, to rounding
 UNDRIVEN = np.zeros(0)  # values of no drives
 NUDGE = 1e-3  # [rad, or extents] a pose that is singular is not so when it is moved by that
 STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
+FAR = 2.0  # [strides] a guess by a polynomial reaches no further
+BENDS = 0.3  # of a move, or of a way of the drives, that is off the tangent or the last way
 BLOCK = 1000  # poses that are closed together
 AHEAD = 1e-2  # [extents or rad] a guess between strides that is further off is none
 SHORTENS = 0.1  # of a Newton step: the next one is shorter, or the guess is none
+SURE = 1e8  # ratio of singular values below which a pose is not singular
 REGULAR = 1e3  # [extents or rad per extent] poses that move so for a gap are followed one by one
 THERE = 1e-12  # [extents or rad] the last Newton step of poses together, whose rows are kept
 TURNS = 5  # Newton steps of poses together
@@ -67,6 +72,8 @@ class Linkage:
         Their quotients, that of the rows' Jacobian by one of lengths in extents.
     inverse : ndarray (nv, rows + drives)
         `invert` the Jacobian of the pose last closed.
+    stridden : tuple of ndarray
+        Pose (nq,) and tangent (nv, drives) at the begin of the last stride, and pose at its end.
     rub : ndarray (nv,)
         What dry friction asks of the joints, in the sense of their motion [N m or N].
     loaded : ndarray of int
@@ -110,6 +117,8 @@ class Linkage:
         self.bodies = {
             i: anchor_bodies(model, i) for i, kind in self.equalities if kind == EQ.mjEQ_CONNECT
         }
+        self.hinged = model.nq == model.nv  # joints whose places can be added to
+        self.stridden = UNDRIVEN, UNDRIVEN, UNDRIVEN
         self.rub = np.zeros(model.nv)
         self.loaded = np.flatnonzero(data.xfrc_applied.any(axis=1))
         self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
@@ -181,7 +190,7 @@ class Linkage:
         strides = int(np.ceil((np.abs(far) / self.stride).max(initial=0.0)))
         for part in range(strides)[::-1]:
             target, before = values - far * part / strides, self.data.qpos.copy()
-            ahead = tangent @ (target - self.data.qpos[self.adr])
+            ahead = self.ahead(target, tangent)
             mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
             try:
                 there = self.place(target)
@@ -193,8 +202,31 @@ class Linkage:
             if part and not sure:
                 self.data.qpos[:] = before
             else:
+                self.stridden = before, tangent, self.data.qpos.copy()
                 tangent = there
         return self.loaded_tangent(tangent)
+
+    def ahead(self, target: Array, tangent: Array) -> Array:
+        """The move (nv,) to a guess of the pose at values of the drives, by the present tangent.
+
+        Where the drives go on as in the last stride, by Hermite's polynomial of third degree
+        through its ends, unless it bends much.
+        """
+        pose, (before, rates, end) = self.data.qpos, self.stridden
+        way = target - pose[self.adr]
+        move = tangent @ way
+        if not self.hinged or not np.array_equal(pose, end):
+            return move
+        line = (pose - before)[self.adr]
+        share = (way @ line) / (line @ line or np.nan)
+        if not (0 < share <= FAR and np.abs(way - share * line).max() < BENDS * np.abs(way).max()):
+            return move
+        first, last, chord = rates @ line, tangent @ line, pose - before
+        cubic = first + last - 2 * chord
+        bend = share**2 * (last - chord + cubic) + share**3 * cubic
+        if np.abs(bend).max() < BENDS * np.abs(move).max():
+            move += bend
+        return move
 
     def path(self, values: Array) -> Iterator[Array]:
         """The tangents at values (drives + loads, n), each with the model in its pose.
@@ -234,8 +266,7 @@ class Linkage:
         while knots[-1] < far.size - 1:
             ahead = int(np.searchsorted(far, far[knots[-1]] + 1.0, "right")) - 1
             knots.append(max(ahead, knots[-1] + 1))
-        hinged = self.model.nq == self.model.nv  # joints whose places can be added to
-        if not hinged or not 2 <= len(knots) < far.size / 2:
+        if not self.hinged or not 2 <= len(knots) < far.size / 2:
             return None
         ends, ways = [], []
         try:
@@ -278,6 +309,8 @@ class Linkage:
         scaled = self.scaled(jacobians)
         if scaled.shape[1] < self.model.nv or not np.isfinite(scaled).all():
             return None
+        if (found := self.eliminated(scaled, REGULAR)) is not None:
+            return found
         left, values, right = np.linalg.svd(scaled, full_matrices=False)
         if not (values[:, -1] > values[:, 0] / REGULAR).all():
             return None
@@ -292,12 +325,17 @@ class Linkage:
     def place(self, values: Array) -> Array:
         """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
         self.data.qpos[self.adr] = values
+        far = np.inf  # from where the inverse is of
         for _ in range(50):
             residual, jacobian = self.rows()
-            move = -self.invert(jacobian)[:, : residual.size] @ residual
+            if far > CHORD:
+                self.inverse, far = self.invert(jacobian), 0.0
+            move = -self.inverse[:, : residual.size] @ residual
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             self.data.qpos[self.adr] = values
-            if not np.abs(move / self.sizes).max(initial=0.0) > NEAR:
+            size = np.abs(move / self.sizes).max(initial=0.0)
+            far += size
+            if not size * far > LEFT:
                 break
         jacobian, residual = self.closed(values)
         self.inverse = self.invert(jacobian)
@@ -398,6 +436,27 @@ class Linkage:
         found[..., rows:, :] = self.held
         return found
 
+    def eliminated(self, scaled: Array, most: float) -> Array | None:
+        """The inverse of what `scaled` gives, in SI, by elimination.
+
+        It takes less time than singular values.  None where there are more rows than joints, zeros
+        not counted, and where the ratio of the largest to the least of these may be above a bound.
+        """
+        rows = scaled.any(axis=(*range(scaled.ndim - 2), -1))
+        if np.count_nonzero(rows) != self.model.nv:
+            return None
+        square = scaled if rows.all() else scaled[..., rows, :]
+        try:
+            inverse = np.linalg.inv(square)
+        except np.linalg.LinAlgError:
+            return None
+        sizes = np.square(square).sum(axis=(-2, -1)) * np.square(inverse).sum(axis=(-2, -1))
+        if not (sizes < most**2).all():
+            return None
+        found = np.zeros((*scaled.shape[:-2], self.model.nv, scaled.shape[-2]))
+        found[..., rows] = inverse
+        return found * self.shares.T
+
     def inverted(self, left: Array, values: Array, right: Array) -> Array:
         """The pseudo-inverse of what `scaled` gives, by its singular values, in SI."""
         turned = np.swapaxes(right, -1, -2) / values[..., None, :]
@@ -413,7 +472,10 @@ class Linkage:
         Its last columns are the motions that the drives allow.  A planar loop in 3-D carries rows
         that are always zero, hence no plain inverse.
         """
-        left, values, right = np.linalg.svd(self.scaled(jacobian), full_matrices=False)
+        scaled = self.scaled(jacobian)
+        if (found := self.eliminated(scaled, SURE)) is not None:
+            return found
+        left, values, right = np.linalg.svd(scaled, full_matrices=False)
         rank = int((values > 1e-10 * values[0]).sum())
         if rank < self.model.nv:
             raise Unsupported(

@@ -8,7 +8,9 @@ import pytest
 
 from proofmass.sim.mujoco import linkage
 from proofmass.sim.mujoco.engine import simulate
+from proofmass.sim.mujoco.equilibrium import linkage_of
 from proofmass.sim.mujoco.linkage import Linkage, between
+from proofmass.sim.mujoco.model import load
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 from tests.shipped import loaded, shipped
@@ -63,6 +65,55 @@ def test_poses_together_are_those_one_by_one(name, blocks, monkeypatch):
     followed = swept(name)
     assert found.stopped == followed.stopped
     assert far_apart(found, followed) < 1e-11  # rounding, by the worst transmission on the way
+
+
+SLOWER = {
+    "an inverse in every step": ("CHORD", 0.0),
+    "singular values": ("SURE", 0.0),
+    "guesses by tangents": ("BENDS", 0.0),
+}
+
+
+@pytest.mark.parametrize("how", SLOWER)
+@pytest.mark.parametrize("name", ["delta", "gear_pair", "change_point", "fivebar"])
+def test_poses_one_by_one_are_those_of_a_slower_way(name, how, monkeypatch):
+    monkeypatch.setattr(Linkage, "together", lambda *given: None)
+    found = swept(name)
+    monkeypatch.setattr(linkage, *SLOWER[how])
+    slower = swept(name)
+    assert found.stopped == slower.stopped
+    assert far_apart(found, slower) < 1e-11
+
+
+def of_fourbar() -> Linkage:
+    case = loaded(shipped("fourbar.toml"))
+    run = plan(case, "sweep", "mujoco")
+    return linkage_of(*load(case.model_path, run), run)
+
+
+def test_a_guess_by_the_last_stride_is_of_fourth_order():
+    """One by the tangent is of second order."""
+    off = []
+    for stride in (0.08, 0.04, 0.02):
+        four = of_fourbar()
+        tangent = four.move(np.array([1.0]))
+        tangent = four.move(np.array([1.0 + stride]), tangent)
+        here, target = four.data.qpos.copy(), np.array([1.0 + 2 * stride])
+        guesses = here + np.array([four.ahead(target, tangent), tangent @ [stride]])
+        four.place(target)
+        off.append(np.abs(guesses - four.data.qpos).max(axis=1))
+    orders = np.log2(np.divide(off[:-1], off[1:]))
+    np.testing.assert_allclose(orders[-1], [4.0, 2.0], atol=0.2)
+
+
+def test_elimination_leaves_what_may_be_singular_to_singular_values():
+    four = of_fourbar()
+    scaled = four.scaled(four.rows()[1])
+    inverse = four.eliminated(scaled, linkage.SURE)
+    np.testing.assert_allclose(inverse / four.shares.T @ scaled, np.eye(3), atol=1e-14)
+    assert four.eliminated(scaled, np.linalg.cond(scaled)) is None
+    assert four.eliminated(scaled[[0, 0, 2, 3]], linkage.SURE) is None
+    assert four.eliminated(np.vstack([scaled, scaled[:1]]), linkage.SURE) is None
 
 
 @pytest.mark.parametrize(
