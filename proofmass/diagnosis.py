@@ -473,13 +473,24 @@ def rank(cause: Explanation) -> tuple[float, float]:
     return COST[cause.free] - cause.share if cause.score > 0 else 0.0, cause.left
 
 
+def order(cause: Explanation) -> tuple[float, ...]:
+    """As `rank`; of exact causes, by the digits of their numbers, then by how far these change.
+
+    What an exact cause leaves is rounding and tells nothing, but people write round numbers.
+    """
+    first, left = rank(cause)
+    changes = cause.changes.values()
+    digits = sum(len(f"{new:.5e}".lstrip("-").partition("e")[0].rstrip("0")) for _, new in changes)
+    return first, max(left, EXACT), digits, sum(abs(new / old - 1) for old, new in changes if old)
+
+
 def ranked(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """The best causes; those that the curves do not tell apart are joined.
 
     Those that leave all of the differences are none.
     """
     kept = list[Explanation]()
-    for cause in sorted(causes, key=rank):
+    for cause in sorted(causes, key=order):
         alike = [
             k
             for k, other in enumerate(kept)

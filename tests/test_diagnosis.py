@@ -210,16 +210,21 @@ def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
 
 
 def test_causes_are_ranked_by_channels_then_by_what_is_left():
-    def cause(words: str, explains: str, left: float, free: int = 1) -> Explanation:
-        return Explanation("parameter", words, tuple(explains), (), left, 4, free)
+    """Exact ones by their digits, then by the least change: what they leave is rounding."""
+
+    def cause(words: str, explains: str, left: float, free: int = 1, *change: float) -> Explanation:
+        changes = {words: change} if change else {}
+        return Explanation("parameter", words, tuple(explains), (), left, 4, free, changes)
 
     pair = cause("pair", "abcd", 1e-12, 3)
     single = cause("single", "abcd", 1e-3)
-    most, twin = cause("most", "abc", 1e-9), cause("twin", "abc", 2e-9)
+    most = cause("most", "abc", 3e-9, 1, 2.0, 2.2)
+    twin, further = cause("twin", "abc", 1e-9, 1, 9.81, 10.464), cause("f", "abc", 2e-9, 1, 1, 1.2)
+    rough = cause("rough", "abc", 1e-2, 1, 1.0, 2.0)
     none = cause("none", "", 1.0, 0)
-    found = ranked([none, pair, twin, single, most])
-    assert [c.words for c in found] == ["single", "pair", "most"]
-    assert found[2].same == ("twin",)
+    found = ranked([none, pair, twin, further, rough, single, most])
+    assert [c.words for c in found] == ["single", "pair", "most", "rough"]
+    assert found[2].same == ("f", "twin")
 
 
 def lost_case(folder: Path) -> Path:

@@ -230,9 +230,10 @@ BESIDE = 1e-3
 MOST = {True: 1000, False: 200}
 """Steps after which a pose that still moves is given up, with and without free coordinates."""
 ITERATIONS = 500
-"""Iterations of the solver in a step at first, where the run sets none: as many or fewer."""
+"""Iterations of the solver in a step at first, where the run sets none."""
 SOLVED = 1e-12
-"""Share of an error that fewer of them may leave in the start pose, with nothing free."""
+"""Share of an error that fewer of them may leave in the start pose, if the drives leave nothing
+free."""
 LEFT = 1e-3
 """Share of an error that a solver with more iterations may leave in a step."""
 MOST_ITERATIONS = 10**6
@@ -784,14 +785,14 @@ def hold(links: Links, settings: Settings) -> Held:
 
 
 def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
-    """The space of links without their dampers, and without drives."""
+    """The space of links without their dampers, their drives and gravity: `StillBodies` has it."""
     undamped = replace(
         links,
         joints=tuple(replace(joint, damping=0.0) for joint in links.joints),
         springs=tuple(replace(spring, damping=0.0) for spring in links.springs),
     )
     space = build(undamped, iterations, error_bias)
-    space.gravity = 0.0, 0.0  # `StillBodies` has what it gives
+    space.gravity = 0.0, 0.0
     return space
 
 

@@ -312,7 +312,10 @@ def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
 
 
 class StillBodies:
-    """All bodies of a space, put into a pose and read at once; the ground is the last of them."""
+    """All bodies of a space, put into a pose and read at once; the ground is the last of them.
+
+    Their weights are set with the pose, so that the space has no gravity.
+    """
 
     def __init__(self, space: pymunk.Space, links: Links):
         self.space, self.states = space, np.zeros((len(links.mass) + 1, 8))
