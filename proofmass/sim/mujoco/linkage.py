@@ -325,12 +325,12 @@ class Linkage:
     def place(self, values: Array) -> Array:
         """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
         self.data.qpos[self.adr] = values
-        far = np.inf  # from where the inverse is of
+        inverse, far = np.empty((0, 0)), np.inf  # and the way from the pose that it is of
         for _ in range(50):
             residual, jacobian = self.rows()
             if far > CHORD:
-                self.inverse, far = self.invert(jacobian), 0.0
-            move = -self.inverse[:, : residual.size] @ residual
+                inverse, far = self.invert(jacobian), 0.0
+            move = -inverse[:, : residual.size] @ residual
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             self.data.qpos[self.adr] = values
             size = np.abs(move / self.sizes).max(initial=0.0)

@@ -61,8 +61,8 @@ def simulate(model: Path, run: Run) -> Curves:
     run : Run
         What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
         whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
-        100 in dynamics, and in a sweep what the start pose needs, 500 at most or where springs
-        hold what the drives leave; more where it needs them; ``error_bias``, the
+        100 in dynamics; in a sweep as many as the start pose needs, up to 500, and 500 where
+        springs or weights hold what the drives leave; more where it needs them; ``error_bias``, the
         share of a gap left after a second, 0; ``collision_slop`` [m] and ``collision_bias`` of
         contacts, 1e-6 and 0.9**60; ``defaults = True`` for Chipmunk's own.
 

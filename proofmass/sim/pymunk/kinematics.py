@@ -142,6 +142,7 @@ def drive_values(links: Links, pose: Array) -> Array:
 
 
 def _tabled(table: JointTable, pose: Array) -> Array:
+    """The coordinates of the joints of a table (..., joints)."""
     turns = table.sign * (pose[..., table.b, 2] - pose[..., table.a, 2])
     if table.slide:
         axes = turned(pose[..., table.a, 2], table.axis)

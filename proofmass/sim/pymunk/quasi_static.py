@@ -431,8 +431,9 @@ class Held:
     def ahead(self, target: Array, here: list[float]) -> None:
         """Begin where the last rests point to, if the drives go `here` on in the same direction.
 
-        Nearer to the next rest, and on the smooth branch where two of them cross; unless less is
-        held there than here, as after a snap to another equilibrium.  A polynomial through more
+        Nearer to the next rest, and on the smooth branch where two of them cross; with free
+        coordinates only if it is closer to closed and to the drives' values than here, as it is not
+        after a snap to another equilibrium.  A polynomial through more
         than two of them is taken where it bends little, and no joint is on its stop, which it would
         leave or enter by less than a hair.
         """
@@ -745,6 +746,9 @@ class HeldRubbing(Held):
 def hold(links: Links, settings: Settings) -> Held:
     """The space in its start pose; with free coordinates beside it, see `BESIDE`.
 
+    Links of which the drives leave none free get the inertia of `quick`; with free coordinates the
+    modes of `toward_rest` are those of their own.
+
     It has no dampers: nothing moves at rest, and Chipmunk's steps to it would not be solved.
 
     Raises
@@ -756,9 +760,10 @@ def hold(links: Links, settings: Settings) -> Held:
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
     if not len(moves):
         links = quick(links)
-    iterations = settings["iterations"] or ITERATIONS
-    if not settings["iterations"] and not len(moves):
-        iterations = min(iterations, enough(links, pose[None], SOLVED))
+    iterations = settings["iterations"]
+    if iterations is None:
+        needed = ITERATIONS if len(moves) else enough(links, pose[None], SOLVED)
+        iterations = min(needed, ITERATIONS)
     loose = set(links.rubbing) - set(links.driven)
     dt, begin = _step(links, pose), links.pose + _beside(links, moves)
 
@@ -805,12 +810,11 @@ WIDE = 0.1
 
 
 def quick(links: Links) -> Links:
-    """The links with the masses and moments of inertia with which Chipmunk iterates least.
+    """The links with masses and moments of inertia with which Chipmunk's solver converges sooner.
 
-    Nothing at rest depends on them, and gravity pulls as before.  An iteration goes from hold to
-    hold; the less one of them moves what another holds, the fewer are needed.  So a link has its
-    mass in its holds rather than between them, and what a drive holds is heavy.  Links that the
-    drives leave free keep their own: the modes of `toward_rest` are those of all masses.
+    Nothing at rest depends on them, and the weights stay.  An iteration of the solver goes from
+    hold to hold; the less one of them moves what another holds, the fewer are needed.  So more of a
+    link's mass is near its holds than in a uniform bar, and links that a drive holds are heavy.
     """
     ground = len(links.mass)
     mass, squares = np.ones(ground), [list[float]() for _ in range(ground + 1)]
