@@ -16,6 +16,7 @@ from benchmarks.choose import ASKED, Asked
 from examples.chosen import truths
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
+from tests.programs import run_program
 from tests.shipped import shipped
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "chosen"
@@ -42,16 +43,10 @@ def head(name: str) -> tuple[str, str, float, float]:
     return case, of, float(asked), float(printed[1])
 
 
-def run(text: str, folder: Path) -> subprocess.CompletedProcess:
-    """Run a program in an interpreter that sees neither this folder nor the environment."""
+def run(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a program that writes its curves to `out.csv`."""
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return subprocess.run(
-        [sys.executable, "-I", "run.py", "out.csv"],
-        cwd=folder,
-        text=True,
-        capture_output=True,
-        check=False,
-    )
+    return run_program(folder / "run.py", "out.csv")
 
 
 def test_every_program_has_its_command() -> None:

@@ -1,9 +1,6 @@
 """Controls that change in time: both engines, their programs, sidecars, and bad input."""
 
-import csv
 import re
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,6 +24,7 @@ from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import prescribed_run
+from tests.programs import program_curves
 from tests.report.whole import without_figures
 from tests.shipped import shipped
 from tests.verdicts import verdicts
@@ -170,18 +168,6 @@ def test_pymunk_takes_a_control_to_the_second_order(actuator, tmp_path):
     assert off[0] / off[1] == pytest.approx(4.0, abs=0.1)
 
 
-def curves_of(text: str, folder: Path) -> dict[str, np.ndarray]:
-    """What a program writes."""
-    (folder / "run.py").write_text(text, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-I", "run.py"], cwd=folder, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    with (folder / "curves.csv").open(newline="", encoding="utf-8") as stream:
-        head, *rows = csv.reader(stream)
-    return dict(zip(head[1:], np.array(rows, float).T[1:], strict=True))
-
-
 @BOTH
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_programs_have_the_controls(engine, actuator, tmp_path):
@@ -200,7 +186,7 @@ def test_programs_have_the_controls(engine, actuator, tmp_path):
         controls=controls_source([sampled], given.x),
     )
     assert "np.interp(t, [" in text
-    found = curves_of(text, tmp_path)
+    found = program_curves(text, tmp_path)
     for name, curve in wanted.channels.items():
         assert np.abs(found[name] - curve).max() < 1e-12, name
 
@@ -232,7 +218,7 @@ def test_a_program_of_pymunk_tells_the_moment_of_a_drive_beside_a_load(tmp_path)
         "",
         controls=source,
     )
-    found = curves_of(program, tmp_path)
+    found = program_curves(program, tmp_path)
     other = in_mujoco(file, replace(given, settings={"timestep": 1e-3, "integrator": "RK4"}))
     still = in_pymunk(file, replace(given, loads=(), settings={"timestep": 1e-3}))
     for name in names:
@@ -306,7 +292,7 @@ def test_programs_hold_a_control(engine, tmp_path):
     wanted = simulate(file, given)
     source = controls_source([law_of_profile(Path(), STAIR, 0.0, "1")], given.x)
     same = replace(given, settings=wanted.settings)
-    found = curves_of(writer.write_program(file, same, "", "", controls=source), tmp_path)
+    found = program_curves(writer.write_program(file, same, "", "", controls=source), tmp_path)
     for name, curve in wanted.channels.items():
         assert np.abs(found[name] - curve).max() < 1e-12, name
 
@@ -603,7 +589,7 @@ def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
     given = replace(given, channels=("x", "rate", "on_x"))
     text = pymunk_program.write_program(file, given, "", "", controls=source)
     assert "np.clip(controls(t)" in text
-    found = curves_of(text, tmp_path)
+    found = program_curves(text, tmp_path)
     for name in given.channels:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
 
@@ -622,7 +608,7 @@ def test_a_program_of_pymunk_shows_a_force_up_to_its_own_range(gain, ends, tmp_p
     text = pymunk_program.write_program(
         file, given, "", "", controls=controls_source([polyline(tmp_path)], T)
     )
-    found = curves_of(text, tmp_path)
+    found = program_curves(text, tmp_path)
     for name in given.channels:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
 

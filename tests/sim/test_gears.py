@@ -1,7 +1,5 @@
 """Gears: joint equalities between two hinges of the ground, in both engines and the reference."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import mujoco
@@ -15,6 +13,7 @@ from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
 from proofmass.sim.protocol import Drive, Run, Unsupported
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.program import write_program
+from tests.programs import program_curves
 from tests.shipped import shipped
 
 ENGINES = {"mujoco": MUJOCO, "pymunk": PYMUNK}
@@ -139,13 +138,7 @@ def test_a_program_in_pymunk_alone_has_the_gear(tmp_path):
     run = Run("dynamics", np.linspace(0, 0.5, 26), names, settings=settings)
     wanted = PYMUNK.simulate(file, run).channels
     truth = solve(run.x, model=mujoco.MjModel.from_xml_path(str(file)))
-    (tmp_path / "run.py").write_text(write_program(file, run, "", ""))
-    done = subprocess.run(
-        [sys.executable, "-I", "run.py"], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    head, *rows = (tmp_path / "curves.csv").read_text().splitlines()
-    found = dict(zip(head.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))
+    found = program_curves(write_program(file, run, "", ""), tmp_path)
     for name in names:
         assert np.abs(found[name] - wanted[name]).max() < 1e-11 * np.ptp(wanted[name]), name
         assert np.abs(wanted[name] - truth[name]).max() < 1e-3 * np.ptp(truth[name]), name

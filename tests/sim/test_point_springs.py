@@ -1,7 +1,5 @@
 """Springs between two points in both engines: in time, at rest, in programs, refusals."""
 
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +17,7 @@ from proofmass.sim.picture import picture
 from proofmass.sim.protocol import Drive, Run, Unsupported
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.program import write_program
+from tests.programs import program_curves
 from tests.shipped import shipped
 
 ENGINES = {"mujoco": MUJOCO, "pymunk": PYMUNK}
@@ -133,15 +132,8 @@ def test_a_program_in_pymunk_alone_has_the_springs(springs, driven, tmp_path):
     names = (*MOVING, "moment") if driven else MOVING
     run = Run("dynamics", np.linspace(0, 0.5, 26), names, drives, settings=settings)
     wanted = PYMUNK.simulate(file, run).channels
-    program = tmp_path / "run.py"
     motion = motion_source([law], run.x) if driven else ""
-    program.write_text(write_program(file, run, motion, ""))
-    done = subprocess.run(
-        [sys.executable, "-I", program.name], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    head, *rows = (tmp_path / "curves.csv").read_text().splitlines()
-    found = dict(zip(head.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))
+    found = program_curves(write_program(file, run, motion, ""), tmp_path)
     for name in names:  # 1e-9: rounding of rates, which the step divides in accelerations
         share = 1e-9 if name == "moment" else 1e-11
         assert np.abs(found[name] - wanted[name]).max() < share * np.ptp(wanted[name]), name

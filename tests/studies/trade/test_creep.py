@@ -1,8 +1,5 @@
 """`choose --creep`: how fast what friction holds creeps, beside its closed form, and slower."""
 
-import subprocess
-import sys
-
 import mujoco
 import numpy as np
 import pytest
@@ -13,6 +10,7 @@ from proofmass.engines import engine_of
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.contacts import creep_rate
 from proofmass.studies.trade.creep import MARGIN, hold
+from tests.programs import run_program
 from tests.shipped import shipped
 
 STICKS = shipped("block_sticks.toml")
@@ -56,8 +54,7 @@ def test_the_program_that_is_written_creeps_as_it_says(tmp_path):
     program = tmp_path / "run.py"
     answer = run(STICKS, "--creep", 1e-6, "-o", program)
     assert answer.exit_code == 0
-    done = subprocess.run([sys.executable, "-I", program.name], cwd=tmp_path, check=False)
-    assert done.returncode == 0
+    assert run_program(program).returncode == 0
     rows = np.genfromtxt(tmp_path / "curves.csv", delimiter=",", names=True)
     late = rows[rows[rows.dtype.names[0]] >= 0.9 - 1e-9]
     rate = abs(late["position"][-1] - late["position"][0]) / 0.1

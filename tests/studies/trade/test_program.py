@@ -1,10 +1,7 @@
 """Programs that run without proofmass: what they give, and that it is what they say."""
 
 import ast
-import csv
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,6 +29,7 @@ from proofmass.studies.trade.program import (
     written,
 )
 from proofmass.studies.trade.verify import moved_on
+from tests.programs import program_curves
 from tests.shipped import shipped
 from tests.studies.trade.driven import driven
 
@@ -48,18 +46,6 @@ def short(name: str, n: int = 21, until: float | None = None) -> Case:
     case = load_case(shipped(f"{name}.toml"))
     table = case.run["dynamics"].model_copy(update={"n": n, **({"until": until} if until else {})})
     return case.model_copy(update={"run": {"dynamics": table}})
-
-
-def bare(text: str, folder: Path) -> dict[str, np.ndarray]:
-    """The curves that a program writes in a bare interpreter, in an empty folder."""
-    file = folder / "run.py"
-    file.write_text(text)
-    subprocess.run(
-        [sys.executable, "-I", str(file), "out.csv"], cwd=folder, check=True, capture_output=True
-    )
-    with (folder / "out.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
 def imports(text: str) -> set[str]:
@@ -82,7 +68,7 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
     text = written(case, setting, IMPOSED[0], 'A head\nwith """ and \\ in it.')
     assert imports(text) == {"csv", "sys", "time", "mujoco", "numpy"}
     assert "proofmass" not in text
-    found = bare(text, tmp_path)
+    found = program_curves(text, tmp_path)
     case, run = setting.applied(case, "dynamics")
     wanted = simulate("mujoco", case.model_path, run)
     curves = wanted.channels | driven(run, wanted)
@@ -95,7 +81,7 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
 def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
     """Against Jacobi's elliptic functions, written out here; RK4 at 10 ms is 1e-7 off."""
     case = short("pendulum", 101, 2.0)
-    found = bare(
+    found = program_curves(
         written(case, Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"}), IMPOSED[0], ""),
         tmp_path,
     )
@@ -123,7 +109,7 @@ def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_
     )
     text = written(case, setting, drive, "")
     assert 1e-6 < run_program(case, setting, text, 30.0).driven["force"] < 2e-5
-    found = bare(text, tmp_path)
+    found = program_curves(text, tmp_path)
     t = found["t"]
     assert t[-1] == pytest.approx(2 * np.pi)
     crank = np.array([np.cos(t), np.sin(t)])
@@ -364,7 +350,7 @@ def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
     T = J(a) a'^2 / 2 with J by central differences of the closed pose; no constraint solver.
     """
     case = short("fourbar_released", 21, 0.4)
-    found = bare(
+    found = program_curves(
         written(
             case,
             Setting("mujoco", {**COARSE, "timestep": 1e-3, "solref": (8e-3, 1.0)}),
@@ -491,10 +477,10 @@ def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
     for file in (model, tmp_path / "rocker.xml", tmp_path / "shapes" / "m.stl"):
         file.unlink()
     assert str(tmp_path) not in text
-    found = bare(text, tmp_path)
+    found = program_curves(text, tmp_path)
     for name, curve in (wanted.channels | driven(run, wanted)).items():
         assert found[name].tolist() == curve.tolist()
-    assert list(read_curves(tmp_path / "out.csv", run).channels) == list(run.channels)
+    assert list(read_curves(tmp_path / "curves.csv", run).channels) == list(run.channels)
 
 
 @pytest.mark.parametrize("drive", [Imposed("servo", 0.5), Imposed("equality", 0.25)])
@@ -503,7 +489,7 @@ def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_
     leaves the crank 0.1 rad behind or more."""
     model, run = odd(tmp_path)
     motion = motion_source([each.law for each in run.drives], run.x)
-    found = bare(write_program(model, run, motion, "", drive), tmp_path)
+    found = program_curves(write_program(model, run, motion, "", drive), tmp_path)
     wanted = simulate("mujoco", model, run).channels['ro"ck\\, é']
     assert np.ptp(wanted) > 0.1
     assert found['ro"ck\\, é'] == pytest.approx(wanted, abs=1e-3)
@@ -522,7 +508,7 @@ def test_large_files_of_a_model_are_named_by_their_place(
     monkeypatch.setattr("proofmass.sim.mujoco.program.CARRIED", 100)
     text = write_program(model, run, "", "")
     assert str(tmp_path / "shapes" / "m.stl") in text
-    assert bare(text, tmp_path)["t"].size == run.x.size
+    assert program_curves(text, tmp_path)["t"].size == run.x.size
 
 
 def test_another_start_of_a_motion_in_space_is_not_known():

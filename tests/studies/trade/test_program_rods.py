@@ -18,9 +18,9 @@ from proofmass.solve import simulate
 from proofmass.studies.record import Setting
 from proofmass.studies.trade.choose import format_rods
 from proofmass.studies.trade.program import run_program, written
+from tests.programs import program_curves
 from tests.shipped import shipped
 from tests.studies.trade.driven import driven
-from tests.studies.trade.test_program import bare
 
 ALL = sorted(path.name for path in shipped("rod_released.toml").parent.glob("*.toml"))
 FEW = Setting("mujoco", {"timestep": 1e-3, "segments": 7})
@@ -68,7 +68,7 @@ def test_a_program_with_rods_gives_what_the_harness_gives(name: str, tmp_path: P
     curves = wanted.channels | driven(run, wanted)
 
     def furthest(text: str) -> float:
-        found = bare(text, tmp_path)
+        found = program_curves(text, tmp_path)
         assert list(found) == ["t", *curves]
         return max(
             float(np.abs(found[n] - curve).max() / max(1e-3, np.ptp(curve)))
@@ -117,7 +117,7 @@ def test_defaults_do_not_reach_the_links_of_a_program(
     model = arm(tmp_path, defaults, body)
     rod = replace(LOOSE, scheme=scheme, shear=40.0, axial=60.0)
     run = Run("dynamics", np.linspace(0.0, 0.02, 3), ("tip.x", "tip.y"), rods=(rod,))
-    found = bare(write_program(model, run, "", "x"), tmp_path)
+    found = program_curves(write_program(model, run, "", "x"), tmp_path)
     for name, curve in simulate("mujoco", model, run).channels.items():
         assert found[name] == pytest.approx(curve, abs=1e-14)
 
@@ -126,9 +126,9 @@ def test_dead_loads_of_rods_are_in_the_program(tmp_path: Path) -> None:
     model = arm(tmp_path)
     run = Run("dynamics", np.linspace(0.0, 0.2, 5), ("tip.x", "tip.y"), rods=(LOOSE,))
     wanted = simulate("mujoco", model, run).channels
-    found = bare(write_program(model, run, "", "x"), tmp_path)
+    found = program_curves(write_program(model, run, "", "x"), tmp_path)
     without = replace(run, rods=(replace(LOOSE, load=(0.0, 0.0, 0.0)),))
-    still = bare(write_program(model, without, "", "x"), tmp_path)
+    still = program_curves(write_program(model, without, "", "x"), tmp_path)
     assert found["tip.x"] == pytest.approx(wanted["tip.x"], abs=1e-14)
     assert np.abs(still["tip.x"] - wanted["tip.x"]).max() > 1e-3
 

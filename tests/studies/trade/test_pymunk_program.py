@@ -7,10 +7,9 @@ this project is at hand there.
 import ast
 import csv
 import re
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
@@ -35,6 +34,7 @@ from proofmass.sim.protocol import (
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from proofmass.units import FORCES
+from tests.programs import run_program
 from tests.shipped import loaded, models_like, shipped
 from tests.studies.trade.driven import driven
 
@@ -69,13 +69,11 @@ class Ran:
     steps: int
 
 
-def started(folder: Path, text: str) -> subprocess.CompletedProcess:
+def started(folder: Path, text: str) -> CompletedProcess[str]:
     """Run a program in a new folder."""
     folder.mkdir()
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return subprocess.run(
-        [sys.executable, "-I", "run.py"], cwd=folder, capture_output=True, text=True
-    )
+    return run_program(folder / "run.py")
 
 
 def ran(folder: Path, text: str) -> Ran:
