@@ -31,8 +31,8 @@ from proofmass.strict import Kind
 
 ENOUGH = 24
 """Intervals of a sweep that show the rate of an error: a peak between them is a percent higher."""
-Errors = dict[str, Array]
-Moved = TypeVar("Moved", DriveTable, LoadTable)
+ChannelErrors = dict[str, Array]
+MovedTable = TypeVar("MovedTable", DriveTable, LoadTable)
 Changes = Sequence[tuple[Number, float]]
 
 
@@ -55,7 +55,7 @@ class Baseline:
 
     kind: Kind
     solver: str
-    errors: Errors
+    errors: ChannelErrors
     allowed: dict[str, float]
     shares: dict[str, float]
     comparisons: list[Comparison]
@@ -116,7 +116,7 @@ def baseline(case: Case, kind: Kind, solver: str) -> Baseline:
         raise InputError(case.file, "drive", f"the {solver} {kind} ends early: {curves.stopped}")
     comparisons = compare(case, kind, solver, curves)
     truth = run_reference(case, kind, curves).as_driven(curves.drive)
-    errors, allowed, shares = Errors(), dict[str, float](), dict[str, float]()
+    errors, allowed, shares = ChannelErrors(), dict[str, float](), dict[str, float]()
     for c in comparisons:
         if c.outcome == Outcome.AGREES:
             errors[c.channel] = curves.channels[c.channel] - truth.channels[c.channel]
@@ -198,7 +198,7 @@ def mutant(case: Case, changes: Changes, folder: Path) -> Case:
     return case.model_copy(update={**changed, **moves})
 
 
-def whole_path(case: Case, table: Moved) -> Moved:
+def whole_path(case: Case, table: MovedTable) -> MovedTable:
     """A drive or a load that names the file which it follows by its whole path."""
     if not isinstance(table.profile, ProfileTable) or table.profile.file is None:
         return table
@@ -254,12 +254,12 @@ def with_changes(
     return Trial(ratios[channel], channel, "", limits, by[moves], moves)
 
 
-def shares(some: Errors, allowed: dict[str, float]) -> dict[str, float]:
+def shares(some: ChannelErrors, allowed: dict[str, float]) -> dict[str, float]:
     """The largest of each channel's numbers, over what the channel may be off."""
     return {name: float(np.max(np.abs(values))) / allowed[name] for name, values in some.items()}
 
 
-def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline) -> Errors:
+def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline) -> ChannelErrors:
     """Signed errors of the channels that agreed, with a changed model.
 
     A reference that reads the model is given the changed one; others know the case's own only, and
@@ -282,7 +282,7 @@ def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline)
     return {name: curves.channels[name] - truth.channels[name] for name in own.errors}
 
 
-def limits_of(before: Baseline, rates: Errors, stride: int) -> tuple[Limit, Limit]:
+def limits_of(before: Baseline, rates: ChannelErrors, stride: int) -> tuple[Limit, Limit]:
     """By what factor of a change and of its opposite a run notices it, from its rates."""
     return tuple(  # type: ignore[return-value]
         min(

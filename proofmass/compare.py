@@ -13,7 +13,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import Memory, memory_in_use
 from proofmass.case import Case
 from proofmass.chart import check_charts
-from proofmass.drive import State
+from proofmass.drive import DriveState
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.recorded import Recorded
@@ -424,7 +424,7 @@ class RunReference:
         self.state = Run(run, curves.x, (), tuple(drives)).motion(curves.x) if drives else None
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
-        self.asked: tuple[State | None, Curves] | None = None
+        self.asked: tuple[DriveState | None, Curves] | None = None
         self.facts: dict[str, str] | None = None
         self.by_laws = self.evaluated({}, more=True)
         self.unchanged = self.by_laws.channels
@@ -437,11 +437,11 @@ class RunReference:
         except InputError:  # the changed mechanism cannot be assembled everywhere
             return Curves(self.x, {})
 
-    def as_driven(self, state: State | None) -> Curves:
+    def as_driven(self, state: DriveState | None) -> Curves:
         """The reference with the drives as a solver moved them, which stays in `asked`."""
         if self.asked and self.asked[0] is state:
             return self.asked[1]
-        same = state is None or np.array_equal(state, cast(State, self.state))
+        same = state is None or np.array_equal(state, cast(DriveState, self.state))
         found = self.by_laws
         if not (self.unchanged and same):
             with memory_in_use(self.memory, more=False):

@@ -16,7 +16,7 @@ from proofmass.sim.protocol import Curves, Diverged, Run
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-State = tuple[Array, Array, Array]
+DriveState = tuple[Array, Array, Array]
 LAG = 0.05
 """Share of its way that a driven joint may be off: a soft drive lags, MuJoCo's default one by 2e-3.
 """
@@ -34,7 +34,7 @@ class Steady:
     rate: float
     x_is_time: bool
 
-    def __call__(self, x: Array) -> State:
+    def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration of the joint at samples x of a run."""
         value = self.start + self.rate * x if self.x_is_time else np.asarray(x, float)
         return value, np.full(x.shape, self.rate), np.zeros(x.shape)
@@ -48,7 +48,7 @@ class Swing:
     to: float
     period: float
 
-    def __call__(self, x: Array) -> State:
+    def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration of the joint at samples x of a run."""
         half, w = 0.5 * (self.to - self.start), 2 * np.pi / self.period
         cosine = np.cos(w * x)
@@ -59,7 +59,7 @@ class Swing:
 class InProportion:
     """A drive that keeps its share of another's way: start + ratio (value - origin)."""
 
-    leader: Callable[[Array], State]
+    leader: Callable[[Array], DriveState]
     origin: float
     ratio: float
     start: float
@@ -69,7 +69,7 @@ class InProportion:
         """Times at which a derivative of the value jumps [s]."""
         return np.asarray(getattr(self.leader, "breaks", ()), float)
 
-    def __call__(self, x: Array) -> State:
+    def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration of the joint at samples x of a run."""
         value, rate, acceleration = self.leader(x)
         return (
@@ -86,11 +86,11 @@ class FunctionLaw:
     A law of several drives gives arrays (drives, n), of which this is one `row`.
     """
 
-    function: Callable[..., State]
+    function: Callable[..., DriveState]
     parameters: dict[str, float] = field(default_factory=dict)
     row: int | None = None
 
-    def __call__(self, x: Array) -> State:
+    def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration of the joint at samples x of a run."""
         value, rate, acceleration = self.function(x, **self.parameters)
         if self.row is None:
@@ -107,7 +107,7 @@ class Samples:
     rate: Array
     acceleration: Array
 
-    def __call__(self, x: Array) -> State:
+    def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration of the joint at samples x of a run."""
         if np.array_equal(x, self.x):
             return self.value, self.rate, self.acceleration

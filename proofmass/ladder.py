@@ -62,7 +62,7 @@ BETTER = 0.1, 0.55
 
 
 @dataclass(frozen=True)
-class Way:
+class Alternative:
     """Another setting, its error at T [m], and how many times as long as the own it takes.
 
     That is NaN where the clock is too coarse for the own one.
@@ -218,14 +218,14 @@ class Rung:
         begun = self.motion.disturbance * (self.motion.extent or 1.0)
         return float(self.parted[k]) / begun
 
-    def ways(self) -> Iterator[Way]:
+    def ways(self) -> Iterator[Alternative]:
         """Other settings, the model's own first."""
         own = self.motion.runs[0]
         for run in (*self.motion.runs, *self.motion.others):
             times = run.seconds / own.seconds if own.seconds else nan
-            yield Way(run.name, self.error(run), times)
+            yield Alternative(run.name, self.error(run), times)
 
-    def better(self) -> Way | None:
+    def better(self) -> Alternative | None:
         """The cheapest setting with a tenth of the own error, or about half; None if none has.
 
         The finest step, which others may be held against, is none.

@@ -21,7 +21,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import ProfileTable
-from proofmass.drive import State, formula, lines_of, quintic, table_times
+from proofmass.drive import DriveState, formula, lines_of, quintic, table_times
 from proofmass.errors import InputError
 from proofmass.recorded import (
     ENOUGH,
@@ -59,7 +59,7 @@ class SampledLaw:
     file: str
     words: str
 
-    def __call__(self, x: Array) -> State:
+    def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration of the joint at samples x of a run.
 
         At a row where one of them jumps it is that of the piece that begins there.

@@ -119,7 +119,7 @@ class Reach:
 
 
 @dataclass(frozen=True)
-class Look:
+class ModelLook:
     """What is proposed for a model, before anything ran.
 
     Attributes
@@ -169,7 +169,7 @@ class Look:
         return self.determined or bool(self.reaches)
 
 
-def look_at(path: Path) -> Look:
+def look_at(path: Path) -> ModelLook:
     """Look at a model.
 
     Raises
@@ -236,9 +236,11 @@ def rests_until(model: MjModel, start: str, joint: str, at: float, end: float) -
     return at
 
 
-def look_of(model: MjModel, start: str, freedoms: int, reaches: tuple[Reach, ...] = ()) -> Look:
+def look_of(
+    model: MjModel, start: str, freedoms: int, reaches: tuple[Reach, ...] = ()
+) -> ModelLook:
     """A look at a model, with the names that it has."""
-    return Look(
+    return ModelLook(
         start,
         freedoms,
         reaches,
@@ -251,7 +253,7 @@ def look_of(model: MjModel, start: str, freedoms: int, reaches: tuple[Reach, ...
     )
 
 
-def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> Look:
+def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelLook:
     """Look at a model that is no planar linkage.
 
     Raises
@@ -289,7 +291,7 @@ class Proposal:
 
     name: str
     model: str
-    look: Look
+    look: ModelLook
     runs: dict[Kind, list[str]]
     told: list[str] = field(default_factory=list)
     tolerances: list[str] = field(default_factory=list)
@@ -394,7 +396,7 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
     return written, told
 
 
-def proposed(name: str, model: Path, look: Look, sidecar: Path) -> list[str]:
+def proposed(name: str, model: Path, look: ModelLook, sidecar: Path) -> list[str]:
     """Write the sidecar that a look at a model leads to, and tell what was found."""
     kinds: list[Kind] = ["dynamics"]
     if look.driven:
@@ -405,7 +407,7 @@ def proposed(name: str, model: Path, look: Look, sidecar: Path) -> list[str]:
     return proposal.told
 
 
-def found_in(look: Look) -> str:
+def found_in(look: ModelLook) -> str:
     """What a model is, in words."""
     if not look.driven:
         why = f"{look.why[0].upper()}{look.why[1:]}. " if look.why else ""
@@ -424,7 +426,7 @@ def found_in(look: Look) -> str:
     return f"It has one degree of freedom; joint {best.joint!r} drives it and {turns}."
 
 
-def more_sensors(look: Look) -> list[str]:
+def more_sensors(look: ModelLook) -> list[str]:
     """Sensors of all joints, sites and loose bodies that have a name.
 
     Names that sensors of the model have already are left to these.

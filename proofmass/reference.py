@@ -20,7 +20,7 @@ from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.analytic.remember import answered
 from proofmass.case import Case, ProfileTable
-from proofmass.drive import FunctionLaw, InProportion, Samples, State, Steady, Swing
+from proofmass.drive import DriveState, FunctionLaw, InProportion, Samples, Steady, Swing
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model, suggest
 from proofmass.ladder import PROCESSOR, Rung, why_lost
@@ -237,7 +237,7 @@ def named_in_profile(case: Case, k: int, read: Callable[..., Any], *args: object
 
 
 def evaluate(
-    case: Case, kind: Kind, x: Array, state: State | None, **changed: float
+    case: Case, kind: Kind, x: Array, state: DriveState | None, **changed: float
 ) -> ReferenceCurves:
     """The reference curves of a run of a case, channel by channel.
 
@@ -289,7 +289,7 @@ def quantities(
     case: Case,
     kind: Kind,
     x: Array,
-    state: State | None,
+    state: DriveState | None,
     parameters: dict[str, float | str],
     key: str = "parameters",
 ) -> dict[str, Array]:
@@ -307,7 +307,7 @@ def reference_quantities(
     case: Case,
     kind: Kind,
     x: Array,
-    state: State | None,
+    state: DriveState | None,
     parameters: dict[str, float | str],
     key: str = "parameters",
     only: frozenset[str] | None = None,
@@ -363,7 +363,7 @@ def call(
     kind: Kind,
     truth: ModuleType,
     x: Array,
-    state: State | None,
+    state: DriveState | None,
     parameters: dict[str, float | str],
     key: str = "parameters",
     only: frozenset[str] | None = None,

@@ -34,7 +34,7 @@ PARALLEL = (1, 2)  # springs at a joint; the thesis's prototype has two, wound a
 
 
 @dataclass(frozen=True)
-class Strip:
+class SpringStrip:
     """A strip that a maker has.
 
     Attributes
@@ -72,7 +72,7 @@ class ClockSpring:
         Of each at the largest moment of the joint [Pa].
     """
 
-    strip: Strip
+    strip: SpringStrip
     count: int
     length: float
     stress: float
@@ -95,7 +95,7 @@ class ClockSpring:
         return found
 
 
-def stiffness(strip: Strip, length: float) -> float:
+def stiffness(strip: SpringStrip, length: float) -> float:
     """k = E b t^3/(12 L) [N m/rad] of a strip of a length [m].
 
     Source: van Nes 2022, eq. I.1, line 1562; the bending of a straight strip, whose windings do
@@ -109,7 +109,7 @@ def stiffness(strip: Strip, length: float) -> float:
     return strip.modulus * strip.width * strip.thickness**3 / (12.0 * length)
 
 
-def clock_spring(k: float, moment: float, strip: Strip, count: int = 1) -> ClockSpring:
+def clock_spring(k: float, moment: float, strip: SpringStrip, count: int = 1) -> ClockSpring:
     """The spring of a strip that has a stiffness, and its stress; it may not be to be made.
 
     Parameters
@@ -128,7 +128,7 @@ def clock_spring(k: float, moment: float, strip: Strip, count: int = 1) -> Clock
     )
 
 
-def choose(k: float, moment: float, strips: Sequence[Strip]) -> ClockSpring:
+def choose(k: float, moment: float, strips: Sequence[SpringStrip]) -> ClockSpring:
     """The spring of least volume that a maker accepts, one strip or two in parallel.
 
     Raises
@@ -144,7 +144,7 @@ def choose(k: float, moment: float, strips: Sequence[Strip]) -> ClockSpring:
     return min(made, key=lambda spring: (spring.volume, spring.count))
 
 
-def read_strips(file: Path) -> list[Strip]:
+def read_strips(file: Path) -> list[SpringStrip]:
     """The strips that a maker has, a CSV file with a row a strip.
 
     Raises
@@ -155,7 +155,9 @@ def read_strips(file: Path) -> list[Strip]:
     """
     found = []
     for name, cells in named_rows(file, HEADER, "strip").items():
-        strip = Strip(name, *(cell * scale for cell, scale in zip(cells, SCALES, strict=True)))
+        strip = SpringStrip(
+            name, *(cell * scale for cell, scale in zip(cells, SCALES, strict=True))
+        )
         if not strip.shortest < strip.longest:
             raise InputError(file, name, "the longest piece must exceed the shortest")
         found.append(strip)

@@ -54,17 +54,17 @@ BACK = 1e3  # factor of the damping when no trial is better
 STUCK = 1e8  # a damping at which no step goes down any more
 LEAST = 1e-9
 GAIN = 1e-7  # relative; less is not better
-Terms = Callable[[Array], Array]
+CostTerms = Callable[[Array], Array]
 
 
-def norms(terms: Terms, places: Array) -> Array:
+def norms(terms: CostTerms, places: Array) -> Array:
     """Roots of the sums of squares (B,); inf for what is not possible."""
     found = np.linalg.norm(terms(places), axis=-1)
     return np.where(np.isfinite(found), found, np.inf)
 
 
 def descend(
-    places: Array, values: Array, damping: Array, terms: Terms
+    places: Array, values: Array, damping: Array, terms: CostTerms
 ) -> tuple[Array, Array, Array]:
     """One step from every place (B, d) that is not stuck, never up.
 
@@ -92,7 +92,7 @@ def descend(
     return places, values, damping
 
 
-def trials(places: Array, damping: Array, terms: Terms) -> Array:
+def trials(places: Array, damping: Array, terms: CostTerms) -> Array:
     """Where each damping leads to from each place: (B, F, d).
 
     ::
@@ -112,7 +112,7 @@ def trials(places: Array, damping: Array, terms: Terms) -> Array:
     return np.clip(places[:, None] + step, 0.0, 1.0)
 
 
-def linear(places: Array, terms: Terms) -> tuple[Array, Array]:
+def linear(places: Array, terms: CostTerms) -> tuple[Array, Array]:
     """Terms (B, m) and their slopes (B, d, m), by differences that stay within the cube."""
     count, d = places.shape
     nudge = np.where(places > 0.5, -NUDGE, NUDGE)
@@ -292,11 +292,11 @@ class SavedSearch:
             raise ValueError(f"none of {DRAWS * count} random designs is possible; widen bounds")
         return self.fresh(0, found[:count], terms)
 
-    def fresh(self, step: int, places: Array, terms: Terms) -> SearchState:
+    def fresh(self, step: int, places: Array, terms: CostTerms) -> SearchState:
         """Descents at their beginning."""
         return SearchState(step, places, norms(terms, places), np.full(len(places), DAMPED))
 
-    def terms(self, heat: int) -> Terms:
+    def terms(self, heat: int) -> CostTerms:
         """The terms of a heat, of places."""
         last = heat == len(self.effort.heats) - 1
         of = self.problem.residuals if last else self.problem.coarse

@@ -15,7 +15,7 @@ from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import along, follow
 from proofmass.analytic.balancer.synthesis import RIGHT_ANGLE, Synthesis
 from proofmass.analytic.numerics import Array
-from proofmass.design.clock_spring import Strip, choose
+from proofmass.design.clock_spring import SpringStrip, choose
 from proofmass.recorded import named_rows
 
 # Of the prototype, [N m/rad]: van Nes 2022, table J.1 to six decimals, by the deviations in J.2.
@@ -117,7 +117,7 @@ def described(
     task: Synthesis,
     vectors: Array,
     stock: Mapping[str, float],
-    strips: Sequence[Strip] = (),
+    strips: Sequence[SpringStrip] = (),
     moment: float = 1.0,
 ) -> dict[str, Any]:
     """The first of the designs (B, d), best first, and the springs for one of them.
@@ -144,7 +144,7 @@ def described(
 
 
 def wound(
-    task: Synthesis, vector: Array, strips: Sequence[Strip], moment: float
+    task: Synthesis, vector: Array, strips: Sequence[SpringStrip], moment: float
 ) -> list[dict[str, Any]]:
     """The clock spring of each joint of a design (d,) for m g r = `moment` [N m], or why none is.
 

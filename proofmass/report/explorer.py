@@ -28,7 +28,7 @@ from proofmass.wording import pretty, spoken
 
 Quantities = Mapping[str, Array]
 Parameters = Mapping[str, Any]
-Links = Callable[[Quantities, Parameters], Mapping[str, Any]]
+LinkCorners = Callable[[Quantities, Parameters], Mapping[str, Any]]
 """Quantities (n,) and parameters -> by link its corners, places in the complex plane [m]: a list of
 numbers and arrays (n,), of which one pose is drawn; or an array, a line that is drawn as it is."""
 Build = Callable[..., Case]
@@ -78,7 +78,7 @@ class Explorer:
         case: Case,
         sliders: Mapping[str, tuple[float, float]],
         curves: Sequence[Sequence[str]],
-        links: Links | None = None,
+        links: LinkCorners | None = None,
         *,
         model: Build | None = None,
         run: Kind | None = None,

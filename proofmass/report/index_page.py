@@ -35,7 +35,7 @@ SAID = 2
 
 
 @dataclass(frozen=True)
-class Column:
+class IndexColumn:
     """A column of cells: a group of runs in an engine."""
 
     run: str
@@ -230,12 +230,12 @@ def render_index(
     )
 
 
-def columns_of(result: Result) -> list[Column]:
+def columns_of(result: Result) -> list[IndexColumn]:
     """The columns that any case has something in; engines in the order in which they come."""
     there = {(group_of(c.run), engine(c)) for c in result.comparisons if c.channel}
     engines = dict.fromkeys(engine(c) for c in result.comparisons)
     groups = dict.fromkeys(words.group for words in RUNS.values())
-    return [Column(run, name) for run in groups for name in engines if (run, name) in there]
+    return [IndexColumn(run, name) for run in groups for name in engines if (run, name) in there]
 
 
 def group_of(run: str) -> str:
@@ -248,7 +248,9 @@ def engine(c: Comparison) -> str:
     return c.solver.partition(":")[0]
 
 
-def engine_looks(columns: Iterable[Column], style: Mapping[str, Look]) -> dict[str, EngineLook]:
+def engine_looks(
+    columns: Iterable[IndexColumn], style: Mapping[str, Look]
+) -> dict[str, EngineLook]:
     """A colour and a marker for each engine, its own colour if a solver of that name has one."""
     found = dict[str, EngineLook]()
     for name in dict.fromkeys(column.engine for column in columns):
@@ -262,7 +264,7 @@ def engine_looks(columns: Iterable[Column], style: Mapping[str, Look]) -> dict[s
 def row_of(
     case: Case,
     result: Result,
-    columns: Sequence[Column],
+    columns: Sequence[IndexColumn],
     found: Sequence[Change],
     picture: Thumbnail | Markup | None,
     history: History,
@@ -356,7 +358,7 @@ def only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
     )
 
 
-def select(rows: Iterable[Comparison], column: Column) -> list[Comparison]:
+def select(rows: Iterable[Comparison], column: IndexColumn) -> list[Comparison]:
     """The comparisons of a column."""
     return [c for c in rows if group_of(c.run) == column.run and engine(c) == column.engine]
 

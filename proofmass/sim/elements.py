@@ -177,7 +177,7 @@ def source_of(path: Path, key: str, rods: tuple[Rod, ...] = ()) -> Source:
     return Source(path, full, bare, key, rods)
 
 
-class Tree:
+class ModelElements:
     """The elements of a file, by their numbers in the compiled model.
 
     `found` has None for an element within a ``frame``, whose numbers are not those of the body.
@@ -271,7 +271,7 @@ def written(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
     NotWritten
         Elements come from includes, copies or frames, so that the file does not state them.
     """
-    tree, by_element = Tree(source), dict[tuple[str, int], dict[tuple[str, int], float]]()
+    tree, by_element = ModelElements(source), dict[tuple[str, int], dict[tuple[str, int], float]]()
     for number, change in changes:
         place = number.place
         if place.tag != "rod":
@@ -341,7 +341,7 @@ def turn(source: Source, element: Element, tag: str, index: int, angle: float) -
 
 
 def add(
-    source: Source, tree: Tree, element: Element, place: Place, by: Mapping[int, float]
+    source: Source, tree: ModelElements, element: Element, place: Place, by: Mapping[int, float]
 ) -> None:
     """Add to components of an attribute, which the file may leave to a default."""
     values = np.array(present(source, element, place), float)

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from proofmass.sim.contents import SCALARS, joint_of, straight_tendon
-from proofmass.sim.elements import FIELDS, OF_DOFS, Number, Place, Source, Tree
+from proofmass.sim.elements import FIELDS, OF_DOFS, ModelElements, Number, Place, Source
 from proofmass.sim.mjcf import LEFT_OUT, OFF
 
 SHARE = 0.1
@@ -66,7 +66,7 @@ def numbers_of(
     NotWritten
         See `written`.
     """
-    Tree(source)  # which says whether the file can be changed
+    ModelElements(source)  # which says whether the file can be changed
     found = [
         *of_bodies(source, sizes),
         *of_joints(source, sizes),
@@ -311,7 +311,7 @@ def of_world(source: Source, sizes: Sizes) -> Iterator[Number]:
 def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
     """Points of loops that no site has, polynomials of coupled joints, and how hard loops are."""
     model = source.full
-    own = len(Tree(source).found["equality"])
+    own = len(ModelElements(source).found["equality"])
     for e in range(own):
         if not model.eq_active0[e] or not acting(model, "eq_active0"):
             continue
@@ -368,7 +368,7 @@ def of_actuators(
 ) -> Iterator[Number]:
     """Gears, gains, and the constant loads of actuators that drive nothing."""
     model = source.full
-    elements = Tree(source).found["actuator"]
+    elements = ModelElements(source).found["actuator"]
     for a in range(model.nactuator):
         name, joint = called(model, "actuator", a), joint_of(model, a)
         for k, value in enumerate(model.actuator_gear[model.actuator_outadr[a]]):

@@ -26,7 +26,7 @@ from proofmass.sim.contents import (
     straight_tendon,
 )
 from proofmass.sim.mujoco.dynamics import start
-from proofmass.sim.mujoco.equilibrium import Resting, Unstable, linkage_of
+from proofmass.sim.mujoco.equilibrium import RestingLinkage, UnstableRest, linkage_of
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.plane import find_plane
@@ -461,14 +461,14 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
     the engine's own steps and the reference do.
     """
     linkage, tangent = linkage_of(model, data, run), None
-    if isinstance(linkage, Resting):
+    if isinstance(linkage, RestingLinkage):
         linkage.shortest = NEAREST
     for values in np.vstack([run.motion(run.x)[0], run.controls(run.x)[0]]).T:
         fell = False
         try:
             tangent = linkage.move(values, tangent)
-        except Unstable as end:
-            if not isinstance(linkage, Resting):
+        except UnstableRest as end:
+            if not isinstance(linkage, RestingLinkage):
                 raise
             try:
                 tangent, fell = linkage.fall(values), True

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from proofmass.analytic.controls import Law
 from proofmass.analytic.numerics import Array
 
 if TYPE_CHECKING:
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 BROKEN = set[str]()
 """Engines that cannot be called in this process any more; whoever keeps it has to start another."""
-Law = Callable[[Array], tuple[Array, Array, Array]]
-
 
 MOST_STEPS = 1e12  # from sample to sample: at 1 us a step, of the smallest models, 12 days
 
@@ -93,10 +92,10 @@ def _spelled(value: Any) -> Any:
         raise ValueError(f"{value!r} is no list of numbers") from None
 
 
-Number = Annotated[float, Field(strict=True)]
+StrictNumber = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, lt=2**31)]
 Switch = Annotated[bool, Field(strict=True)]
-Numbers = Annotated[tuple[Number, ...], BeforeValidator(_spelled)]
+StrictNumbers = Annotated[tuple[StrictNumber, ...], BeforeValidator(_spelled)]
 FILE, BY_CHANNEL, BY_JOINT = "file", "by channel", "by joint"
 """Marks of settings: names of files from the sidecar's folder; tables by channel, by joint."""
 FileName = Annotated[str, FILE]

@@ -37,7 +37,7 @@ from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 
 MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
-Place = tuple[int, int, str]
+TaskKey = tuple[int, int, str]
 """What tells tasks apart in a process: case, change of its model, run and setting."""
 BATCH = 32  # settings whose models one call of a worker compiles
 LATE = Outcome.TIMED_OUT
@@ -57,7 +57,7 @@ class Store:
     def __init__(self, folder: Path | str):
         self.folder = Path(folder).absolute()
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.keys: dict[Place, tuple[Case, str]] = {}
+        self.keys: dict[TaskKey, tuple[Case, str]] = {}
         self.known: dict[tuple[str, int], Measurement] = {}  # read or written by this process
         for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
             if time.time() - half.stat().st_mtime > ABANDONED:
@@ -70,7 +70,7 @@ class Store:
     def find_keys(self, tasks: Sequence[StudyRun]) -> list[str]:
         """The keys of tasks, each found once for a setting of a run; of many tasks side by side."""
         places = [place_of(task) for task in tasks]
-        unknown: dict[tuple[int, str], dict[Place, StudyRun]] = {}
+        unknown: dict[tuple[int, str], dict[TaskKey, StudyRun]] = {}
         for place, task in zip(places, tasks, strict=True):
             if not task.key and place not in self.keys:
                 unknown.setdefault((id(task.case), task.run), {})[place] = task
@@ -263,7 +263,7 @@ def compiled_with(
     return found
 
 
-def place_of(task: StudyRun) -> Place:
+def place_of(task: StudyRun) -> TaskKey:
     """The place of a task among those of this process."""
     changed = task.case.model_path.stat().st_mtime_ns
     return id(task.case), changed, f"{task.run} {task.setting}"

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from proofmass.design.clock_spring import (
     HEADER,
-    Strip,
+    SpringStrip,
     choose,
     clock_spring,
     read_strips,
@@ -22,8 +22,8 @@ PRINTED = {
     "908": (5, 0.7, 4.0, 5.0, 19.0, 0.081929),
 }
 STRIPS = [
-    Strip("soft", 6e-3, 0.6e-3, 0.2, 1.5, STEEL, 1.2e9),
-    Strip("stiff", 10e-3, 1.0e-3, 0.2, 1.5, STEEL, 1.2e9),
+    SpringStrip("soft", 6e-3, 0.6e-3, 0.2, 1.5, STEEL, 1.2e9),
+    SpringStrip("stiff", 10e-3, 1.0e-3, 0.2, 1.5, STEEL, 1.2e9),
 ]
 
 
@@ -33,7 +33,7 @@ def test_a_spiral_under_one_moment_turns_by_its_length_over_its_bending_stiffnes
     growth = (outer - inner) / (2.0 * np.pi * turns)
     length, _ = quad(lambda a: np.hypot(inner + growth * a, growth), 0.0, 2.0 * np.pi * turns)
     inertia, _ = quad(lambda y: b * y**2, -t / 2, t / 2)
-    strip = Strip("", b, t, 0.1, 2.0, STEEL, 1e9)
+    strip = SpringStrip("", b, t, 0.1, 2.0, STEEL, 1e9)
     assert stiffness(strip, length) == pytest.approx(STEEL * inertia / length, rel=1e-12)
     spring = clock_spring(stiffness(strip, length), 0.05, strip)
     assert spring.length == pytest.approx(length, rel=1e-12)
@@ -44,7 +44,7 @@ def test_a_spiral_under_one_moment_turns_by_its_length_over_its_bending_stiffnes
 def test_the_thesis_springs_are_stiffer_than_its_equation(name, eq_i1):
     """Eq. I.1 with the length of the windings is 18 to 29 % low: not all of it bends."""
     turns, t, b, inner, outer, k = PRINTED[name]
-    strip = Strip(name, 1e-3 * b, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)
+    strip = SpringStrip(name, 1e-3 * b, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)
     length = 2.0 * np.pi * turns * 1e-3 * (inner + outer) / 2.0
     assert stiffness(strip, length) == pytest.approx(eq_i1, abs=5.1e-5)
     assert clock_spring(k, 0.0, strip).length == pytest.approx(length * eq_i1 / k, rel=3e-3)
@@ -56,8 +56,8 @@ def test_the_cut_spring_of_the_thesis():
     With b = 2 mm of 6 that is 0.0621; table J.2 expects 0.051, by a factor that it does not name.
     """
     _, t, _, _, _, k = PRINTED["907"]
-    strip = Strip("", 2e-3, 1e-3 * t * 5 ** (1 / 3), 0.1, 2.0, STEEL, 1e9)
-    length = clock_spring(k, 0.0, Strip("", 6e-3, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)).length
+    strip = SpringStrip("", 2e-3, 1e-3 * t * 5 ** (1 / 3), 0.1, 2.0, STEEL, 1e9)
+    length = clock_spring(k, 0.0, SpringStrip("", 6e-3, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)).length
     assert stiffness(strip, length) == pytest.approx(k * 5.0 / 3.0, rel=1e-12)
     assert abs(stiffness(strip, length) - 0.051) > 0.01
 

@@ -10,7 +10,7 @@ import pytest
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import reference_for
-from proofmass.drive import State
+from proofmass.drive import DriveState
 from proofmass.errors import InputError
 from proofmass.reference import evaluate, grid, laws
 from proofmass.sidecar import load_case
@@ -47,7 +47,7 @@ EULER = Setting("mujoco", {"integrator": "Euler"})
 LIMITED = pytest.mark.skipif(not measure.cores(), reason="runs are not pinned here")
 
 
-def driven(case: Case, kind: Kind, x: Array) -> State:
+def driven(case: Case, kind: Kind, x: Array) -> DriveState:
     """The state of a drive that does what its law says."""
     value, rate, acceleration = laws(case, kind)[0](x)
     return tuple(np.array([part * np.ones_like(x)]) for part in (value, rate, acceleration))

@@ -25,7 +25,7 @@ from proofmass.analytic.balancer.path import (
 )
 from proofmass.analytic.numerics import Array
 
-Curve = Callable[[Array], Array]
+MomentCurve = Callable[[Array], Array]
 LAEVO = (-0.2511, 1.343, -2.91, 2.824, -0.006501)  # of the program, line 4067; eq. 28 is rounded
 STEEP = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2)
 
@@ -39,8 +39,8 @@ class Target:
     """
 
     name: str
-    moment: Curve
-    height_energy: Curve
+    moment: MomentCurve
+    height_energy: MomentCurve
 
     def __call__(self, angle: ArrayLike) -> Array:
         """The moment [1] over m g r at pendulum angles [rad]."""
@@ -175,7 +175,7 @@ def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Tar
     cubic = PchipInterpolator(x, y, extrapolate=False)
     integral = cubic.antiderivative()
 
-    def inside(curve: Curve) -> Curve:
+    def inside(curve: MomentCurve) -> MomentCurve:
         def within(angle: Array) -> Array:
             bad = ~((angle >= x[0]) & (angle <= x[-1]))
             if bad.any():

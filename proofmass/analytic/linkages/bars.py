@@ -19,7 +19,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, cross, dot
 
-Curves = dict[str, Array]
+NamedCurves = dict[str, Array]
 """Quantities by their names."""
 Ends = tuple[Complex | complex, Complex | complex]
 """A vector at each end of a bar, as complex numbers."""
@@ -41,7 +41,7 @@ def asks(only: Collection[str] | None, *endings: str) -> bool:
 
 def picked(
     only: Collection[str] | None, places: Mapping[str, Callable[[], Array]]
-) -> Curves | None:
+) -> NamedCurves | None:
     """The curves of places and angles that are asked for; None if anything else is asked for.
 
     >>> list(picked({"y"}, {"x": lambda: np.zeros(1), "y": lambda: np.ones(1)}))

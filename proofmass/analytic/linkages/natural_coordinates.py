@@ -24,7 +24,7 @@ from proofmass.analytic.numerics import Array
 
 Row = Callable[[Array, Array], tuple[float, Array, float]]
 """q, rates -> value of a constraint, its gradient by q, and (d gradient/dt) rates."""
-Point = tuple[Array, Array]
+AffinePoint = tuple[Array, Array]
 """A place: matrix (2, size) on q, and what is added to it (2,) [m]."""
 SQUARE = 0.5**0.5
 
@@ -184,17 +184,17 @@ def sweep(
     return np.swapaxes(poses, 0, 1)
 
 
-def moving(k: int, size: int) -> Point:
+def moving(k: int, size: int) -> AffinePoint:
     """Point number k, from 0, of a linkage with `size` coordinates."""
     return np.eye(size)[2 * k : 2 * k + 2], np.zeros(2)
 
 
-def fixed(x: float, y: float, size: int) -> Point:
+def fixed(x: float, y: float, size: int) -> AffinePoint:
     """A point of the ground, x and y [m], of a linkage with `size` coordinates."""
     return np.zeros((2, size)), np.array([x, y])
 
 
-def distance(start: Point, end: Point, length: float) -> Row:
+def distance(start: AffinePoint, end: AffinePoint, length: float) -> Row:
     """A rigid bar of a length [m]: |end - start|^2 = length^2 (figure 39)."""
     matrix, shift = end[0] - start[0], end[1] - start[1]
 
@@ -205,7 +205,7 @@ def distance(start: Point, end: Point, length: float) -> Row:
     return row
 
 
-def product(u: Point, w: Point, sense: Array, value: float) -> Row:
+def product(u: AffinePoint, w: AffinePoint, sense: Array, value: float) -> Row:
     """u' S w = value [m^2] for vectors u and w: their scalar or vector product."""
     (a, s), (b, t) = u, w
 
@@ -222,17 +222,19 @@ SCALAR, VECTOR = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
 """Of `product`."""
 
 
-def between(start: Point, end: Point) -> Point:
+def between(start: AffinePoint, end: AffinePoint) -> AffinePoint:
     """The vector from one point to another."""
     return end[0] - start[0], end[1] - start[1]
 
 
-def collinear(start: Point, middle: Point, end: Point) -> Row:
+def collinear(start: AffinePoint, middle: AffinePoint, end: AffinePoint) -> Row:
     """A slider on a bar: (middle - start) x (end - start) = 0 (figure 41)."""
     return product(between(start, middle), between(start, end), VECTOR, 0.0)
 
 
-def constant_angle(start: Point, end: Point, base: Point, tip: Point, value: float) -> Row:
+def constant_angle(
+    start: AffinePoint, end: AffinePoint, base: AffinePoint, tip: AffinePoint, value: float
+) -> Row:
     """A slider that does not turn on its bar: (end - start) . (tip - base) = value (figure 41).
 
     The angle between both segments is constant as long as their lengths are: value [m^2] is the
@@ -243,7 +245,11 @@ def constant_angle(start: Point, end: Point, base: Point, tip: Point, value: flo
 
 
 def relative_angle(
-    corner: Point, reference: Point, turned_to: Point, lengths: tuple[float, float], angle: int
+    corner: AffinePoint,
+    reference: AffinePoint,
+    turned_to: AffinePoint,
+    lengths: tuple[float, float],
+    angle: int,
 ) -> tuple[Row, Row]:
     """Angle from one link to another at their pin, as coordinate number `angle` (figure 42).
 
@@ -286,7 +292,7 @@ def relative_angle(
 
 
 def turned(
-    base: Point, pin: Point, length: float, angle: int, threshold: float | None = None
+    base: AffinePoint, pin: AffinePoint, length: float, angle: int, threshold: float | None = None
 ) -> tuple[Row, ...]:
     """pin - base = length (cos, sin) of coordinate number `angle` (figure 43).
 

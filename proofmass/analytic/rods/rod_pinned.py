@@ -13,14 +13,13 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic import newton_raphson
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
-from proofmass.analytic.newton_raphson import NewtonLog
+from proofmass.analytic.newton_raphson import NewtonLog, System
 from proofmass.analytic.numerics import TURN, Array, finite
 from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.elastica import bounds, compliant, modulus, of_load, tip
 from proofmass.analytic.rods.equilibrium import flow
 from proofmass.analytic.rods.shooting import ShotRods, integrate
 
-System = Callable[[Array], tuple[Array, Array]]
 NAMES = ("n_x", "n_y", "m_0")
 """The unknowns of shooting."""
 

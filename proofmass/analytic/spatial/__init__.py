@@ -36,11 +36,11 @@ from proofmass.analytic.spatial.motion import (
     freedoms,
     held_motion,
 )
-from proofmass.analytic.spatial.reactions import Reactions, State
+from proofmass.analytic.spatial.reactions import PoseStates, Reactions
 from proofmass.analytic.spatial.terms import (
     NAMES,
     OwnTerms,
-    Source,
+    TermSource,
     actuated,
     efforts,
     lengthened,
@@ -86,7 +86,7 @@ def solve(
     start: str = "start",
     joints: tuple[str, ...] = (),
     inertia: bool = False,
-    terms: Source | None = None,
+    terms: TermSource | None = None,
     controls: Mapping[str, ArrayLike] | None = None,
     control_rates: Mapping[str, ArrayLike] | None = None,
     in_time: tuple[Array, Sequence[Law]] | None = None,
@@ -186,7 +186,7 @@ def facts(
     *,
     model: Any,
     start: str,
-    terms: Source,
+    terms: TermSource,
     joints: tuple[str, ...],
     motion: Any,
     in_time: tuple[Array, Sequence[Law]] | None = None,
@@ -239,7 +239,7 @@ def conserved(tree: Tree, followed: Followed) -> str:
     return f"kept to {float(np.ptp(own[0] + own[1])) / swing:.1g} of the largest kinetic energy"
 
 
-def sources(model: Any, start: str, terms: Source | None) -> tuple[Tree, Source]:
+def sources(model: Any, start: str, terms: TermSource | None) -> tuple[Tree, TermSource]:
     """The tree of a model, and where its terms come from."""
     tree = _read(model, start)
     return tree, _own(tree) if terms is None else terms
@@ -261,7 +261,7 @@ class Changing:
 def follow(
     model: Any,
     tree: Tree,
-    source: Source,
+    source: TermSource,
     joints: tuple[str, ...],
     motion: Sequence[ArrayLike],
     in_time: tuple[Array, Sequence[Law]] | None,
@@ -299,7 +299,7 @@ def leaves_freedoms(tree: Tree, joints: tuple[str, ...]) -> bool:
 
 def moved_in_time(
     tree: Tree,
-    source: Source,
+    source: TermSource,
     joints: tuple[str, ...],
     stops: tuple[Stop, ...],
     times: Array,
@@ -317,21 +317,21 @@ def moved_in_time(
 
 @lru_cache(maxsize=8)
 def in_time_once(
-    tree: Tree, source: Source, joints: tuple[str, ...], stops: tuple[Stop, ...], packed: bytes
+    tree: Tree, source: TermSource, joints: tuple[str, ...], stops: tuple[Stop, ...], packed: bytes
 ) -> Followed:
     """`moved_in_time`, of times, laws of drives and controls as bytes."""
     return moved_in_time(tree, source, joints, stops, *pickle.loads(packed))
 
 
 @lru_cache(maxsize=8)
-def driven_once(tree: Tree, source: Source, joints: tuple[str, ...], packed: bytes) -> Followed:
+def driven_once(tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes) -> Followed:
     """A motion whose drives determine it, of their states and all controls as bytes."""
     state, ctrl = pickle.loads(packed)
     return witnessed(tree, source, DRIVEN, driven_motion(tree, source, joints, *state), None, ctrl)
 
 
 @lru_cache(maxsize=8)
-def rests_once(tree: Tree, source: Source, joints: tuple[str, ...], packed: bytes) -> Followed:
+def rests_once(tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes) -> Followed:
     """A path of rests beside drives, of their states, all controls and their rates as bytes."""
     (values, rates, _), ctrl, ctrl_rates = pickle.loads(packed)
     at_rest = TreeAtRest(tree, joints)
@@ -344,7 +344,12 @@ def rests_once(tree: Tree, source: Source, joints: tuple[str, ...], packed: byte
 
 
 def witnessed(
-    tree: Tree, source: Source, way: str, held: HeldMotion, times: Array | None, ctrl: Array | None
+    tree: Tree,
+    source: TermSource,
+    way: str,
+    held: HeldMotion,
+    times: Array | None,
+    ctrl: Array | None,
 ) -> Followed:
     """A motion that its witness has seen; of one without times the samples are counted."""
     at, unit = (np.arange(float(len(held.q))), "sample") if times is None else (times, "t")
@@ -381,7 +386,7 @@ def forces(
 
 
 def shown_efforts(
-    model: Any, tree: Tree, motion: TreeMotion, state: State, ctrl: Array | None
+    model: Any, tree: Tree, motion: TreeMotion, state: PoseStates, ctrl: Array | None
 ) -> dict[str, Array]:
     """Forces of actuators by their sensors, and of all on a joint or a tendon."""
     kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}

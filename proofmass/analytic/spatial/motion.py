@@ -19,7 +19,7 @@ from proofmass.analytic.controls import UNDRIVEN, ControlsInTime, Prescribed, sm
 from proofmass.analytic.numerics import Array, CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
-from proofmass.analytic.spatial.terms import Source, Terms
+from proofmass.analytic.spatial.terms import Terms, TermSource
 from proofmass.analytic.stops import (
     Balance,
     State,
@@ -78,7 +78,7 @@ class Holder:
     def __init__(
         self,
         tree: Tree,
-        source: Source,
+        source: TermSource,
         stops: tuple[Stop, ...] = (),
         controls: ControlsInTime | None = None,
         drives: Prescribed = UNDRIVEN,
@@ -211,7 +211,7 @@ def name_of_row(tree: Tree, row: int) -> str:
     return [*names, *(tie.name for tie in tree.ties)][row]
 
 
-def freedoms(tree: Tree, source: Source) -> int:
+def freedoms(tree: Tree, source: TermSource) -> int:
     """Degrees of freedom of a tree at its start pose.
 
     Raises
@@ -227,7 +227,7 @@ def freedoms(tree: Tree, source: Source) -> int:
 
 def held_motion(
     tree: Tree,
-    source: Source,
+    source: TermSource,
     times: Array,
     stops: tuple[Stop, ...] = (),
     controls: ControlsInTime | None = None,
@@ -258,7 +258,7 @@ class FreeTree:
     def __init__(
         self,
         tree: Tree,
-        source: Source,
+        source: TermSource,
         stops: tuple[Stop, ...],
         controls: ControlsInTime | None = None,
         drives: Prescribed = UNDRIVEN,
@@ -343,7 +343,7 @@ class Driver:
         The driven joints.
     """
 
-    def __init__(self, tree: Tree, source: Source, joints: tuple[str, ...]):
+    def __init__(self, tree: Tree, source: TermSource, joints: tuple[str, ...]):
         self.tree, self.source, self.evaluations = tree, source, 0
         self.places, self.dofs = tree.places(joints)
         self.sizes = tree.sizes
@@ -447,7 +447,7 @@ def inverse_of_full(rows: Array) -> Array | None:
 
 def driven_motion(
     tree: Tree,
-    source: Source,
+    source: TermSource,
     joints: tuple[str, ...],
     values: Array,
     rates: Array,

@@ -30,12 +30,12 @@ RANK = 1e-8
 """Of the largest singular value: rows of loops and drives below it say nothing new."""
 
 
-State = tuple[Array, Array, Array]
+PoseStates = tuple[Array, Array, Array]
 """Poses (n, poses), rates and accelerations (n, rates) [SI]."""
 
 
 def asked(
-    tree: Tree, state: State, joints: tuple[str, ...], ctrl: Array | None
+    tree: Tree, state: PoseStates, joints: tuple[str, ...], ctrl: Array | None
 ) -> tuple[Array, Array]:
     """What a motion asks of all that is held, as forces on the joints (n, rates) [N m or N].
 
@@ -65,7 +65,7 @@ class Reactions:
     motion : TreeMotion
         With rates and accelerations.
     state : three ndarray
-        See `State`.
+        See `PoseStates`.
     joints : tuple of str
         The driven joints, whose actuators do not act.
     pushes : ndarray (n, rates)
@@ -85,7 +85,7 @@ class Reactions:
         self,
         tree: Tree,
         motion: TreeMotion,
-        state: State,
+        state: PoseStates,
         joints: tuple[str, ...],
         pushes: Array,
         ctrl: Array | None,

@@ -74,7 +74,7 @@ NAMES = {
 """Names of the terms."""
 
 
-class Source(Protocol):
+class TermSource(Protocol):
     """Where the terms at one pose come from."""
 
     @property

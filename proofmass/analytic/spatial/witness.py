@@ -10,7 +10,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.mechanism import Tree
-from proofmass.analytic.spatial.terms import NAMES, Source, Terms, own_terms
+from proofmass.analytic.spatial.terms import NAMES, Terms, TermSource, own_terms
 
 STATES = 50
 """Poses of a motion at which the terms are computed a second time."""
@@ -43,7 +43,7 @@ class Witnessed:
 
 def bear_witness(
     tree: Tree,
-    source: Source,
+    source: TermSource,
     times: Array,
     q: Array,
     v: Array,

@@ -35,7 +35,7 @@ DEPENDENT = 1e-10  # of the largest singular value: rows that say nothing new, t
 FLAT = 1e-9  # of the largest stiffness: less cannot be told from none by differences
 
 
-class Balance:
+class RestEquations:
     """Ways x with ``rows x = -gap`` and, along the null space N of the rows, ``N' (f + K x) = 0``.
 
     Parameters
@@ -218,9 +218,9 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     loose = model.dof_frictionloss.copy()  # of joints that the drives leave
     loose[linkage.dofs] = 0.0
     rest = (
-        Rubbing(model, data, joints, free, far)
+        RubbingLinkage(model, data, joints, free, far)
         if loose.any()
-        else Resting(model, data, joints, free, far, loads)
+        else RestingLinkage(model, data, joints, free, far, loads)
     )
     rest.rated = run.kind == "sweep"
     return rest
@@ -230,11 +230,11 @@ class Lost(BadModel):
     """No rest close by."""
 
 
-class Unstable(BadModel):
+class UnstableRest(BadModel):
     """The path of stable rests ends: from there the model falls to another one."""
 
 
-class Resting(Linkage):
+class RestingLinkage(Linkage):
     """A linkage with `free` degrees of freedom beside its drives, in stable equilibrium.
 
     The start pose is no further from it than `far`.
@@ -329,8 +329,8 @@ class Resting(Linkage):
         if np.abs(self.balance.inverse).max() > LEVER:
             error = BadModel("the loops cannot be closed")
         elif isinstance(error, Lost):
-            error = Unstable(UNSTABLE)
-        kind = Unstable if isinstance(error, Unstable) else BadModel
+            error = UnstableRest(UNSTABLE)
+        kind = UnstableRest if isinstance(error, UnstableRest) else BadModel
         return kind(f"{error} beyond {self.spoken(here)}")
 
     def fall(self, values: Array) -> Array:
@@ -342,7 +342,7 @@ class Resting(Linkage):
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, np.inf, descend=True)
         if self.balance.least() <= FLAT:
-            raise Unstable(UNSTABLE)
+            raise UnstableRest(UNSTABLE)
         return tangent
 
     def follow(self, values: Array) -> Array:
@@ -350,7 +350,7 @@ class Resting(Linkage):
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, STRIDE)
         if self.balance.least() <= FLAT:
-            raise Unstable(UNSTABLE)
+            raise UnstableRest(UNSTABLE)
         return tangent
 
     def settle(self) -> Array:
@@ -419,7 +419,7 @@ class Resting(Linkage):
         older = np.flatnonzero(self.stops.side)
         for turn in range(self.stops.turns):
             past, bars = self.stops.held(pose)
-            self.balance = Balance(
+            self.balance = RestEquations(
                 np.vstack([held, bars]),
                 np.concatenate([*off, past]),
                 force,
@@ -511,7 +511,7 @@ class Resting(Linkage):
         return np.asarray((self.balance.inverse.T @ needed)[:rows])
 
 
-class Rubbing(Resting):
+class RubbingLinkage(RestingLinkage):
     """A linkage at rest whose free joints have dry friction: it depends on how it came there.
 
     The bounds are those of the engine's own rows of friction, ``efc_frictionloss``.  The engine
@@ -594,7 +594,7 @@ class Rubbing(Resting):
         jacobian = self.rows()[1]
         _, bars = self.stops.held(self.data.qpos)
         force = self.force() - self.rub
-        self.loose = free = Balance(
+        self.loose = free = RestEquations(
             np.vstack([jacobian, self.units, bars]), np.zeros(0), force, self.stiffness
         )
         first = jacobian.shape[0]

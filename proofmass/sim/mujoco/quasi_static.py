@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.equilibrium import Resting, Rubbing, linkage_of
+from proofmass.sim.mujoco.equilibrium import RestingLinkage, RubbingLinkage, linkage_of
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import (
     drive_moments,
@@ -64,7 +64,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     linkage = linkage_of(model, data, run)
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record)
-    missing |= withhold(record, ACC, NO_ACC) if isinstance(linkage, Resting) else {}
+    missing |= withhold(record, ACC, NO_ACC) if isinstance(linkage, RestingLinkage) else {}
     drives = len(run.drives)
     moments, stopped, done = np.empty((run.x.size, drives)), "", run.x.size
     shown = interactions(record)
@@ -96,7 +96,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         else:
             data.sensordata[shown] = forces
         record.sample(k)
-    if isinstance(linkage, Rubbing) and not stopped:
+    if isinstance(linkage, RubbingLinkage) and not stopped:
         linkage.check_slipped()
     seconds = time.perf_counter() - began
     record.cut(done)
@@ -112,7 +112,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         seconds=seconds,
         steps=done,
         stopped=stopped,
-        derivatives=1 if isinstance(linkage, Resting) else 2,
+        derivatives=1 if isinstance(linkage, RestingLinkage) else 2,
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.protocol import Count, EngineSettings, Number, Numbers, Switch
+from proofmass.sim.protocol import Count, EngineSettings, StrictNumber, StrictNumbers, Switch
 
 OFF = mujoco.mjtDisableBit
 
@@ -74,18 +74,18 @@ class MujocoSettings(EngineSettings):
     ``warmstart = False`` starts the solver of each step anew; both are flags of MJCF.
     """
 
-    timestep: Number = Field(0.002, gt=0)
+    timestep: StrictNumber = Field(0.002, gt=0)
     integrator: str = "Euler"
     solver: str = "Newton"
     iterations: Count = 100
-    tolerance: Number = Field(1e-8, ge=0)
+    tolerance: StrictNumber = Field(1e-8, ge=0)
     cone: str = "pyramidal"
-    impratio: Number = Field(1.0, gt=0)
+    impratio: StrictNumber = Field(1.0, gt=0)
     noslip_iterations: Annotated[int, Field(strict=True, ge=0, lt=2**31)] = 0
     refsafe: Switch = True
     warmstart: Switch = True
-    solref: Numbers = (0.02, 1.0)
-    solimp: Numbers = (0.9, 0.95, 0.001, 0.5, 2.0)
+    solref: StrictNumbers = (0.02, 1.0)
+    solimp: StrictNumbers = (0.9, 0.95, 0.001, 0.5, 2.0)
     settled: Switch = False
     flex: Switch = False
     defaults: Switch = False

@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.equilibrium import DEPENDENT, Resting
+from proofmass.sim.mujoco.equilibrium import DEPENDENT, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_dry_friction
 from proofmass.sim.mujoco.sensors import drive_moments, withhold, withhold_interactions
@@ -143,7 +143,7 @@ def weigh(linkage: Linkage) -> None:
     import scipy.linalg  # slow to load
 
     model, data, dofs = linkage.model, linkage.data, linkage.dofs
-    rest = Resting(copy.copy(model), copy.copy(data), linkage.joints, linkage.freedoms())
+    rest = RestingLinkage(copy.copy(model), copy.copy(data), linkage.joints, linkage.freedoms())
     rest.settle()
     stiffness = rest.balance.stiffness
     null = scipy.linalg.null_space(np.vstack([rest.rows()[1], rest.units]), rcond=DEPENDENT)

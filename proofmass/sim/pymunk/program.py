@@ -22,8 +22,8 @@ from proofmass.sim.pymunk.loads import at_start, efforts_of_loads, followed, nam
 from proofmass.sim.pymunk.model import find_channels, read_model, with_controls
 from proofmass.sim.pymunk.read import (
     Direction,
-    Length,
     Level,
+    LinkSpringLength,
     PointPlace,
     Potential,
     Sensor,
@@ -658,7 +658,7 @@ class Writer:
         """A function of ``pose``."""
         if isinstance(function, Value):
             return self._value(function.joint)
-        if isinstance(function, Length):
+        if isinstance(function, LinkSpringLength):
             return self._length(function.spring)
         if isinstance(function, Turn):
             return changing(

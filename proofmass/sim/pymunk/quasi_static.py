@@ -298,7 +298,7 @@ def lagrange(at: float, places: list[float]) -> list[float]:
 
 
 @dataclass
-class Held:
+class HeldSpace:
     """A space whose drives are held: the state of a sweep between its samples.
 
     ``velocity`` is what the last step of ``dt`` [s] gave to the pose, which stood still; ``usual``
@@ -324,7 +324,7 @@ class Held:
     past: tuple[Rest, ...] = ()
     friction: list[Friction] = field(default_factory=list)
     rub: Array = field(default_factory=lambda: np.zeros(0))
-    moving: "Held | None" = None
+    moving: "HeldSpace | None" = None
     largest: float = 0.0
 
     def carry(self, links: Links, error_bias: float) -> None:
@@ -584,7 +584,7 @@ class Held:
 
 
 @dataclass
-class HeldRubbing(Held):
+class HeldRubbing(HeldSpace):
     """A space whose free joints have dry friction: its rest depends on how it came there.
 
     Joints stick or slip, see `proofmass.analytic.friction`.  One that slips has Chipmunk's motor
@@ -743,7 +743,7 @@ class HeldRubbing(Held):
         self.settle(np.append(self.at(), self.fixed))
 
 
-def hold(links: Links, settings: Settings) -> Held:
+def hold(links: Links, settings: Settings) -> HeldSpace:
     """The space in its start pose; with free coordinates beside it, see `BESIDE`.
 
     Links of which the drives leave none free get the inertia of `quick`; with free coordinates the
@@ -767,7 +767,7 @@ def hold(links: Links, settings: Settings) -> Held:
     loose = set(links.rubbing) - set(links.driven)
     dt, begin = _step(links, pose), links.pose + _beside(links, moves)
 
-    def held(kind: type[Held], rubs: bool) -> Held:
+    def held(kind: type[HeldSpace], rubs: bool) -> HeldSpace:
         space = space_of(links, iterations, settings["error_bias"])
         friction = add_friction(space, links) if rubs else []
         return kind(
@@ -784,8 +784,8 @@ def hold(links: Links, settings: Settings) -> Held:
             rub=np.zeros(len(friction)),
         )
 
-    made = held(HeldRubbing if loose and len(moves) else Held, rubs=True)
-    made.moving = None if made.free else held(Held, rubs=False)
+    made = held(HeldRubbing if loose and len(moves) else HeldSpace, rubs=True)
+    made.moving = None if made.free else held(HeldSpace, rubs=False)
     return made
 
 
@@ -918,7 +918,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
 
 
 def _follow(
-    held: Held, laws: Array, orders: set[int], loaded: Loaded, settings: Settings
+    held: HeldSpace, laws: Array, orders: set[int], loaded: Loaded, settings: Settings
 ) -> tuple[list[tuple[Array, ...]], str]:
     """Pose, velocity, efforts and friction at each sample, and why the last were not reached."""
     read: list[tuple[Array, ...]] = []
@@ -941,7 +941,7 @@ def _follow(
 
 
 def _drive_to(
-    held: Held,
+    held: HeldSpace,
     target: Array,
     loaded: Loaded,
     before: Array,

@@ -122,7 +122,7 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Length:
+class LinkSpringLength:
     """The length of a spring between points [m]."""
 
     spring: LinkSpring
@@ -219,7 +219,7 @@ def _scalar(links: Links, s: int) -> Sensor | str:
         order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}.get(kind, 2)
         return Sensor(order, Value(links.joints[obj]))
     if kind in (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL):
-        return Sensor(int(kind == S.mjSENS_TENDONVEL), Length(links.springs[obj]))
+        return Sensor(int(kind == S.mjSENS_TENDONVEL), LinkSpringLength(links.springs[obj]))
     if kind == S.mjSENS_E_POTENTIAL:
         return Sensor(0, Potential(links))
     if kind == S.mjSENS_E_KINETIC:

@@ -5,7 +5,7 @@ from typing import Annotated
 import mujoco
 from pydantic import Field
 
-from proofmass.sim.protocol import Count, EngineSettings, Number, Run, Switch
+from proofmass.sim.protocol import Count, EngineSettings, Run, StrictNumber, Switch
 from proofmass.sim.pymunk.space import Settings
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
@@ -16,11 +16,11 @@ SLOP = 1e-6
 class PymunkSettings(EngineSettings):
     """What can be set in pymunk; see `simulate`."""
 
-    timestep: Number = Field(0.002, gt=0)
+    timestep: StrictNumber = Field(0.002, gt=0)
     iterations: Annotated[Count, Field(lt=2**31 // 10)] = 10  # ten times as many in the first step
-    error_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
-    collision_slop: Number = Field(0.1, ge=0)
-    collision_bias: Number = Field(CHIPMUNK_BIAS, ge=0, le=1)
+    error_bias: StrictNumber = Field(CHIPMUNK_BIAS, ge=0, le=1)
+    collision_slop: StrictNumber = Field(0.1, ge=0)
+    collision_bias: StrictNumber = Field(CHIPMUNK_BIAS, ge=0, le=1)
     defaults: Switch = False
 
 

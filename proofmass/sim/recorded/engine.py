@@ -33,8 +33,8 @@ from proofmass.sim.protocol import (
     Engine,
     EngineSettings,
     FileName,
-    Number,
     Run,
+    StrictNumber,
     Unsupported,
 )
 from proofmass.strict import Strict
@@ -61,7 +61,7 @@ class RecordedSettings(EngineSettings):
     x: RecordedColumn | None = None
     channels: Annotated[dict[str, RecordedColumn], BY_CHANNEL] = Field(min_length=1)
     drive: Annotated[dict[str, RecordedDrive], BY_JOINT] = Field({})
-    gap: Number = Field(10.0, gt=1)
+    gap: StrictNumber = Field(10.0, gt=1)
 
 
 class Recording:

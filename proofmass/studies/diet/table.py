@@ -10,7 +10,7 @@ from pathlib import Path
 
 from proofmass.errors import InputError
 from proofmass.files import write_whole
-from proofmass.studies.diet.trial import Cost, Interval
+from proofmass.studies.diet.trial import Cost, TimeRange
 from proofmass.studies.record import write_columns
 from proofmass.wording import number
 
@@ -78,7 +78,7 @@ class Entry:
     moved: Displacements = field(default_factory=dict)
     message: str = ""
     costs: tuple[Cost, ...] = ()
-    saved: Interval | tuple[()] = ()
+    saved: TimeRange | tuple[()] = ()
     edit: str = ""
 
     @property
@@ -151,7 +151,7 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
     write_columns(file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMNS)
 
 
-def ordered(saved: Interval | tuple[()]) -> tuple[float | str, ...]:
+def ordered(saved: TimeRange | tuple[()]) -> tuple[float | str, ...]:
     """An interval as the table has it: the median first."""
     return (saved[1], saved[0], saved[2]) if saved else ("",) * 3
 

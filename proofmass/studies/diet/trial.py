@@ -28,7 +28,7 @@ LEVEL = 0.99  # probability with which an interval holds the median that it is o
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5
 """Whether the clock of the processor's time tells runs of milliseconds apart; not on Windows."""
 
-Interval = tuple[float, float, float]
+TimeRange = tuple[float, float, float]
 """The least, the median and the largest that it may be."""
 
 
@@ -56,7 +56,7 @@ class Pace:
     """
 
     costs: tuple[Cost, Cost]
-    saved: Interval
+    saved: TimeRange
 
 
 def by_steps(run: Run) -> bool:
@@ -147,7 +147,7 @@ def clocked(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjDa
     return time.thread_time() - began if FINE_CLOCK else curves.seconds, curves, data
 
 
-def saved(ratios: Sequence[float]) -> Interval:
+def saved(ratios: Sequence[float]) -> TimeRange:
     """The share of time that is saved, of ratios of times after and before, with its interval.
 
     >>> saved([0.5] * 9)
@@ -157,7 +157,7 @@ def saved(ratios: Sequence[float]) -> Interval:
     return 1 - high, 1 - middle, 1 - low
 
 
-def median_interval(values: Sequence[float], level: float = LEVEL) -> Interval:
+def median_interval(values: Sequence[float], level: float = LEVEL) -> TimeRange:
     """The median of values, and an interval that holds that of what they were drawn from.
 
     Between the k-th value from below and the k-th from above: whatever the distribution is, each of

@@ -74,7 +74,7 @@ LIMITS: dict[str, BoundaryKind] = {
 """Outcomes that are the engine's; all others are limits of our own."""
 
 
-Trial = Callable[[float], TrialResult]
+TryValue = Callable[[float], TrialResult]
 """Tries a value."""
 Runner = Callable[[StudyRun], Measurement]
 """Makes a run."""
@@ -84,7 +84,7 @@ Runner = Callable[[StudyRun], Measurement]
 class LimitSearch(VariedRange):
     """The search for a limit: how to try a value, and what theory says; see `Boundary`."""
 
-    trial: Trial
+    trial: TryValue
     theory: float = NAN
     law: str = ""
 
@@ -386,7 +386,7 @@ class StressedCase:
         unit: str,
         start: float,
         reach: float,
-        trial: Trial,
+        trial: TryValue,
         words: str = "",
         **more: Any,
     ) -> LimitSearch:

@@ -25,7 +25,7 @@ from proofmass.studies.run import Progress
 from proofmass.studies.store import Store, digest, once, sources, versions
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
-from proofmass.studies.stress.limit_search import LimitSearch, Trial
+from proofmass.studies.stress.limit_search import LimitSearch, TryValue
 
 COLUMNS = {
     "what": "name of the sidecar, or a small model whose limit theory knows, in words",
@@ -57,7 +57,7 @@ COLUMNS = {
 class StoredTrial:
     """A trial whose outcomes are stored in a folder, a file each."""
 
-    trial: Trial
+    trial: TryValue
     folder: Path
     name: str
 

@@ -36,7 +36,7 @@ SHOWN = 0.5  # off the expected order: what has no part that is nearer gets no t
 TRIANGLE_AT = 0.4  # of the errors: where a triangle stands
 Name = tuple[str, str]
 """Engine and name, which together name a series."""
-Ends = Mapping[Name, tuple[float, float]]
+SeriesEnds = Mapping[Name, tuple[float, float]]
 
 
 def name_of(of: StudyRow | Verdict) -> Name:
@@ -54,7 +54,7 @@ def letter(look: Look) -> str:
     return ascii_lowercase[place] + (str(turn) if turn else "")
 
 
-def letters(ax: Axes, ends: Ends, looks: Mapping[Name, Look]) -> None:
+def letters(ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look]) -> None:
     """The letter of each series at its finest setting; of series that end together side by side."""
     groups: list[tuple[float, float, list[Name]]] = []
     points = 72 / ax.figure.dpi
@@ -144,7 +144,7 @@ def slope(kind: str, a: StudyRow, b: StudyRow) -> float:
 
 
 def draw_floors(
-    ax: Axes, ends: Ends, looks: Mapping[Name, Look], verdicts: Iterable[Verdict], named: bool
+    ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look], verdicts: Iterable[Verdict], named: bool
 ) -> None:
     """A short level tick where a series stays; `named`: what keeps it there, in the margin."""
     groups: list[list[Verdict]] = []

@@ -14,7 +14,7 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial import terms as own
 from proofmass.analytic.spatial.kinematics import advance
 from proofmass.analytic.spatial.mechanism import Tree, read_tree
-from proofmass.analytic.spatial.terms import NAMES, OwnTerms, Source, Terms, own_terms
+from proofmass.analytic.spatial.terms import NAMES, OwnTerms, TermSource, Terms, own_terms
 from proofmass.analytic.spatial.witness import TermsDiffer, bear_witness
 from proofmass.errors import InputError
 from proofmass.reference import facts
@@ -158,7 +158,7 @@ def of_mujoco(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.zeros(1)
 
 
-def free(model: mujoco.MjModel, source: Source, times: np.ndarray) -> spatial.Followed:
+def free(model: mujoco.MjModel, source: TermSource, times: np.ndarray) -> spatial.Followed:
     """Its free motion with the terms of a source."""
     tree, _ = spatial.sources(model, "start", source)
     return spatial.moved_in_time(tree, source, (), (), times, (), None)

@@ -1,0 +1,32 @@
+"""Names of classes and types: each has one meaning in the whole package."""
+
+import ast
+import re
+from pathlib import Path
+
+import proofmass
+
+TYPE = re.compile(r"[A-Z]\w*[a-z]\w*")
+"""What a class or a type is called, and no constant."""
+
+
+def type_names(source: str) -> list[str]:
+    """The names that a module gives to classes and aliases of types."""
+    found = []
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.ClassDef):
+            found.append(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found += [t.id for t in targets if isinstance(t, ast.Name) and TYPE.fullmatch(t.id)]
+    return found
+
+
+def test_a_type_has_a_name_of_its_own() -> None:
+    places: dict[str, list[str]] = {}
+    folder = Path(proofmass.__file__).parent
+    for file in sorted(folder.rglob("*.py")):
+        for name in type_names(file.read_text(encoding="utf-8")):
+            places.setdefault(name, []).append(str(file.relative_to(folder)))
+    assert len(places) > 400
+    assert {name: files for name, files in places.items() if len(files) > 1} == {}
