@@ -102,7 +102,7 @@ def stiffness(strip: SpringStrip, length: float) -> float:
     not touch.  The springs of its table J.1 are stiffer by a fifth to two fifths than the eq. gives
     with the length of their windings, 2 pi n (r_in + r_out)/2: not all of it bends.
 
-    >>> steel = Strip("907", 6e-3, 0.6e-3, 0.1, 2.0, 206e9, 1.4e9)
+    >>> steel = SpringStrip("907", 6e-3, 0.6e-3, 0.1, 2.0, 206e9, 1.4e9)
     >>> round(stiffness(steel, 0.597409), 6)
     0.037241
     """
