@@ -37,7 +37,7 @@ from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
 from proofmass.studies.trade.trade_command import has_series, measured
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_setting_briefly
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 ENGINES = ("mujoco", "pymunk")
 WANTED = (1e-4, 1e-6)  # of the range of the positions
@@ -235,7 +235,7 @@ def summary(found: Sequence[Pick]) -> Iterator[str]:
     errors = dict.fromkeys(pick.wanted for pick in found)
     groups: list[tuple[str, str, Callable[[Pick], bool]]] = [
         (
-            spoken(engine),
+            format_solver(engine),
             number(wanted),
             lambda p, e=engine, w=wanted: (p.engine, p.wanted) == (e, w),
         )
@@ -273,7 +273,7 @@ def table(found: Sequence[Pick]) -> Iterator[str]:
             if (pick.case, pick.engine) == (case, engine)
             for cell in told(pick)
         ]
-        yield f"| {case if case != last else ''} | {spoken(engine)} | {' | '.join(cells)} |"
+        yield f"| {case if case != last else ''} | {format_solver(engine)} | {' | '.join(cells)} |"
         last = case
 
 
@@ -295,7 +295,7 @@ def whys(found: Sequence[Pick]) -> Iterator[str]:
     if lost:
         yield "\nCannot, and why:\n"
         for pick in lost:
-            yield f"- {pick.case}, {spoken(pick.engine)}, {number(pick.wanted)}: {pick.why}."
+            yield f"- {pick.case}, {format_solver(pick.engine)}, {number(pick.wanted)}: {pick.why}."
 
 
 if __name__ == "__main__":

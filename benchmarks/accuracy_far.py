@@ -7,7 +7,7 @@ from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.figure import NEAR
 from proofmass.studies.stress.page import THEORY, subject
 from proofmass.studies.stress.stress import read_boundaries
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 FAR = """
 ## How far
@@ -56,7 +56,7 @@ def row(parameter: str, engine: str, own: Sequence[Boundary]) -> str:
     cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]
     silent = sum(one.found and one.silent for one in own)
     return (
-        f"| {parameter} | {spoken(engine)} | {len(own)} | {' | '.join(cells)} "
+        f"| {parameter} | {format_solver(engine)} | {len(own)} | {' | '.join(cells)} "
         f"| {sum(one.limit == BoundaryKind.HOLDS for one in own)} "
         f"| {silent or ''} | {sum(one.unknown for one in own) or ''} |"
     )

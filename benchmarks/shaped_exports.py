@@ -110,7 +110,7 @@ A row every degree and every second. Angles are clockwise from the upright."""
         "t [s]": (degrees, 0),
         "alpha [deg]": (degrees, 0),
         "theta1 [deg]": (np.degrees(known["theta1"]), 12),
-        "e2 [deg]": (np.degrees(known["winding2"]), 12),
+        "e2 [deg]": (np.degrees(known["deflection2"]), 12),
     }
 
 

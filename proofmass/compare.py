@@ -21,11 +21,11 @@ from proofmass.reference import (
     ComparedCurves,
     compiled,
     evaluate,
-    facts,
     identity,
     laws,
     modes,
     module_of,
+    properties,
 )
 from proofmass.seen import check_views
 from proofmass.sim.contents import joints, mass, size
@@ -147,7 +147,7 @@ def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
     found = last_used.get(key_of(case, run, curves))
     if found is None or found.asked is None or found.asked[0] is not curves.drive:
         return curves
-    return ComparedCurves.of(curves, found.asked[1], found.facts)
+    return ComparedCurves.of(curves, found.asked[1], found.properties)
 
 
 def reference_for(case: Case, run: Kind, curves: Curves) -> Curves:
@@ -179,7 +179,7 @@ def compare(
         From `solve`.
     detectable : bool
         Whether `Comparison.detectable` is found as well, which evaluates the reference at least
-        twice for each parameter, and what `facts` tells, for a report.
+        twice for each parameter, and what `properties` tells, for a report.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def compare(
     check_views(case, run, ComparedCurves.of(curves, truth))
     check_charts(case)
     if detectable:
-        reference.tell_facts()
+        reference.find_properties()
     changes = (
         {}
         if not detectable
@@ -425,7 +425,7 @@ class RunReference:
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
         self.asked: tuple[DriveState | None, Curves] | None = None
-        self.facts: dict[str, str] | None = None
+        self.properties: dict[str, str] | None = None
         self.by_laws = self.evaluated({}, more=True)
         self.unchanged = self.by_laws.channels
 
@@ -449,11 +449,11 @@ class RunReference:
         self.asked = state, found
         return found
 
-    def tell_facts(self) -> None:
-        """Let `facts` tell what it tells of the first run of a case, whose motion is there now."""
-        if self.facts is None and self.run == next(iter(self.case.run)):
+    def find_properties(self) -> None:
+        """Find the `properties` of a case for its first run, whose motion is there now."""
+        if self.properties is None and self.run == next(iter(self.case.run)):
             with suppress(InputError):
-                self.facts = facts(self.case)
+                self.properties = properties(self.case)
 
     def step(self, key: str, share: float) -> float:
         """A share of a parameter, or of the largest one if it is 0."""

@@ -47,7 +47,7 @@ IN_TURN = 3
 """Changes with which a run is lost, one after the other, until it is given up."""
 MOST = 2.0
 """Of the change that is tried alone: the largest in a group."""
-PATIENCE = 4.0
+LONGER = 4.0
 """Of the limit of time of a run: that of a trial that reached it, when it is asked once more."""
 SOONER = 0.8
 """Of the change that is told: what another solver has to promise to be asked."""
@@ -244,10 +244,10 @@ class Search:
             if self.strides[run.kind] > 1 and self.trial(run, []).lost:
                 self.strides[run.kind] = 1
 
-    def call(self, kind: Kind, function: Callable, *args: object, patience: float = 1.0) -> Any:
+    def call(self, kind: Kind, function: Callable, *args: object, longer: float = 1.0) -> Any:
         """Call a function of the case in a worker, within the limits of a run."""
         limits = self.case.run[kind]
-        timeout = patience * limits.timeout
+        timeout = longer * limits.timeout
         return isolated(function, self.case, *args, timeout=timeout, memory=limits.memory)
 
     def base(self, kind: Kind, solver: str) -> Baseline | None:
@@ -297,9 +297,9 @@ class Search:
         stride = 1 if whole else self.strides[run.kind]
         asked = run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
         why = ""
-        for patience in (1.0, PATIENCE):  # the run as it is keeps within its limit of time
+        for longer in (1.0, LONGER):  # the run as it is keeps within its limit of time
             try:
-                found: Trial = self.call(*asked, patience=patience)
+                found: Trial = self.call(*asked, longer=longer)
             except TimedOut as error:
                 why = str(error)
             except tuple(FAILURES) as error:

@@ -52,7 +52,7 @@ from proofmass.sim.protocol import BadModel, Curves, ParameterValues
 from proofmass.sim.stability import limit
 from proofmass.solve import plan, run_here, settings_of, simulate
 from proofmass.strict import Kind
-from proofmass.wording import listed, number, pretty
+from proofmass.wording import format_list, number, pretty
 
 SMALL = 1e-6  # change of a parameter for a slope: rounding is 1e-10 of the difference it makes
 AGREES = 2.0  # of the tolerance: the engine has its error, and the fit has another
@@ -212,8 +212,8 @@ class Diagnosis:
         rest = [name for name in self.differing if name not in best.explains]
         does = "puts {} right" if best.kind != "finer" else "reduces the error of {}"
         right = f"{does.format(self.much(best))}, {number(best.left, 2)} of the error left"
-        found = [best.words, right + f"; not {listed(rest)}" * bool(rest)]
-        found += [f"as good: {listed(best.same)}"] * bool(best.same)
+        found = [best.words, right + f"; not {format_list(rest)}" * bool(rest)]
+        found += [f"as good: {format_list(best.same)}"] * bool(best.same)
         if others:
             right = f"{self.much(others[0])} right, " if others[0].score > 0 else ""
             left = number(others[0].left, 2)
@@ -518,7 +518,7 @@ def factors(there: Residuals) -> Iterator[Explanation]:
             and there.agrees(name, left := there.curve[name] / factor - there.reference[name])
         }
         if right:
-            yield there.judged("factor", f"{listed(right)} {words}", right)
+            yield there.judged("factor", f"{format_list(right)} {words}", right)
     for name in moving:
         square = float(there.reference[name] @ there.reference[name])
         factor = float(there.curve[name] @ there.reference[name]) / square if square else 0.0
@@ -530,7 +530,7 @@ def factors(there: Residuals) -> Iterator[Explanation]:
             if there.agrees(other, left := there.curve[other] / factor - there.reference[other])
         }
         if next(iter(right), "") == name:  # else it was the factor of a channel before
-            yield there.judged("factor", f"{listed(right)} times {factor:.6g}", right, 2)
+            yield there.judged("factor", f"{format_list(right)} times {factor:.6g}", right, 2)
 
 
 def offsets(there: Residuals) -> Iterator[Explanation]:
@@ -552,7 +552,7 @@ def offsets(there: Residuals) -> Iterator[Explanation]:
         if next(iter(right), "") == name:
             words = turn or f"{offset:.6g} {pretty(unit)}"
             way = "" if not turn else " ahead" if offset > 0 else " behind"
-            text = f"{listed(right)} off by {words}{way}"
+            text = f"{format_list(right)} off by {words}{way}"
             yield there.judged("offset", text, right, 0 if turn else 2)
 
 
@@ -573,7 +573,7 @@ def other_quantities(there: Residuals) -> Iterator[Explanation]:
                 words.append(f"{name} equal to {quantity}")
                 break
     if right:
-        yield there.judged("quantity", listed(words), right)
+        yield there.judged("quantity", format_list(words), right)
 
 
 def shifts(there: Residuals) -> Iterator[Explanation]:
@@ -590,7 +590,7 @@ def shifts(there: Residuals) -> Iterator[Explanation]:
                 if there.agrees(name, left := there.curve[name][mine] - there.reference[name][own])
             }
             if right:
-                yield there.judged("shift", f"{listed(right)} {words} {way}", right)
+                yield there.judged("shift", f"{format_list(right)} {words} {way}", right)
     if len(there.curves.x) < 8 or not moving:
         return
     from scipy.interpolate import CubicSpline  # slow to load
@@ -607,7 +607,9 @@ def shifts(there: Residuals) -> Iterator[Explanation]:
     right = {name: after[name] for name in moving if there.agrees(name, after[name])}
     if right:
         way = "late" if shift > 0 else "early"
-        yield there.judged("shift", f"{listed(right)} {way} by {abs(shift):.4g} in x", right, 2)
+        yield there.judged(
+            "shift", f"{format_list(right)} {way} by {abs(shift):.4g} in x", right, 2
+        )
 
 
 def other_modes(there: Residuals) -> Iterator[Explanation]:
@@ -695,7 +697,7 @@ def places(case: Case, cause: Explanation) -> list[str]:
             if any(abs(float(n) - value) <= PLACE * abs(value) for n in NUMBER.findall(line))
         ]
         if value and 0 < len(lines) <= FEW:
-            where = f"line{'s' * (len(lines) > 1)} {listed(map(str, lines))}"
+            where = f"line{'s' * (len(lines) > 1)} {format_list(map(str, lines))}"
             found.append(f"{value:.6g} stands in {case.model}, {where}")
     return found
 
@@ -920,7 +922,7 @@ def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterat
         return
     name = min(over, key=lambda n: over[n])
     at_once = [n for n, k in over.items() if k == over[name]]
-    yield f"{listed(at_once)} left the tolerance first, at x = {curves.x[over[name]]:.4g}"
+    yield f"{format_list(at_once)} left the tolerance first, at x = {curves.x[over[name]]:.4g}"
 
 
 def violation_growth(curves: Curves) -> Iterator[str]:

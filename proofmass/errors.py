@@ -42,8 +42,10 @@ RENAMED = {
     "of_range": "relative_to_range",
     "beside": "compare_with",
     "wall": "error_floor",
+    "prolongation": "rigid_extension",
+    **{f"winding{k}{of}": f"deflection{k}{of}" for k in range(1, 5) for of in ("", "_rate")},
 }
-"""Keys of sidecars by their former names."""
+"""Keys of sidecars, parameters and quantities of references by their former names."""
 
 
 def suggest(

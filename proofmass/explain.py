@@ -15,15 +15,15 @@ from proofmass.check import load
 from proofmass.command import answering, counting, errors, one_case
 from proofmass.coverage import Coverage, coverage_of
 from proofmass.coverage_search import Finding, goes_below
-from proofmass.reference import compiled, facts
+from proofmass.reference import compiled, properties
 from proofmass.sim.numbers import SHARE
 from proofmass.solve import with_computing_solvers
 from proofmass.terminal import console, finite, not_checked, own_numbers
 from proofmass.units import si_unit
-from proofmass.wording import number, pretty, spoken
+from proofmass.wording import format_solver, number, pretty
 
 WIDTH = 80
-EFFORTS = ("N", "N m", "J")
+FORCES = ("N", "N m", "J")
 """Units of channels that inertia and damping act on in a prescribed motion."""
 ACTS_IN_MOTION = ("inertia", "armature", "damping")
 LOADS = ("mass", "centre of mass", "gravity", "stiffness", "load", "rest angle", "spring length")
@@ -83,14 +83,14 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
     yield from checks(found)
     for solver in with_computing_solvers(case)[1]:
         yield from wrapped(
-            f"{spoken(solver)}: curves that are recorded; no number of the model acts on them", "  "
+            f"{format_solver(solver)}: recorded curves; no number of the model acts on them", "  "
         )
     if found.differing:
         yield from wrapped(f"differ already, and are asked nothing: {', '.join(found.differing)}")
     yield ""
     yield "What the reference reads"
     yield from wrapped(told_of_reference(case, found), "  ")
-    for name, value in facts(case).items() if found.reads_model else ():
+    for name, value in properties(case).items() if found.reads_model else ():
         yield from wrapped(f"{name}: {value}", "  ")
     noticing = [one for one in found.parameters if one.noticed and not one.refused]
     if noticing:
@@ -151,7 +151,7 @@ def wrapped(text: str, indent: str = "") -> Iterator[str]:
 def checks(found: Coverage) -> Iterator[str]:
     """How closely each solver is checked, and why not closer."""
     for one in found.runs:
-        head = f"{one.run}, {spoken(one.solver)}: "
+        head = f"{one.run}, {format_solver(one.solver)}: "
         if not one.checked:
             yield from wrapped(f"{head}shown, not checked", "  ")
             continue
@@ -179,7 +179,7 @@ def told_of_reference(case: Case, found: Coverage) -> str:
 def tables_of(some: Sequence[Finding]) -> Iterator[str | Table]:
     """Numbers with the smallest change that is noticed, by the runs that notice them."""
     for run, solver in dict.fromkeys((one.run, one.solver) for one in some):
-        yield f"  by {run}, {spoken(solver)}"
+        yield f"  by {run}, {format_solver(solver)}"
         table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 0, 0, 2))
         table.add_column("", width=0)
         table.add_column(overflow="fold")
@@ -238,16 +238,16 @@ def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ())
     if found.reads_model and kind not in SOFTNESS:
         return "the reference reads them from the model as well"
     moving = [one for one in found.runs if one.run == "dynamics" and one.checked]
-    efforts = {
+    forces = {
         one.run
         for one in found.runs
         for unit in one.units
-        if one.checked and si_unit(unit or "1")[0] in EFFORTS
+        if one.checked and si_unit(unit or "1")[0] in FORCES
     }
     if kind in ACTS_IN_MOTION:
         if not moving:
             return "all runs that are checked are at rest, where nothing of it acts"
-        if case.drive and "dynamics" not in efforts:
+        if case.drive and "dynamics" not in forces:
             return (
                 "nothing of it acts at rest; in dynamics the drives prescribe the motion, and no "
                 "moment, force or energy is checked"
@@ -257,7 +257,7 @@ def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ())
     weightless = not any(one.value for one in found.numbers if one.kind == "gravity")
     if kind in ("mass", "centre of mass") and weightless and not moving:
         return "there is no gravity, and all runs that are checked are at rest"
-    if kind in LOADS and case.drive and not efforts and not case.rod:
+    if kind in LOADS and case.drive and not forces and not case.rod:
         return "the drives prescribe the motion, and no moment, force or energy is checked"
     if kind in SOFTNESS:
         held = "a run at rest closes them to rounding"
@@ -288,5 +288,6 @@ def little(some: Sequence[Finding]) -> str:
         )
     return (
         f"it does little: {more} of {it} moves no checked channel by more than "
-        f"{number(one.moved, 2)} of its tolerance ({one.channel}, {one.run}, {spoken(one.solver)})"
+        f"{number(one.moved, 2)} of its tolerance "
+        f"({one.channel}, {one.run}, {format_solver(one.solver)})"
     )

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import OwnMotion, OwnRun
-from proofmass.wording import listed, number
+from proofmass.wording import format_list, number
 
 Bools = NDArray[np.bool_]
 PROCESSOR = 36.0
@@ -293,7 +293,7 @@ class Rung:
             f"until {number(self.until)} s{end}, known to {format_length(known)} and {off} "
             f"as it is ({own.name})."
         )
-        evidence = listed(self.evidence())
+        evidence = format_list(self.evidence())
         yield f"{evidence[0].upper()}{evidence[1:]}."
         if error > known and (way := self.better()):
             cost = "" if isnan(way.times) else f" in {number(way.times, 2)} × the time"
@@ -331,7 +331,9 @@ class Rung:
         ):
             most = [float(np.max(each[: self.count])) for each in (one, two)]
             if max(most) > 0:
-                parts.append(f"largest {what} are {listed(number(each, 2) for each in most)} m")
+                parts.append(
+                    f"largest {what} are {format_list(number(each, 2) for each in most)} m"
+                )
         return ", ".join(parts)
 
 

@@ -497,7 +497,7 @@ def worst(found: list[Comparison]) -> str:
     if not errors:
         return f"{found[0].outcome}: {found[0].message}"
     far = max(errors, key=lambda c: c.nrmse if isnan(c.allowed) else c.error_max / c.allowed)
-    said = f"largest error {far.error_max:.2g} {spoken_unit(far.unit)}of {far.channel}"
+    said = f"largest error {far.error_max:.2g} {format_unit(far.unit)}of {far.channel}"
     if far.outcome != Outcome.DIFFERS or far.run == "sweep":
         return said
     return (
@@ -522,7 +522,7 @@ def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iter
         yield f'solver = "{solver}"'
         yield f'unit = "{unit}"'
         yield f"abs = {rounded_up(max(SLACK * error, least[unit]))!r}"
-        measured = f"{error:.2g} {spoken_unit(unit)}".rstrip()
+        measured = f"{error:.2g} {format_unit(unit)}".rstrip()
         rounding = f"; at least {ROUNDED:g} of the range, for rounding"
         yield (
             f'why = "proposed: {SLACK:g} times what was measured, {measured}'
@@ -530,7 +530,7 @@ def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iter
         )
 
 
-def spoken_unit(unit: str) -> str:
+def format_unit(unit: str) -> str:
     """A unit before the next word; nothing for a number without one."""
     return "" if unit == "1" else f"{unit} "
 

@@ -76,19 +76,21 @@ class ComparedCurves(Curves):
         By channel [SI].
     shown : dict of str to ndarray (n,)
         What views of the run show of the reference, see `ReferenceCurves` [SI].
-    facts : dict of str to str, optional
-        What `facts` tells of the case; None where nobody asked.
+    properties : dict of str to str, optional
+        What `properties` tells of the case; None where nobody asked.
     """
 
     reference: dict[str, Array] = field(default_factory=dict)
     shown: dict[str, Array] = field(default_factory=dict)
-    facts: dict[str, str] | None = None
+    properties: dict[str, str] | None = None
 
     @classmethod
-    def of(cls, curves: Curves, reference: Curves, facts: dict[str, str] | None = None) -> Self:
+    def of(
+        cls, curves: Curves, reference: Curves, properties: dict[str, str] | None = None
+    ) -> Self:
         """Curves with the reference that they are compared with."""
         shown = reference.shown if isinstance(reference, ReferenceCurves) else {}
-        return cls(**vars(curves), reference=reference.channels, shown=shown, facts=facts)
+        return cls(**vars(curves), reference=reference.channels, shown=shown, properties=properties)
 
 
 def module_of(case: Case) -> ModuleType | Recorded:
@@ -523,9 +525,9 @@ def closely_once(
         raise NotCovered(str(error)) from None
 
 
-def facts(case: Case, beside: str | None = None) -> dict[str, str]:
+def properties(case: Case, beside: str | None = None) -> dict[str, str]:
     """What the closed form says of the mechanism as a whole: class, limits, stroke; or nothing."""
-    tell = getattr(module_of(case), "facts", None)
+    tell = getattr(module_of(case), "properties", None)
     if tell is None:
         return {}
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters

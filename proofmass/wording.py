@@ -31,10 +31,10 @@ def pretty(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
 
 
-def spoken(solver: str) -> str:
+def format_solver(solver: str) -> str:
     """A solver's name in a sentence.
 
-    >>> spoken("mujoco:default")
+    >>> format_solver("mujoco:default")
     'MuJoCo default'
     """
     engine, _, variant = solver.partition(":")
@@ -54,10 +54,10 @@ def is_variant(solver: str) -> bool:
     return ":" in solver and computes(solver)
 
 
-def listed(words: Iterable[str]) -> str:
+def format_list(words: Iterable[str]) -> str:
     """Words as a list in a sentence, shortened when it is long.
 
-    >>> listed("abc"), listed("abcdef")
+    >>> format_list("abc"), format_list("abcdef")
     ('a, b and c', 'a, b, c and 3 more')
     """
     words = list(words)

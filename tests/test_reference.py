@@ -22,12 +22,12 @@ from proofmass.reference import (
     column,
     compiled,
     evaluate,
-    facts,
     grid,
     law,
     laws,
     modes,
     module_of,
+    properties,
     quantities,
 )
 from proofmass.sidecar import load_case
@@ -493,7 +493,7 @@ def test_facts_are_of_the_parameters_or_of_those_beside(monkeypatch):
     def tell(*, length, mode=1):
         return {"length": f"{length:g} m"}
 
-    closed(monkeypatch, facts=tell)
+    closed(monkeypatch, properties=tell)
     case = but(
         FOURBAR,
         parameters={"length": 2.0, "mode": -1},
@@ -502,19 +502,19 @@ def test_facts_are_of_the_parameters_or_of_those_beside(monkeypatch):
             "bad": Beside(parameters={"mode": 1}),
         },
     )
-    assert facts(case) == {"length": "2 m"}
-    assert facts(case, "x") == {"length": "3 m"}
-    assert facts(case, "bad") == {}, "the runs say what is wrong with the parameters"
+    assert properties(case) == {"length": "2 m"}
+    assert properties(case, "x") == {"length": "3 m"}
+    assert properties(case, "bad") == {}, "the runs say what is wrong with the parameters"
     closed(monkeypatch)
-    assert facts(case) == {}
+    assert properties(case) == {}
 
 
 def test_parameters_that_cannot_be_have_no_facts(monkeypatch):
     def tell(**_):
         raise ValueError("too short")
 
-    closed(monkeypatch, facts=tell)
-    assert facts(FOURBAR) == {}
+    closed(monkeypatch, properties=tell)
+    assert properties(FOURBAR) == {}
 
 
 def test_modes_are_those_of_the_reference_if_it_has_such_a_choice():

@@ -13,7 +13,7 @@ from proofmass.analytic.remember import answers, in_use
 from proofmass.check import Result
 from proofmass.compare import RunReference, compare, last_used, run_reference, with_reference
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, facts, grid, identity
+from proofmass.reference import evaluate, grid, identity, properties
 from proofmass.refined import errors, refinements
 from proofmass.report import case_page
 from proofmass.seen import seen
@@ -183,15 +183,15 @@ def test_facts_come_with_the_curves_that_were_compared():
     x = grid(case, "dynamics")
     curves = Curves(x, evaluate(case, "dynamics", x, None).channels)
     compare(case, "dynamics", "mujoco", curves, detectable=False)
-    assert with_reference(case, "dynamics", curves).facts is None
+    assert with_reference(case, "dynamics", curves).properties is None
     compare(case, "dynamics", "mujoco", curves)
     own = with_reference(case, "dynamics", curves)
-    assert own.facts == facts(case)
-    assert "energy" in own.facts
+    assert own.properties == properties(case)
+    assert "energy" in own.properties
     beyond = True  # so that no worker is asked
-    for kept, shown in ((curves, {}), (own, own.facts)):
+    for kept, shown in ((curves, {}), (own, own.properties)):
         result = Result([case], curves={(case.name, "dynamics", "mujoco"): kept})
-        assert case_page.facts_of(case, result, beyond) == shown
+        assert case_page.properties_of(case, result, beyond) == shown
 
 
 def test_a_refinement_asks_for_its_reference_once(monkeypatch):

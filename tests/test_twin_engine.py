@@ -24,7 +24,7 @@ from proofmass.studies.stress import problems
 from proofmass.studies.stress.stress import read_boundaries
 from proofmass.studies.trade import varied
 from proofmass.studies.trade.trade import read_verdicts
-from proofmass.wording import spoken
+from proofmass.wording import format_solver
 from proofmass.worker import dismiss
 from tests.shipped import shipped
 
@@ -159,7 +159,7 @@ def test_what_is_no_engine_is_refused(site: Path) -> None:
 
 
 def test_an_engine_has_its_own_name_look_and_versions(site: Path) -> None:
-    assert (spoken("twin:default"), spoken("bare"), spoken("adams")) == (
+    assert (format_solver("twin:default"), format_solver("bare"), format_solver("adams")) == (
         "Twin default",
         "Bare",
         "adams",

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
 
-__all__ = ["facts", "solve"]
+__all__ = ["properties", "solve"]
 
 
 def solve(
@@ -71,7 +71,7 @@ def solve(
     return closely(np.atleast_1d(np.asarray(in_time[0] if in_time else times, float)))
 
 
-def facts(*, evidence: str, **_: float) -> dict[str, str]:
+def properties(*, evidence: str, **_: float) -> dict[str, str]:
     """What shows that the motion is known, in words for a report."""
     return {
         "equations of motion": "MuJoCo's own, with soft contacts, loops and limits as they are",

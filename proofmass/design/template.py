@@ -19,7 +19,7 @@ from proofmass.files import write_whole
 GRAVITY = 9.81  # [m/s^2] gives the weight at the tip its mass; statics knows the weight alone
 LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
 DEGREE = 0.017453292519943295  # [rad] where the drive of a chain begins whose rest is singular
-OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no winding gets so far
+OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no deflection gets so far
 SOLVERS = default_engines()
 
 
@@ -109,7 +109,7 @@ def write_case(
 
     ::
 
-        joint values = windings        every body stands in the rest posture, unturned:
+        joint values = deflections        every body stands in the rest posture, unturned:
         key "start"  = zeros           the start pose is closed to rounding
 
     The segments carry no weight: each has its centre of mass where those after it leave the chain

@@ -61,7 +61,7 @@ from proofmass.report.style import RC, REFERENCE, looks
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
 from proofmass.strict import Kind
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 from proofmass.worker import isolated
 
 FRAMES, MOST_FRAMES = 60, 600
@@ -198,7 +198,7 @@ def animate(
     tasks: list[CheckTask] = [(case, kind, solver) for solver in chosen]
     judge(tasks, {k: run_one(case, kind, s, hold) for k, s in enumerate(chosen)}, result)
     lost = {c.solver: f"{c.outcome}: {c.message}" for c in result.comparisons if c.outcome in LOST}
-    names = [spoken(solver) for solver in chosen]
+    names = [format_solver(solver) for solver in chosen]
     title = f"{case.name}, {kind}: reference and {' and '.join(names)}"
     if magnify != 1:
         title += f", differences {number(magnify)} times as large"
@@ -409,7 +409,7 @@ class Stage:
             else self.party("model", INK, 2.2, 0)
         }
         for k, solver in enumerate(present):
-            self.parties[solver] = self.party(spoken(solver), style[solver].colour, 2.0, k)
+            self.parties[solver] = self.party(format_solver(solver), style[solver].colour, 2.0, k)
         self.guides = self.lines(SOFT, 1.0, 1, zorder=2.5)
         self.coils = self.lines(COIL, 1.1, 0, zorder=7)
         self.signs = [

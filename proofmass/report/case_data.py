@@ -25,7 +25,7 @@ from proofmass.report.tables import plain
 from proofmass.report.words import RUNS, kind_of
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
-from proofmass.wording import is_variant, pretty, spoken
+from proofmass.wording import format_solver, is_variant, pretty
 
 PAGE = 700_000  # bytes of a page, with its data
 ROOM = 560_000  # characters of it for the runs, if the rest leaves as many
@@ -107,7 +107,7 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
     """How a solver is called and looks."""
     look = style[solver]
     return {
-        "label": spoken(solver),
+        "label": format_solver(solver),
         "dash": list(look.dash[1]),
         "marker": CSS.get(look.marker, "cross"),
         "variant": is_variant(solver),

@@ -15,7 +15,7 @@ from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.outcome import CHECKED, LOST
-from proofmass.reference import ComparedCurves, facts
+from proofmass.reference import ComparedCurves, properties
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import PAGE, case_data, embedded, recorded_data, runs_data
 from proofmass.report.data import Shown, beyond_limits, drive_units, shown
@@ -38,7 +38,7 @@ from proofmass.report.svg import inline
 from proofmass.report.trend import trend_of
 from proofmass.report.views import Viewed, all_viewed, caption
 from proofmass.report.words import RUNS, closeness, from_model, headline, state_of
-from proofmass.wording import spoken
+from proofmass.wording import format_solver
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
 
@@ -135,7 +135,7 @@ def rendered(
         parameters=parameters_of(case),
         own_numbers=from_model(case),
         freedoms=tell(mobility, None),
-        knowledge=facts_of(case, result, beyond_limits(runs)),
+        knowledge=properties_of(case, result, beyond_limits(runs)),
         laws=any(tables.law(case, name) for name in case.channels),
         reasons=tables.reasons(case),
         unnoticed=tables.unnoticed(case, rows) if compared else [],
@@ -192,12 +192,16 @@ def told(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: A
         return otherwise
 
 
-def facts_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
+def properties_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
     """What the reference tells of the mechanism: found beside a comparison, or now in a worker."""
     for (name, *_), curves in result.curves.items():
-        if name == case.name and isinstance(curves, ComparedCurves) and curves.facts is not None:
-            return curves.facts
-    return cast(dict[str, str], told(case, beyond, facts, {}))
+        if (
+            name == case.name
+            and isinstance(curves, ComparedCurves)
+            and curves.properties is not None
+        ):
+            return curves.properties
+    return cast(dict[str, str], told(case, beyond, properties, {}))
 
 
 def parameters_of(case: Case) -> dict[str, str]:
@@ -277,14 +281,14 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
         "n": len(view.grid) if view.curves else 0,
         "over": f"{view.x_name} [{view.x_unit}]",
         "stopped": [
-            f"{spoken(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
+            f"{format_solver(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
             f"{len(view.grid)} samples, which are kept: "
             f"{c.stopped}"
             for s, c in view.curves.items()
             if c.stopped
         ],
         "lost": [
-            f"{spoken(s)} is {drawn_until(view, s)}: {c.outcome}. {c.message}"
+            f"{format_solver(s)} is {drawn_until(view, s)}: {c.outcome}. {c.message}"
             for s, c in view.lost.items()
         ],
         "what": RUNS[view.kind].heading,
@@ -305,7 +309,7 @@ def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:
     if not view.verdicts or not asked:
         return None
     lost = [
-        f"{spoken(c.solver)} is not refined: {c.outcome}. {c.message}"
+        f"{format_solver(c.solver)} is not refined: {c.outcome}. {c.message}"
         for c in view.verdicts
         if c.outcome in LOST
     ]

@@ -12,7 +12,7 @@ from proofmass.report.changes import FACTOR
 from proofmass.report.overview import place
 from proofmass.report.record import History
 from proofmass.report.words import kind_of
-from proofmass.wording import is_variant, number, spoken
+from proofmass.wording import format_solver, is_variant, number
 
 NOTHING = Markup()
 TREND = 3
@@ -93,7 +93,7 @@ def speaker(group: Sequence[Comparison]) -> Comparison:
 def lane_of(c: Comparison) -> ErrorMark:
     """A solver's lane, by the comparison that stands for it."""
     share, judged = c.relative_to_range, math.isfinite(c.allowed)
-    name = spoken(c.solver)
+    name = format_solver(c.solver)
     if not math.isfinite(share):
         return ErrorMark(
             c.solver,
@@ -131,7 +131,7 @@ def trend(history: History, rows: Sequence[Comparison]) -> Markup:
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     step = 56 / (len(powers) - 1)
     points = list(spread(powers, step, middle, half))
-    where = f"{c.run} {spoken(c.solver)}, {c.channel}"
+    where = f"{c.run} {format_solver(c.solver)}, {c.channel}"
     return Markup(
         '<svg class="trend" viewBox="0 0 60 18" role="img" aria-label="{}"><polyline '
         'points="{}"/></svg>'

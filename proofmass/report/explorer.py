@@ -16,7 +16,7 @@ from proofmass.case import Case
 from proofmass.compare import Comparison, compare
 from proofmass.engines import engine_names
 from proofmass.errors import InputError, suggest
-from proofmass.reference import channels, facts, modes, reference_quantities, unit_of
+from proofmass.reference import channels, modes, properties, reference_quantities, unit_of
 from proofmass.report.data import axis, readable
 from proofmass.report.mechanism import TRACK, pose_in_words
 from proofmass.report.reprs import as_html
@@ -24,7 +24,7 @@ from proofmass.report.style import MUTED
 from proofmass.sim.protocol import Curves
 from proofmass.solve import prescribed_run, solve
 from proofmass.strict import Kind
-from proofmass.wording import pretty, spoken
+from proofmass.wording import format_solver, pretty
 
 Quantities = Mapping[str, Array]
 Parameters = Mapping[str, Any]
@@ -172,7 +172,7 @@ class Explorer:
             joints = {d.joint: v for d, v in zip(self.case.drive, driven, strict=True)}
             self.known, self.wrong = {**joints, **known}, ""
             changed = self.case.model_copy(update={"parameters": self.parameters})
-            self.told = facts(changed) if self.properties else {}
+            self.told = properties(changed) if self.properties else {}
             self.require_curves()
         except InputError as error:
             if error.key.startswith("channels."):
@@ -258,7 +258,9 @@ class Explorer:
 
         parts = [f'<text x="12" y="16" font-weight="bold">{escape(self.caption())}</text>']
         if self.found:
-            text = "curves: pale the reference, line " + ", dashed ".join(map(spoken, self.found))
+            text = "curves: pale the reference, line " + ", dashed ".join(
+                map(format_solver, self.found)
+            )
             parts.append(f'<text x="12" y="31">{text}</text>')
         for path in paths:
             parts.append(stroke(paper(path), TRACK, 1, "4 3"))

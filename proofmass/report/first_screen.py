@@ -26,7 +26,7 @@ from proofmass.report.data import Shown
 from proofmass.report.overview import place
 from proofmass.report.style import PAPERS, Look, legible
 from proofmass.report.words import RUNS, kind_of
-from proofmass.wording import listed, number, spoken
+from proofmass.wording import format_list, format_solver, number
 
 LONGEST = 200_000  # bytes of a text that a page shows
 
@@ -56,7 +56,7 @@ def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, Pa
         found[name] = PageLook(
             f"s{k}",
             one["label"],
-            spoken(engine),
+            format_solver(engine),
             said,
             one["variant"],
             one["marker"],
@@ -80,7 +80,7 @@ def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> 
         words.append(f"Undecided: {coarse} of {len(judged)} checked curves")
     if lost:
         solvers = {(c.run, c.solver) for c in rows if c.outcome in LOST}
-        words.append(f"{len(solvers)} run{'s' * (len(solvers) > 1)} {listed(map(str, lost))}")
+        words.append(f"{len(solvers)} run{'s' * (len(solvers) > 1)} {format_list(map(str, lost))}")
     if faults:
         words.append("input at fault")
     if words:
@@ -95,21 +95,21 @@ def open_lines(case: Case, runs: Iterable[Shown]) -> list[str]:
     lines = []
     for run in runs:
         where = RUNS[run.kind].where
-        lines += [f"{spoken_line(line)} ({where})" for line in tables.missing(run)]
+        lines += [f"{format_line(line)} ({where})" for line in tables.missing(run)]
         for solver in run.solvers:
             own = [c for c in run.rows if c.solver == solver]
             bare = [c.channel for c in own if c.outcome == Outcome.UNCHECKED]
             if not bare:
                 continue
-            what = "all channels" if len(bare) == len(own) else listed(bare)
-            lines.append(f"{spoken(solver)} {where}, {what}: shown and not judged.")
+            what = "all channels" if len(bare) == len(own) else format_list(bare)
+            lines.append(f"{format_solver(solver)} {where}, {what}: shown and not judged.")
     return lines
 
 
-def spoken_line(line: str) -> str:
+def format_line(line: str) -> str:
     """A line of `tables.missing` with the engine as it is called in sentences."""
     solver, comma, rest = line.partition(",")
-    return f"{spoken(solver)}{comma}{rest}"
+    return f"{format_solver(solver)}{comma}{rest}"
 
 
 def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) -> list[str]:
@@ -172,8 +172,8 @@ def defaults(rows: list[Comparison]) -> list[str]:
         ]
         if all(shares) and shares[1] > shares[0]:
             words.append(
-                f"{spoken(engine)} with its defaults reaches {number(shares[1], 2)} in position "
-                f"instead of {number(shares[0], 2)}; the settings are in the tables below."
+                f"{format_solver(engine)} with its defaults reaches {number(shares[1], 2)} in "
+                f"position instead of {number(shares[0], 2)}; the settings are in the tables below."
             )
     return words
 
@@ -260,7 +260,7 @@ def cause_panel(found: list[Diagnosis]) -> CausePanel:
     first = found[0]
     if first.fault:
         return CausePanel("Why it differs was not found out", (first.fault,), together(found))
-    tried = listed(first.tried)
+    tried = format_list(first.tried)
     rows = tuple(cause_row(first, cause) for cause in first.causes[:ROWS])
     unchanged = CauseRow("nothing changed", "", "", "1", place(1.0))
     if not rows or first.causes[0].score <= 0:
@@ -269,7 +269,7 @@ def cause_panel(found: list[Diagnosis]) -> CausePanel:
             title, first.remarks, together(found), (*rows, unchanged) if rows else (), tried
         )
     best = first.causes[0]
-    words = [f"as good: {listed(best.same)}"] * bool(best.same)
+    words = [f"as good: {format_list(best.same)}"] * bool(best.same)
     # the first line is the title, and the rows tell the next best
     effect, *rest = (line for line in first.lines[1:] if not line.startswith("next best: "))
     lines = (effect, *(line for line in rest if line not in words), *words)
@@ -292,12 +292,12 @@ def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
 def together(found: list[Diagnosis]) -> str:
     """Which runs a panel tells of, with what their first cause explains of each."""
     many = f"The same in {len(found)} runs: " if len(found) > 1 else "In one run: "
-    return many + listed(map(run_words, found)) + "."
+    return many + format_list(map(run_words, found)) + "."
 
 
 def run_words(found: Diagnosis) -> str:
     """A run, and how many of its channels its first cause explains."""
-    words = f"{spoken(found.solver)} {RUNS[found.run].where}"
+    words = f"{format_solver(found.solver)} {RUNS[found.run].where}"
     if not found.causes or found.causes[0].score <= 0:
         return words
     explained, there = len(found.causes[0].explains), len(found.differing)
@@ -375,4 +375,4 @@ def panel_of(case: Case, found: Coverage) -> NoticedPanel:
 
 def row_of(one: Finding) -> NoticedRow:
     """The row of a number that is noticed."""
-    return NoticedRow(*cells_of(one), f"{one.channel}, {one.run}, {spoken(one.solver)}")
+    return NoticedRow(*cells_of(one), f"{one.channel}, {one.run}, {format_solver(one.solver)}")

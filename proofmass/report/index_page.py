@@ -24,7 +24,7 @@ from proofmass.report.style import Look
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.report.trend import FEWEST
 from proofmass.report.words import RUNS, SYMBOLS, by_solver, state_of
-from proofmass.wording import is_variant, spoken
+from proofmass.wording import format_solver, is_variant
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
 DECADES = (-15, -12, -9, -6, -3, 0)
@@ -49,7 +49,7 @@ class IndexColumn:
     @property
     def title(self) -> str:
         """Its heading."""
-        return f"{self.run.capitalize()} · {spoken(self.engine)}"
+        return f"{self.run.capitalize()} · {format_solver(self.engine)}"
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class EngineLook:
     @property
     def title(self) -> str:
         """The engine as a sentence calls it."""
-        return spoken(self.name)
+        return format_solver(self.name)
 
 
 @dataclass(frozen=True)
@@ -311,7 +311,7 @@ def remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
         for solver, group in by_solver(rows, run).items():
             bad = [c for c in group if c.outcome not in GOOD]
             if bad:
-                yield f"{spoken(solver)}, {run}: {wrong(bad, len(group))}."
+                yield f"{format_solver(solver)}, {run}: {wrong(bad, len(group))}."
     if not case.unchecked and not {c.outcome for c in rows} - set(OPEN):
         yield "Nothing of it was checked."
 

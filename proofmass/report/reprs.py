@@ -11,13 +11,13 @@ from matplotlib import rc_context
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison
-from proofmass.reference import facts
+from proofmass.reference import properties
 from proofmass.report.drawing import moved_here
 from proofmass.report.mechanism import distinct, small
 from proofmass.report.style import RC
 from proofmass.strict import Kind
 from proofmass.terminal import LOOK
-from proofmass.wording import number, pretty, spoken
+from proofmass.wording import format_solver, number, pretty
 from proofmass.worker import isolated
 
 DRAWING = 30.0  # [s] until the drawing of a case is given up
@@ -64,12 +64,12 @@ def _(case: Case) -> str:
         *(
             (
                 f"run.{kind}",
-                f"{run.n or 'as recorded'} samples in {', '.join(map(spoken, run.solvers))}",
+                f"{run.n or 'as recorded'} samples in {', '.join(map(format_solver, run.solvers))}",
             )
             for kind, run in case.run.items()
         ),
         ("channels", str(len(case.channels))),
-        *facts(case).items(),
+        *properties(case).items(),
     ]
     body = "".join(f"<tr><th>{escape(a)}</th><td>{escape(b)}</td></tr>" for a, b in rows)
     return (
@@ -104,7 +104,7 @@ def comparisons_table(rows: Iterable[Comparison]) -> str:
         for name in ("run", "solver", "channel", "outcome", "largest error", "allowed", "of range")
     )
     body = "".join(
-        f"<tr><td>{c.run}</td><td>{escape(spoken(c.solver))}</td><td>{escape(c.channel)}</td>"
+        f"<tr><td>{c.run}</td><td>{escape(format_solver(c.solver))}</td><td>{escape(c.channel)}</td>"
         f"<td>{LOOK.get(c.outcome, ('✗', ''))[0]} {c.outcome}</td>"
         f"<td>{number(c.error_max)} {pretty(c.unit)}</td><td>{number(c.allowed)}</td>"
         f"<td>{number(c.relative_to_range)}</td></tr>"

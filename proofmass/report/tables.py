@@ -11,10 +11,10 @@ from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison, DetectableChange, changeable
 from proofmass.errors import InputError
 from proofmass.outcome import CHECKED, LOST, Outcome
-from proofmass.reference import facts, unit_of
+from proofmass.reference import properties, unit_of
 from proofmass.report.data import Shown
 from proofmass.report.words import SYMBOLS
-from proofmass.wording import listed, number, pretty, spoken
+from proofmass.wording import format_list, format_solver, number, pretty
 
 NAN = float("nan")
 
@@ -166,7 +166,9 @@ def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]
         change = c.detectable[name]
         size = f"{number(100 * least, 2)} %" if change.relative else detectable(change)
         found.append(
-            SmallestChange(name, values[name], size, f"{c.channel}, {c.run}, {spoken(c.solver)}")
+            SmallestChange(
+                name, values[name], size, f"{c.channel}, {c.run}, {format_solver(c.solver)}"
+            )
         )
     return found
 
@@ -231,9 +233,9 @@ def parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
 
 
 def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
-    """The case and the parameter sets beside it: heads, then rows of facts and of parameters."""
+    """The case and the parameter sets beside it: heads, rows of properties and of parameters."""
     heads = [case.name, *case.compare_with]
-    told = [facts(case), *(facts(case, name) for name in case.compare_with)]
+    told = [properties(case), *(properties(case, name) for name in case.compare_with)]
     given = [
         parameters(case, values)
         for values in (case.parameters, *(b.parameters for b in case.compare_with.values()))
@@ -306,7 +308,7 @@ def missing(view: Shown) -> list[str]:
         key=lambda c: (c.solver, c.message),
     )
     return [
-        f"{solver}, {listed(c.channel for c in own)}: {message or 'no reason given'}"
+        f"{solver}, {format_list(c.channel for c in own)}: {message or 'no reason given'}"
         for (solver, message), found in groupby(rows, key=lambda c: (c.solver, c.message))
         if (own := list(found))
     ]

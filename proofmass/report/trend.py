@@ -13,7 +13,7 @@ from proofmass.outcome import CHECKED
 from proofmass.report.case_data import packed
 from proofmass.report.changes import FACTOR, ROUNDING
 from proofmass.report.record import History
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 FEWEST = 2
 """Reports from which on there is a trend."""
@@ -146,7 +146,7 @@ def row_of(c: Comparison, errors: list[float | None]) -> TrendRow:
     return TrendRow(
         c.run,
         c.channel,
-        spoken(c.solver),
+        format_solver(c.solver),
         number(known[0], 2),
         number(math.nan if last is None else last, 2),
         number(math.nan if errors[-1] is None else errors[-1], 2),

@@ -22,7 +22,7 @@ from proofmass.report.data import Shown, readable, thin, ways
 from proofmass.report.figures import PAPER, difference, overlay, panel, solver_handles
 from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.seen import Seen, seen
-from proofmass.wording import listed, number, pretty
+from proofmass.wording import format_list, number, pretty
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,14 @@ def viewed(shown: Shown, view: View) -> Viewed:
             shown,
             curves=curves,
             truth=truth,
-            x_name=spoken(case, view.x, unit),
+            x_name=format_joint(case, view.x, unit),
             x_unit=unit,
             x_scale=scale,
         ),
     )
 
 
-def spoken(case: Case, name: str, unit: str) -> str:
+def format_joint(case: Case, name: str, unit: str) -> str:
     """A driven joint's name with what is meant of it; any other name as it is."""
     joint = name not in case.channels and name in [d.joint for d in case.drive]
     return name + (" angle" if unit == "deg" else " position") * joint
@@ -129,7 +129,7 @@ def caption(view: Viewed) -> str:
     """What a view's figure shows, in words."""
     if view.view.stack:
         words = [
-            f"The reference's {listed(view.view.stack)}, stacked"
+            f"The reference's {format_list(view.view.stack)}, stacked"
             + (" on the first way" if view.loop else "")
             + f"; their sum as a line, {spread(view)}; below, the sum less its mean"
         ]
@@ -137,8 +137,8 @@ def caption(view: Viewed) -> str:
     else:
         words = ["Reference (thick, pale) and solvers on top of it"]
         words += ["markers open where x rises, filled where it falls"] * view.loop
-        words += [f"dashed: {listed(view.view.dashed)}"] * bool(view.view.dashed)
-        words += [f"thin: {listed(view.beside)}"] * bool(view.beside)
+        words += [f"dashed: {format_list(view.view.dashed)}"] * bool(view.view.dashed)
+        words += [f"thin: {format_list(view.beside)}"] * bool(view.beside)
         words += [
             "below, the difference to the reference in the channel's unit, with what the "
             "tolerance allows"

@@ -10,7 +10,7 @@ from proofmass.errors import InputError
 from proofmass.outcome import CHECKED, GOOD, LOST, OPEN, Outcome
 from proofmass.reference import reads_model
 from proofmass.units import KINDS, si_unit
-from proofmass.wording import listed, number, spoken
+from proofmass.wording import format_list, format_solver, number
 
 
 class RunWords(NamedTuple):
@@ -127,7 +127,7 @@ def headline(
             "The model does not move as its own numbers and laws say",
         )
     if any(c.outcome == Outcome.DIFFERS for rows in sweep.values() for c in rows):
-        sound = listed(spoken(s) for s, rows in sweep.items() if clean(rows))
+        sound = format_list(format_solver(s) for s, rows in sweep.items() if clean(rows))
         text = f"{true} in {sound}, not in every solver: " if sound else f"{false}: "
         text += "; ".join(
             told(s, rows, f" in the {within}")
@@ -147,8 +147,10 @@ def headline(
         if any(c.outcome in LOST for c in rows)
     ]
     refined = by_solver(own, "refine")
-    if sure := [spoken(s) for s, rows in refined.items() if clean(rows)]:
-        parts.append(f"{listed(sure)} converge{'s' * (len(sure) == 1)} with the expected order")
+    if sure := [format_solver(s) for s, rows in refined.items() if clean(rows)]:
+        parts.append(
+            f"{format_list(sure)} converge{'s' * (len(sure) == 1)} with the expected order"
+        )
     parts += [
         told(s, rows, " in its order of convergence")
         for s, rows in refined.items()
@@ -184,11 +186,11 @@ def agreement(good: dict[str, list[Comparison]], run: str) -> str:
     counts = {
         s: (sum(c.outcome == Outcome.AGREES for c in rows), len(rows)) for s, rows in good.items()
     }
-    names = listed(map(spoken, counts))
+    names = format_list(map(format_solver, counts))
     if all(n == total for n, total in counts.values()):
         return f"all {next(iter(counts.values()))[1]} channels of the {run} agree in {names}"
-    return f"the {run} agrees on " + listed(
-        f"{'all ' + str(n) if n == total else f'{n} of {total}'} channels in {spoken(s)}"
+    return f"the {run} agrees on " + format_list(
+        f"{'all ' + str(n) if n == total else f'{n} of {total}'} channels in {format_solver(s)}"
         f"{why(good[s])}"
         for s, (n, total) in counts.items()
     )
@@ -204,7 +206,7 @@ def told(solver: str, rows: list[Comparison], where: str) -> str:
     """One solver of one run in a clause."""
     bad = [c for c in rows if c.outcome == Outcome.DIFFERS]
     lost = next((c.outcome for c in rows if c.outcome in LOST), "")
-    name = spoken(solver)
+    name = format_solver(solver)
     if lost:
         return f"{name} {lost}{where}"
     if bad:
@@ -212,12 +214,12 @@ def told(solver: str, rows: list[Comparison], where: str) -> str:
             bad, key=lambda c: c.error_max / c.allowed if math.isfinite(c.error_max) else math.inf
         )
         return (
-            f"{name} differs{where} on {listed(c.channel for c in bad)}"
+            f"{name} differs{where} on {format_list(c.channel for c in bad)}"
             f" (worst {worst.channel}: {worst.message})"
         )
     if coarse := [c for c in rows if c.outcome == Outcome.UNDECIDED]:
         return (
-            f"{name} is undecided{where} on {listed(c.channel for c in coarse)} "
+            f"{name} is undecided{where} on {format_list(c.channel for c in coarse)} "
             "(known too coarsely to tell)"
         )
     agreed = sum(c.outcome == Outcome.AGREES for c in rows)
@@ -231,12 +233,12 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
     found = {}
     for solver, comparisons in rows.items():
         if away := distances(comparisons):
-            found[solver] = f"{spoken(solver)} (off by {listed(away)})"
+            found[solver] = f"{format_solver(solver)} (off by {format_list(away)})"
         elif any(c.outcome == Outcome.UNCHECKED for c in comparisons):
-            found[solver] = spoken(solver)
-    unsupported = [spoken(s) for s in rows if s not in found]
-    parts = [f"shown unchecked: {listed(found.values())}"] if found else []
-    return parts + ([f"not expressible in {listed(unsupported)}"] if unsupported else [])
+            found[solver] = format_solver(solver)
+    unsupported = [format_solver(s) for s in rows if s not in found]
+    parts = [f"shown unchecked: {format_list(found.values())}"] if found else []
+    return parts + ([f"not expressible in {format_list(unsupported)}"] if unsupported else [])
 
 
 def distances(rows: Iterable[Comparison]) -> list[str]:
@@ -264,7 +266,7 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
     return words
 
 
-EFFORTS = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
+FORCES = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
 
 
 def kind_of(unit: str) -> str:
@@ -274,7 +276,7 @@ def kind_of(unit: str) -> str:
     ('velocity', 'moment', 'other')
     """
     own = si_unit(unit)[0]
-    kinds = {**KINDS, **EFFORTS}
+    kinds = {**KINDS, **FORCES}
     return next((kind for kind, units in kinds.items() if own in units), "other")
 
 
@@ -289,7 +291,7 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     told: dict[str, list[str]] = {}
     for run, words_of in RUNS.items():
         own = [c for c in judged or rows if c.run == run]
-        for kind in (*KINDS, *EFFORTS, "other"):
+        for kind in (*KINDS, *FORCES, "other"):
             if here := [c.relative_to_range for c in own if kind_of(c.unit) == kind]:
                 told.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{words_of.where}")
                 break

@@ -9,7 +9,7 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import PARALLEL, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
-from proofmass.sim.rods import rod_parts, spoken_rod_parts
+from proofmass.sim.rods import format_rod_parts, rod_parts
 
 KEPT = 64  # models whose sizes are remembered
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
@@ -161,7 +161,7 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
     for rod in rods:
         if rod.name == name:
             if part not in rod_parts(rod):
-                raise BadModel(f"a rod has {spoken_rod_parts(rod)}, along its length")
+                raise BadModel(f"a rod has {format_rod_parts(rod)}, along its length")
             return rod_parts(rod)[part]
     s = sensors(model).index(name) if name in sensors(model) else -1
     if s < 0:
@@ -169,11 +169,11 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
     kind = S(int(model.sensor_type[s]))
     directed = kind == S.mjSENS_FRAMEXAXIS
     if part not in (*parts_of(model, s), *["angle"] * directed):
-        raise BadModel(f"the sensor has no such part; use {spoken_parts(model, s)}")
+        raise BadModel(f"the sensor has no such part; use {format_parts(model, s)}")
     return "rad" if part == "angle" else UNITS.get(kind) or of_joint(model, s, kind)
 
 
-def spoken_parts(model: mujoco.MjModel, s: int) -> str:
+def format_parts(model: mujoco.MjModel, s: int) -> str:
     """The channels of sensor number s in words."""
     name, parts = model.sensor(s).name, parts_of(model, s)
     if len(parts) < 2:

@@ -668,7 +668,7 @@ class Scheme:
 
 
 @dataclass(frozen=True)
-class Specimen:
+class LimitProblem:
     """A test problem of an engine's own: one number is increased until its run fails.
 
     Attributes
@@ -910,6 +910,6 @@ class Engine:
         """The scheme that a single coordinate is stepped with; None where none is known."""
         return None
 
-    def specimens(self) -> Iterator[Specimen]:
+    def limit_problems(self) -> Iterator[LimitProblem]:
         """Test problems of the engine's own."""
         yield from ()

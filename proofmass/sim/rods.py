@@ -412,7 +412,7 @@ def rod_parts(rod: Rod) -> dict[str, str]:
     return SPATIAL_PARTS if rod.spatial else PARTS
 
 
-def spoken_rod_parts(rod: Rod) -> str:
+def format_rod_parts(rod: Rod) -> str:
     """The same, in words."""
     first, *others, last = rod_parts(rod)
     return f"{', '.join([f'{rod.name}.{first}', *(f'.{o}' for o in others)])} and .{last}"
@@ -431,7 +431,7 @@ def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
         name, _, part = channel.partition(".")
         if name in rods:
             if part not in rod_parts(rods[name]):
-                there = spoken_rod_parts(rods[name])
+                there = format_rod_parts(rods[name])
                 raise BadModel(f"channel {channel!r}: a rod has {there}, along its length")
             found[channel] = rods[name], part
     return found

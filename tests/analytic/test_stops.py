@@ -91,9 +91,9 @@ def test_samples_at_events_are_those_behind_them(solve):
 
 def test_what_happened_is_told():
     model = two_masses('qpos="0 -0.3"')
-    told = planar.facts(model=model, start="start", joints=(), motion=np.linspace(0, 0.25, 6))
+    told = planar.properties(model=model, start="start", joints=(), motion=np.linspace(0, 0.25, 6))
     assert told["stops"] == "a rests on a stop; a leaves its stop at t = 0.192382 s"
-    told = planar.facts(
+    told = planar.properties(
         model=falling(1.0), start="start", joints=(), motion=np.linspace(0.0, 0.593, 6)
     )
     assert told["stops"].startswith(
@@ -102,7 +102,9 @@ def test_what_happened_is_told():
     free = two_masses('qpos="0.5 -0.1"')
     pulled = two_masses('qpos="0 0.3"')  # it does not rest on its stop for a moment
     for model in (free, pulled):
-        told = planar.facts(model=model, start="start", joints=(), motion=np.linspace(0, 0.1, 6))
+        told = planar.properties(
+            model=model, start="start", joints=(), motion=np.linspace(0, 0.1, 6)
+        )
         assert told == {}
 
 
@@ -134,7 +136,7 @@ def test_mujoco_comes_to_the_motion_between_rigid_stops_as_its_limits_get_stiff(
     t, off = np.linspace(0.0, 0.5, 26), []
     rigid = mujoco.MjModel.from_xml_string(ARM.replace("TAU", "0.01"))
     known = planar.solve(t, model=rigid)
-    told = planar.facts(model=rigid, start="start", joints=(), motion=t)
+    told = planar.properties(model=rigid, start="start", joints=(), motion=t)
     assert told["stops"] == "elbow hits a stop at t = 0.125401, 0.325648 s (2 in all)"
     for tau in (1e-3, 3e-4):
         model = mujoco.MjModel.from_xml_string(ARM.replace("TAU", str(tau)))

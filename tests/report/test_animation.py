@@ -110,9 +110,9 @@ def test_springs_wind_with_their_joints() -> None:
         coils = np.array([stage.coil(i, places[k], at[k]) for k in range(POSES)])
         turned = np.unwrap(np.angle((coils - at[:, None]) @ [1, 1j]), axis=1)
         wound = turned[:, 0] - turned[:, -1]  # of the inner end; the model counts clockwise
-        winding = -truth[f"winding{number}"]
-        assert np.abs(winding).max() > 0.3
-        assert wound - wound[0] == pytest.approx(winding, abs=1e-9)
+        deflection = -truth[f"deflection{number}"]
+        assert np.abs(deflection).max() > 0.3
+        assert wound - wound[0] == pytest.approx(deflection, abs=1e-9)
 
 
 def test_rods_bend_and_keep_their_length(edit: Callable[..., Path]) -> None:

@@ -39,7 +39,7 @@ def contacts(*, stiffness, **_):
     return {"spring on its stop": 3.0 / stiffness}
 
 
-def facts(*, stiffness, target="sine", weight=0.0):
+def properties(*, stiffness, target="sine", weight=0.0):
     return {"softness": f"{1 / stiffness:g} rad/Nm"} | ({"load": f"{weight:g} N"} if weight else {})
 '''
 
@@ -65,7 +65,7 @@ parameters = { stiffness = 4.0, target = "cosine", weight = 2.0 }
 
 @pytest.fixture
 def stub(stubbed) -> Path:
-    """A sidecar whose reference takes a word and tells places and facts."""
+    """A sidecar whose reference takes a word and tells places and properties."""
     return stubbed("sprung_crank", STUB, 'stiffness = 2.0\ntarget = "sine"', MORE)
 
 

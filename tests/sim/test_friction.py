@@ -146,12 +146,12 @@ def test_a_cycle_of_the_prototype_loses_the_friction_of_its_joints_times_their_w
     ends = ends[np.append(True, np.abs(np.diff(ends)) > 1e-9)]
     values = (0.0, end, 0.0, *ends[1:])
     x, weights = gauss(np.arange(len(values), dtype=float).tolist(), 16)
-    names = ("holding_moment", "winding2", "winding3")
+    names = ("holding_moment", "deflection2", "deflection3")
     run = Run("sweep", x, names, (Drive("pendulum", Along(values)),))
     found = simulate(engine, PROTOTYPE.model_path, run).channels
     second = x > 2.0
     area = (found["holding_moment"] * run.motion(x)[1][0] * weights)[second].sum()
-    ways = [np.abs(np.diff(found[f"winding{i}"][x >= 2.0])).sum() for i in (2, 3)]
+    ways = [np.abs(np.diff(found[f"deflection{i}"][x >= 2.0])).sum() for i in (2, 3)]
     lost = sum(
         PROTOTYPE.parameters[f"friction{i}"] * way for i, way in zip((2, 3), ways, strict=True)
     )

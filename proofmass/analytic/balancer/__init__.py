@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer.friction import rubbed
 from proofmass.analytic.balancer.measures import expected as expected_of
-from proofmass.analytic.balancer.measures import facts, marks, target_for
+from proofmass.analytic.balancer.measures import marks, properties, target_for
 from proofmass.analytic.balancer.model import NUMBERED, OTHERS, Balancer, balancer
 from proofmass.analytic.balancer.path import (
     BalancerPaths,
@@ -26,9 +26,9 @@ __all__ = [
     "Path",
     "along",
     "balancer",
-    "facts",
     "follow",
     "marks",
+    "properties",
     "solve",
 ]
 
@@ -124,7 +124,7 @@ def solve(
     stiffness1, stiffness2, stiffness3, stiffness4 : k of the slack springs [N m/rad]
     quadratic1, quadratic2, quadratic3, quadratic4 : A [N m/rad^2]
     preload2, preload3, preload4 : moment [N m] of the spring at rest
-    low2, low3, low4, high2, high3, high4 : stops of the winding from rest [rad], low <= 0 <= high
+    low2, low3, low4, high2, high3, high4 : stops of deflections from rest [rad], low <= 0 <= high
     pendulum : r [m], at rest if it extends
     extension1, extension2 : how it extends with alpha [m/rad, m/rad^2]
     rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
@@ -140,18 +140,18 @@ def solve(
 
     Returns
     -------
-    dict of (...) arrays: theta1.., winding1.. [rad], theta1_rate.., winding1_rate.. [rad/s],
+    dict of (...) arrays: theta1.., deflection1.. [rad], theta1_rate.., deflection1_rate.. [rad/s],
     node2_x, node2_y, .. [m] of the joints at the ends of segment 1 and on, y up,
     moment1.. [N m] of the springs, balancing_moment [N m], holding_moment [N m] about O of what
     turns the pendulum, extension_force [N] of what extends it, energy1.. [J] of the springs,
     weight_energy (zero at the height of O), energy of springs and weight,
-    friction1.. [N m] against the windings, frictionless_moment [N m], what holding_moment is
+    friction1.. [N m] against the deflections, frictionless_moment [N m], what holding_moment is
     without friction,
     force_x, force_y [N] of the chain on the tip, x to the side of growing alpha, y up (every pin
     carries the same force, the segments having no weight); node1_force_x, node1_force_y, .. the
     same force, as each segment gets it from the one before or from the ground, along that segment
     and across it, to the left; node1_load, .. [N m] the moment that it gets beside, which is the
-    spring's and that of a stop, against the winding.  With a target also target [N m],
+    spring's and that of a stop, against the deflection.  With a target also target [N m],
     residual = balancing_moment - target, and target_energy [J], the energy of what is balanced.
     With an expected curve also expected_moment [N m], and expected_measurement [N m], which is it
     with the friction's loop to first order.
@@ -267,17 +267,17 @@ def both_ways(chain: Balancer, alpha: Array) -> Path:
     for way in (alpha < 0, alpha >= 0):
         if way.any():
             last = alpha[way][np.abs(alpha[way]).argmax()]
-            trail = follow(chain, float(last + np.copysign(MARGIN, last)))
-            if trail.why[0] and np.abs(trail.reach[0]) < np.abs(last):
+            paths = follow(chain, float(last + np.copysign(MARGIN, last)))
+            if paths.why[0] and np.abs(paths.reach[0]) < np.abs(last):
                 raise ValueError(
-                    f"{trail.why[0]}; angles up to {np.degrees(last):g} deg are asked for"
+                    f"{paths.why[0]}; angles up to {np.degrees(last):g} deg are asked for"
                 )
-            parts.append((way, along(chain, trail, alpha[way])))
+            parts.append((way, along(chain, paths, alpha[way])))
     if len(parts) == 1:
         return parts[0][1]
     (behind, back), (before, forth) = parts
     merged = {}
-    for name in ("theta", "winding", "moment", "energy", "rate", "force", "side"):
+    for name in ("theta", "deflection", "moment", "energy", "rate", "force", "side"):
         merged[name] = np.empty((1, alpha.size, getattr(back, name).shape[-1]))
         merged[name][:, behind], merged[name][:, before] = getattr(back, name), getattr(forth, name)
     return Path(alpha, **merged)
@@ -321,7 +321,7 @@ def quantities(
     pull, theta = found["force_x"] + 1j * found["force_y"], path.theta[0]
     segments = chain.length * (np.sin(theta) + 1j * np.cos(theta))
     arms = np.cumsum(segments[:, ::-1], axis=-1)[:, ::-1]  # from each node to the tip
-    winding_rate = np.diff(turn, axis=-1, prepend=0.0)
+    deflection_rate = np.diff(turn, axis=-1, prepend=0.0)
     x = np.cumsum(chain.length * np.sin(path.theta[0]), axis=-1)
     y = np.cumsum(chain.length * np.cos(path.theta[0]), axis=-1)
     for i in range(1, chain.segments):
@@ -329,10 +329,10 @@ def quantities(
     for i in range(chain.segments):
         found |= {
             f"theta{i + 1}": path.theta[0, :, i],
-            f"winding{i + 1}": path.winding[0, :, i],
+            f"deflection{i + 1}": path.deflection[0, :, i],
             f"theta{i + 1}_rate": turn[:, i] * rate,
             f"moment{i + 1}": path.moment[0, :, i],
-            f"winding{i + 1}_rate": winding_rate[:, i] * rate,
+            f"deflection{i + 1}_rate": deflection_rate[:, i] * rate,
             f"energy{i + 1}": path.energy[0, :, i],
             f"friction{i + 1}": rub[:, i],
             f"node{i + 1}_load": cross(arms[:, i], pull),

@@ -6,14 +6,14 @@ rests where::
     D^T (M(e) + R) + A^T lambda = 0,     c = 0,
     e_i as it was (stuck)  or  R_i = +-tau_i (slipping)
 
-R_i being the friction of joint i against its winding up.  Which joints stick and slip between two
-angles is the matter of `proofmass.analytic.friction`.
+R_i being the friction of joint i against a growing deflection.  Which joints stick and slip between
+two angles is the matter of `proofmass.analytic.friction`.
 """
 
 import numpy as np
 
 from proofmass.analytic.balancer.model import Balancer
-from proofmass.analytic.balancer.path import Path, at_rest, windings
+from proofmass.analytic.balancer.path import Path, at_rest, deflections
 from proofmass.analytic.friction import PathEnds, SlipProblem, advance
 from proofmass.analytic.numerics import Array
 
@@ -61,9 +61,9 @@ class RubbingChain:
         """Come back to a pose."""
         self.alpha, self.psi, self.pull = kept
 
-    def winding(self) -> Array:
+    def deflection(self) -> Array:
         """Windings of all springs (n,) [rad]."""
-        return windings(self.b, np.array([self.alpha]), self.psi[None])[0]
+        return deflections(self.b, np.array([self.alpha]), self.psi[None])[0]
 
     def go(self, values: Array) -> None:
         """Follow the rest to another angle in the present state."""
@@ -95,19 +95,19 @@ class RubbingChain:
 
     def slopes(self) -> tuple[Array, Array, Array]:
         """Stiffness (n, n) in psi, loop's Jacobian A (2, n), and spring moments (n,)."""
-        b, e = self.b, self.winding()
+        b, e = self.b, self.deflection()
         east, north = b.length[0] * np.sin(self.psi), b.length[0] * np.cos(self.psi)
         bend = np.diag(self.pull[0] * east + self.pull[1] * north)
         stiffness = self.turns.T @ (self.springs(e)[:, None] * self.turns) - bend
         return stiffness, np.array([north, -east]), b.moments(e[None])[0]
 
-    def springs(self, winding: Array) -> Array:
-        """Stiffness (n,) of the springs at their windings [N m/rad]."""
-        return np.asarray(self.b.slopes(winding[None])[0])
+    def springs(self, deflection: Array) -> Array:
+        """Stiffness (n,) of the springs at their deflections [N m/rad]."""
+        return np.asarray(self.b.slopes(deflection[None])[0])
 
     def system(self) -> tuple[Array, Array, Array]:
         """Residual, Newton's matrix and the residual's change with alpha, at the present pose."""
-        n, e = self.psi.size, self.winding()
+        n, e = self.psi.size, self.deflection()
         stiffness, loop, moment = self.slopes()
         rows = np.concatenate([loop, self.turns[self.stuck]])
         load = self.turns.T @ (moment + self.friction) + loop.T @ self.pull
@@ -135,7 +135,7 @@ class RubbingChain:
         """The present rest in coordinates of its free motions, without its friction."""
         stiffness, loop, moment = self.slopes()
         free, own, step = free_of(loop), self.rubbing, float(way[0])
-        slope = self.springs(self.winding())[0]
+        slope = self.springs(self.deflection())[0]
         return SlipProblem(
             free @ (self.turns.T @ moment),
             free @ stiffness @ free.T,
@@ -149,7 +149,7 @@ class RubbingChain:
         """Let joints stick where they are, or slip."""
         self.senses, self.begins = senses, False
         self.stuck = self.rubbing[senses == 0]
-        self.fixed = self.winding()[self.stuck]
+        self.fixed = self.deflection()[self.stuck]
         self.friction = np.zeros(self.psi.size)
         self.friction[self.rubbing] = senses * self.bound
 
@@ -214,11 +214,13 @@ def rubbed(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:
         chain.pull = np.asarray(np.linalg.lstsq(loop.T, -load, rcond=None)[0], float)
         _, matrix, pulled = chain.system()
         rate = 1.0 - chain.solved(matrix, pulled)[: chain.psi.size]
-        rows.append((chain.psi + chain.alpha, chain.winding(), moment, rate, chain.pull, rub))
+        rows.append((chain.psi + chain.alpha, chain.deflection(), moment, rate, chain.pull, rub))
     if alpha.size > 2 and not slipped and (friction[1:] > 0).any():
         raise ValueError(HELD)
-    theta, winding, moment, rate, force, rub = (np.array(part) for part in zip(*rows, strict=True))
-    energy = b.energies(winding[None])[0]
+    theta, deflection, moment, rate, force, rub = (
+        np.array(part) for part in zip(*rows, strict=True)
+    )
+    energy = b.energies(deflection[None])[0]
     side = np.zeros_like(theta)
-    parts = (part[None] for part in (theta, winding, moment, energy, rate, force, side))
+    parts = (part[None] for part in (theta, deflection, moment, energy, rate, force, side))
     return Path(alpha, *parts), rub

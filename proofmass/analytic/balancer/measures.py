@@ -467,15 +467,15 @@ def flags(to: float = np.pi / 2, **parameters: float) -> list[str]:
     ...       stiffness2=1.5643, stiffness3=2.5515, preload2=0.944, low2=0.0)
     ['joint 2 never leaves its preload: M1 = k1 alpha as far as it is locked']
     """
-    b, trail = followed(tuple(parameters.items()), to)
-    found = [trail.why[0]] if trail.why[0] else []
-    if trail.reach[0] == 0.0:
+    b, paths = followed(tuple(parameters.items()), to)
+    found = [paths.why[0]] if paths.why[0] else []
+    if paths.reach[0] == 0.0:
         return found
-    path = along(b, trail, np.linspace(0.0, trail.reach[0], int(abs(trail.reach[0]) / STEP) + 2))
+    path = along(b, paths, np.linspace(0.0, paths.reach[0], int(abs(paths.reach[0]) / STEP) + 2))
     return [
         *found,
         *straightened(path),
-        *untouched(b, path, trail),
+        *untouched(b, path, paths),
         *overwound(path, b.stiffness[0], b.quadratic[0]),
     ]
 
@@ -499,12 +499,12 @@ def straightened(path: Path) -> list[str]:
     return []
 
 
-def untouched(b: Balancer, path: Path, trail: BalancerPaths) -> list[str]:
+def untouched(b: Balancer, path: Path, paths: BalancerPaths) -> list[str]:
     """Stops that are never left, or never met."""
-    low, high, last = b.low[0], b.high[0], trail.pieces.end.unknowns[-1, b.segments + 2 :]
+    low, high, last = b.low[0], b.high[0], paths.pieces.end.unknowns[-1, b.segments + 2 :]
     pushes = dict(zip(b.stopped, np.abs(last), strict=True))
-    left = {joint for _, joint, _, side in trail.switches if side == 0}
-    met = {joint for _, joint, _, side in trail.switches if side > 0}
+    left = {joint for _, joint, _, side in paths.switches if side == 0}
+    met = {joint for _, joint, _, side in paths.switches if side > 0}
     found = []
     for k in range(len(low)):
         if (low[k] == 0.0 or high[k] == 0.0) and k + 1 not in left and path.side[0, :, k].all():
@@ -522,7 +522,7 @@ def overwound(path: Path, stiffness: Array, quadratic: Array) -> list[str]:
     """Springs wound past their range, or past their largest moment."""
     found = []
     for k in range(len(stiffness)):
-        far = path.winding[0, :, k]
+        far = path.deflection[0, :, k]
         if np.abs(far).max() > RANGE * (1 + 1e-9) and k:
             found.append(
                 f"spring {k + 1} is wound by {np.abs(far).max():.2f} rad, more than a quarter turn"
@@ -573,29 +573,29 @@ def marks(**parameters: Any) -> dict[str, float]:
     >>> {name: round(float(np.degrees(angle)), 4) for name, angle in found.items()}
     {'joint 2 released': 46.6595}
     """
-    _, trail = whole_way(parameters)
+    _, paths = whole_way(parameters)
     words = {0: "released", -1: "back on its stop", 1: "on its stop"}
-    return {f"joint {joint} {words[side]}": angle for _, joint, angle, side in trail.switches}
+    return {f"joint {joint} {words[side]}": angle for _, joint, angle, side in paths.switches}
 
 
-def facts(**parameters: Any) -> dict[str, str]:
+def properties(**parameters: Any) -> dict[str, str]:
     """What the parameters amount to, for the report's page.
 
     With a `target` also how well it is met over its precision points, as van Nes 2022 counts them:
     90 for three segments, 15 for four, angle 0 left out; a work reduction names its reference.
 
-    >>> facts(length1=0.3394, length2=0.4573, length3=0.4752, stiffness1=1.2701,
+    >>> properties(length1=0.3394, length2=0.4573, length3=0.4752, stiffness1=1.2701,
     ...       stiffness2=0.8473, stiffness3=4.1078, rest_angle=0.6641,
     ...       target="sine")["work reduction"]
     '99.30 % against the sine'
     """
-    b, trail = whole_way(parameters)
+    b, paths = whole_way(parameters)
     found = {
         "rest posture": ", ".join(f"{np.degrees(a):.1f}°" for a in b.rest[0])
         + " from the upright, clockwise"
     }
     found |= {name: f"{np.degrees(angle):.2f}°" for name, angle in marks(**parameters).items()}
-    if not trail.why[0]:
+    if not paths.why[0]:
         found |= measured(
             *whole_way(parameters, ALL + 1e-9),
             str(parameters.get("target", "")),
@@ -627,12 +627,12 @@ def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def measured(b: Balancer, trail: BalancerPaths, target: str, scale: float) -> dict[str, str]:
-    """Largest winding, and how a target is met."""
+def measured(b: Balancer, paths: BalancerPaths, target: str, scale: float) -> dict[str, str]:
+    """Largest deflection, and how a target is met."""
     angle = precision_points(90 if b.segments == 3 else 15)
-    path = along(b, trail, angle)
+    path = along(b, paths, angle)
     moment, energy = balancing_moment(b, path)[0], path.energy[0]
-    far = np.degrees(np.abs(path.winding[0]).max(axis=0))
+    far = np.degrees(np.abs(path.deflection[0]).max(axis=0))
     found = {"springs wound by": ", ".join(f"{w:.0f}°" for w in far) + " at most"}
     if target:
         wanted = scale * target_for(b, target)(angle)

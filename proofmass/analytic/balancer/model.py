@@ -16,7 +16,7 @@ from proofmass.analytic.numerics import Array, one_of
 def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array, Array, Array]:
     r"""A spring ``M = k x + A x^2`` wound up until it carries its preload.
 
-    From there on, with the winding e counted from the preloaded state, x = e + e*::
+    From there on, with the deflection e counted from the preloaded state, x = e + e*::
 
         M = M0 + k' e + A e^2,    e* = 2 M0/(k + k'),    k' = sqrt(k^2 + 4 A M0)
 
@@ -31,7 +31,7 @@ def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array
 
     Returns
     -------
-    stiffness, winding, energy : ndarray (...)
+    stiffness, deflection, energy : ndarray (...)
         k' [N m/rad], e* [rad] and k e*^2/2 + A e*^3/3 [J].  k' is NaN where the spring never
         carries M0.  With no stiffness at all the moment is constant: e* is infinite, and its
         energy, which then has no slack state to count from, is given as 0.
@@ -42,15 +42,15 @@ def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array
 
     Examples
     --------
-    >>> k, winding, energy = preloaded(np.array(2.0), np.array(-0.5), np.array(1.5))
-    >>> float(k), float(winding), round(float(energy), 6)
+    >>> k, deflection, energy = preloaded(np.array(2.0), np.array(-0.5), np.array(1.5))
+    >>> float(k), float(deflection), round(float(energy), 6)
     (1.0, 1.0, 0.833333)
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         stiff = np.where(preload == 0, stiffness, np.sqrt(stiffness**2 + 4 * quadratic * preload))
-        winding = np.where(preload == 0, 0.0, 2 * preload / (stiffness + stiff))
-        energy = winding**2 * (stiffness / 2 + quadratic * winding / 3)
-    return stiff, winding, np.where(np.isfinite(winding), energy, 0.0)
+        deflection = np.where(preload == 0, 0.0, 2 * preload / (stiffness + stiff))
+        energy = deflection**2 * (stiffness / 2 + quadratic * deflection / 3)
+    return stiff, deflection, np.where(np.isfinite(deflection), energy, 0.0)
 
 
 def close(pendulum: Array | float, length: Array, first: Array, mode: Array | int) -> Array:
@@ -130,12 +130,12 @@ class Balancer:
     length, rest : ndarray (B, n)
         Segments' lengths [m] and angles in the rest posture, clockwise from the upright [rad].
     stiffness, quadratic, preload : ndarray (B, n)
-        Springs: ``M = preload + stiffness e + quadratic e^2`` for the winding e from rest.  The
+        Springs: ``M = preload + stiffness e + quadratic e^2`` for the deflection e from rest.  The
         stiffness [N m/rad] is that of the preloaded spring: a nonlinear one is already wound.
     stored : ndarray (B, n)
         Energy in each spring at rest [J].
     low, high : ndarray (B, n)
-        Stops of each joint's winding [rad]; infinite where there are none.
+        Stops of each joint's deflection [rad]; infinite where there are none.
     stopped : tuple of int
         Joints that have a stop in any of the batch, counted from 0.
 
@@ -190,23 +190,23 @@ class Balancer:
         way = np.sin(self.rest[:, 2] - self.rest[:, 1]) * np.cos(self.rest[:, 0])
         return np.where(along & (np.abs(way) > ALONG), -np.copysign(1.0, way), 0.0).astype(int)
 
-    def moments(self, winding: Array) -> Array:
-        """Spring moments [N m] at windings (..., n); a batch leads, others may stand between."""
-        m, k, a = (self.wide(p, winding) for p in (self.preload, self.stiffness, self.quadratic))
-        return m + winding * (k + a * winding)
+    def moments(self, deflection: Array) -> Array:
+        """Spring moments [N m] at deflections (..., n); a batch leads, others may stand between."""
+        m, k, a = (self.wide(p, deflection) for p in (self.preload, self.stiffness, self.quadratic))
+        return m + deflection * (k + a * deflection)
 
-    def slopes(self, winding: Array) -> Array:
-        """Stiffness dM/de [N m/rad] of the springs at windings (..., n)."""
-        k, a = (self.wide(p, winding) for p in (self.stiffness, self.quadratic))
-        return k + 2.0 * a * winding
+    def slopes(self, deflection: Array) -> Array:
+        """Stiffness dM/de [N m/rad] of the springs at deflections (..., n)."""
+        k, a = (self.wide(p, deflection) for p in (self.stiffness, self.quadratic))
+        return k + 2.0 * a * deflection
 
-    def energies(self, winding: Array) -> Array:
-        """Energy [J] that each spring holds at windings (..., n), that of its preload included."""
+    def energies(self, deflection: Array) -> Array:
+        """Energy [J] of each spring at deflections (..., n), that of its preload included."""
         m, k, a, v = (
-            self.wide(p, winding)
+            self.wide(p, deflection)
             for p in (self.preload, self.stiffness, self.quadratic, self.stored)
         )
-        return v + winding * (m + winding * (k / 2 + a * winding / 3))
+        return v + deflection * (m + deflection * (k / 2 + a * deflection / 3))
 
     def wide(self, values: Array, like: Array) -> Array:
         """Values (B, n), or (B,), with axes of size 1 for what stands between batch and joint."""
@@ -332,7 +332,7 @@ def check(table: dict[str, Array], single: dict[str, Array]) -> None:
         )
     for name in ("preload", "low", "high"):
         if (table[name][:, 0] != PLAIN[name]).any():
-            raise ValueError(f"{name}1: joint 1 can have no stop; its winding is the moment")
+            raise ValueError(f"{name}1: joint 1 can have no stop; its deflection is the moment")
 
 
 def check_reach(b: Balancer) -> None:

@@ -1,8 +1,8 @@
 r"""Static equilibrium of a balancer's chain, and the path of equilibria from the rest posture.
 
 In the pendulum's frame the equilibrium is one linear system.  With psi the segments' angles from
-the pendulum, e = D psi + alpha (1, 0, ..) - e0 the windings and c(psi) = sum l_i u(psi_i) - (0, r)
-the loop, where r may change with alpha, the energy is stationary under loop and stops::
+the pendulum, e = D psi + alpha (1, 0, ..) - e0 the deflections and c(psi) = sum l_i u(psi_i) -
+(0, r) the loop, where r may change with alpha, the energy is stationary under loop and stops::
 
     D^T M(e) + A^T lambda - S^T mu = 0,     c = 0,     e_j = bound_j or mu_j = 0
 
@@ -79,7 +79,7 @@ class Point:
         return Point(np.concatenate(alpha), np.concatenate(unknowns), np.concatenate(side))
 
 
-def windings(b: Balancer, alpha: Array, psi: Array) -> Array:
+def deflections(b: Balancer, alpha: Array, psi: Array) -> Array:
     """Windings (B, n) of all springs from rest [rad]."""
     turned = psi - b.rest
     e = turned.copy()
@@ -89,7 +89,7 @@ def windings(b: Balancer, alpha: Array, psi: Array) -> Array:
 
 
 def bounds(b: Balancer, side: Array) -> Array:
-    """The winding [rad] at which each joint with stops is held; 0 where it is not."""
+    """The deflection [rad] at which each joint with stops is held; 0 where it is not."""
     j = list(b.stopped)
     with np.errstate(invalid="ignore"):
         return np.where(side < 0, b.low[:, j], np.where(side > 0, b.high[:, j], 0.0))
@@ -99,7 +99,7 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
     """Residual (B, N) and Newton's matrix (B, N, N) of the equilibrium."""
     n, j = b.segments, list(b.stopped)
     psi, force, stop = p.unknowns[:, :n], p.unknowns[:, n : n + 2], p.unknowns[:, n + 2 :]
-    e = windings(b, p.alpha, psi)
+    e = deflections(b, p.alpha, psi)
     moment, slope = b.moments(e), b.slopes(e)
     east, north = b.length * np.sin(psi), b.length * np.cos(psi)
     held = (p.side != 0).astype(float)
@@ -157,7 +157,7 @@ def tangent(b: Balancer, p: Point) -> tuple[Array, Which]:
     """
     _, matrix = system(b, p)
     pull = np.zeros_like(p.unknowns)  # of the residual with alpha
-    e = windings(b, p.alpha, p.unknowns[:, : b.segments])
+    e = deflections(b, p.alpha, p.unknowns[:, : b.segments])
     pull[:, 0] = b.slopes(e)[:, 0]
     pull[:, b.segments + 1] = -b.stretch(p.alpha)
     with np.errstate(invalid="ignore"):  # a lost equilibrium is not stable
@@ -207,7 +207,7 @@ def margins(b: Balancer, p: Point) -> Array:
     The way to the nearer stop [rad] of a joint that is free, the stop's push [N m] of one held.
     """
     j, n = list(b.stopped), b.segments
-    e, push = windings(b, p.alpha, p.unknowns[:, :n])[:, j], p.unknowns[:, n + 2 :]
+    e, push = deflections(b, p.alpha, p.unknowns[:, :n])[:, j], p.unknowns[:, n + 2 :]
     way = np.minimum(e - b.low[:, j], b.high[:, j] - e)
     return np.where(p.side == 0, way, -p.side * push)
 
@@ -215,7 +215,7 @@ def margins(b: Balancer, p: Point) -> Array:
 def nearest(b: Balancer, p: Point) -> Array:
     """The stop (B, s) that each joint is nearer to: -1 the lower, +1 the upper one."""
     j = list(b.stopped)
-    e = windings(b, p.alpha, p.unknowns[:, : b.segments])[:, j]
+    e = deflections(b, p.alpha, p.unknowns[:, : b.segments])[:, j]
     return np.where(e - b.low[:, j] <= b.high[:, j] - e, -1, 1)
 
 
@@ -277,13 +277,13 @@ def follow(b: Balancer, to: float, stride: float = STRIDE) -> BalancerPaths:
     stride : float
         Largest stride [rad].
     """
-    walk = PathWalk(b, to, stride)
+    walk = PathFollower(b, to, stride)
     while walk.going.any():
         walk.step()
-    return walk.trail()
+    return walk.paths()
 
 
-class PathWalk:
+class PathFollower:
     """Where each path stands, and how far its next stride goes."""
 
     def __init__(self, b: Balancer, to: float, stride: float):
@@ -350,7 +350,7 @@ class PathWalk:
             if self.switched[i] > SWITCHES:
                 self.end(i, "a joint rattles on its stop")
 
-    def trail(self) -> BalancerPaths:
+    def paths(self) -> BalancerPaths:
         """All that was kept, in order."""
         none = np.zeros(0, int)
         kept = [(none, self.at[none], self.at[none], self.out[none], self.out[none]), *self.kept]
@@ -407,8 +407,8 @@ class Path:
     ----------
     alpha : ndarray (A,)
         Pendulum angle, clockwise from the upright [rad].
-    theta, winding, moment, energy : ndarray (B, A, n)
-        Of each segment or spring: angle from the upright, winding from rest [rad], moment [N m]
+    theta, deflection, moment, energy : ndarray (B, A, n)
+        Of each segment or spring: angle from the upright, deflection from rest [rad], moment [N m]
         and energy [J].
     rate : ndarray (B, A, n)
         dtheta/dalpha [1].
@@ -421,7 +421,7 @@ class Path:
 
     alpha: Array
     theta: Array
-    winding: Array
+    deflection: Array
     moment: Array
     energy: Array
     rate: Array
@@ -435,22 +435,22 @@ def balancing_moment(b: Balancer, path: Path) -> Array:
     return np.asarray(path.moment[..., 0] - path.force[..., 1] * stretch)
 
 
-def along(b: Balancer, trail: BalancerPaths, alpha: Array) -> Path:
-    """The path at pendulum angles of the side that the trail was followed to.
+def along(b: Balancer, paths: BalancerPaths, alpha: Array) -> Path:
+    """The path at pendulum angles of the side that the paths was followed to.
 
     A cubic through both ends of a stride, and Newton's method from there.
     """
     alpha = np.asarray(alpha, float)
     count, width = len(b), alpha.size
     design, angle = np.repeat(np.arange(count), width), np.tile(alpha, count)
-    reach = np.where(np.isfinite(b.rest).all(axis=-1), np.abs(trail.reach), -1.0)
+    reach = np.where(np.isfinite(b.rest).all(axis=-1), np.abs(paths.reach), -1.0)
     known = np.abs(angle) <= np.repeat(reach, width) * (1 + 1e-15)
     each = b[design[known]]
-    found, _ = solve(each, guess(trail, design[known], angle[known]))
+    found, _ = solve(each, guess(paths, design[known], angle[known]))
     rates, _ = tangent(each, found)
     n, j = b.segments, list(b.stopped)
     psi = found.unknowns[:, :n]
-    e = windings(each, found.alpha, psi)
+    e = deflections(each, found.alpha, psi)
     side = np.zeros((len(psi), n))
     side[:, j] = found.side
 
@@ -471,9 +471,9 @@ def along(b: Balancer, trail: BalancerPaths, alpha: Array) -> Path:
     )
 
 
-def guess(trail: BalancerPaths, design: NDArray[np.int_], angle: Array) -> Point:
+def guess(paths: BalancerPaths, design: NDArray[np.int_], angle: Array) -> Point:
     """Cubic Hermite interpolation (K,) of the strides that hold the angles; rest at angle 0."""
-    pieces = trail.pieces
+    pieces = paths.pieces
     sense = np.sign(pieces.end.alpha.sum()) or 1.0
     key = 10.0 * pieces.design + sense * pieces.end.alpha
     k = np.minimum(np.searchsorted(key, 10.0 * design + sense * angle), len(key) - 1)

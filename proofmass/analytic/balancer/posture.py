@@ -56,7 +56,7 @@ def solve(
 
     Parameters
     ----------
-    angle : pendulum angle alpha and windings e1 (of four segments e1, e2) [rad], (n, ...): the
+    angle : pendulum angle alpha and deflections e1 (of four segments e1, e2) [rad], (n, ...): the
         first axis are the drives
     rate, acceleration : their time derivatives [rad/s, rad/s^2], which statics does not need
     length1, length2, length3, length4 : segments [m]; length4 makes it a balancer of four segments
@@ -71,7 +71,7 @@ def solve(
     Returns
     -------
     dict of (...) arrays: those of `proofmass.analytic.balancer.solve` without rates and targets,
-    and drive_moment1, for four segments drive_moment2 [N m], clockwise as windings are.
+    and drive_moment1, for four segments drive_moment2 [N m], clockwise as deflections are.
 
     Raises
     ------
@@ -108,19 +108,21 @@ def solve(
     inputs, n = np.asarray(angle, float), chain.segments
     if inputs.shape[:1] != (n - 1,):
         raise ValueError(
-            f"angle needs {n - 1} rows, the pendulum's and those of {n - 2} windings, got "
+            f"angle needs {n - 1} rows, the pendulum's and those of {n - 2} deflections, got "
             f"{inputs.shape[0] if inputs.ndim else 'none'}"
         )
-    alpha, *given_windings = inputs.reshape(n - 1, -1)
+    alpha, *given_deflections = inputs.reshape(n - 1, -1)
     rest = chain.rest[0]
-    first = np.cumsum(np.stack(given_windings, axis=-1) + np.diff(rest[: n - 2], prepend=0.0), -1)
+    first = np.cumsum(
+        np.stack(given_deflections, axis=-1) + np.diff(rest[: n - 2], prepend=0.0), -1
+    )
     psi = close(pendulum, chain.length[0], first - alpha[:, None], mode)
     if np.isnan(psi).any():
         at = np.degrees(alpha[np.isnan(psi).any(axis=-1).argmax()])
         raise ValueError(f"the last two segments cannot reach the tip at alpha = {at:g} deg")
-    winding = np.diff(psi - rest, axis=-1, prepend=0.0)
-    winding[:, 0] += alpha
-    moment = chain.moments(winding[None])[0]
+    deflection = np.diff(psi - rest, axis=-1, prepend=0.0)
+    deflection[:, 0] += alpha
+    moment = chain.moments(deflection[None])[0]
     arms = np.cumsum((chain.length[0] * (np.sin(psi) + 1j * np.cos(psi)))[:, ::-1], -1)[:, ::-1]
     before, last = arms[:, -2], arms[:, -1]
     force = (moment[:, -2] * last - moment[:, -1] * before) / cross(before, last)
@@ -129,9 +131,9 @@ def solve(
         Path(
             alpha,
             (psi + alpha[:, None])[None],
-            winding[None],
+            deflection[None],
             moment[None],
-            chain.energies(winding[None]),
+            chain.energies(deflection[None]),
             np.zeros((1, alpha.size, n)),
             np.stack([force.real, force.imag], axis=-1)[None],
             np.zeros((1, alpha.size, n)),

@@ -132,7 +132,9 @@ def marks(
     return {"release": preload / (k2 if connection == "series" else k1)}
 
 
-def facts(stiffness1: float, stiffness2: float, preload: float, connection: str) -> dict[str, str]:
+def properties(
+    stiffness1: float, stiffness2: float, preload: float, connection: str
+) -> dict[str, str]:
     """The release and both stiffnesses, in words."""
     (release,) = marks(stiffness1, stiffness2, preload, connection).values()
     before, after = slopes(stiffness1, stiffness2, connection)

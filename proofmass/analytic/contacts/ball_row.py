@@ -122,12 +122,12 @@ def _events(
     raise ValueError(f"the balls hit each other more than {MOST} times until {now:.6g} s")
 
 
-def facts(
+def properties(
     *, balls: int, radius: float, gap: float, speed: float, restitution: float = 1.0
 ) -> dict[str, str]:
     """How often the balls hit each other in all, and how fast they are afterwards, in words.
 
-    >>> facts(balls=3, radius=0.1, gap=0.05, speed=2.0)["at last"]
+    >>> properties(balls=3, radius=0.1, gap=0.05, speed=2.0)["at last"]
     '0, 0, 2 m/s'
     """
     times, _, speeds = _events(balls, radius, gap, speed, restitution, np.inf)

@@ -135,12 +135,12 @@ def rest_time(
     return first + 2.0 * hit / gravity * restitution / (1.0 - restitution)
 
 
-def facts(
+def properties(
     *, height: float, restitution: float, speed: float = 0.0, gravity: float = 9.81
 ) -> dict[str, str]:
     """When the ball hits the floor, how high it comes, and when it rests, in words.
 
-    >>> facts(height=5.0, restitution=0.5, gravity=10.0)["rests"]
+    >>> properties(height=5.0, restitution=0.5, gravity=10.0)["rests"]
     'from 3 s on'
     """
     first, hit = _first_impact(height, restitution, speed, gravity)

@@ -184,10 +184,12 @@ def _half_cycles(
     return np.array(amplitudes), np.array(peaks), np.array(ends)
 
 
-def facts(*, width: float, height: float, tilt: float, gravity: float = 9.81) -> dict[str, str]:
+def properties(
+    *, width: float, height: float, tilt: float, gravity: float = 9.81
+) -> dict[str, str]:
     """When the first impact is, and what is left after it, in words.
 
-    >>> facts(width=0.1, height=0.4, tilt=0.1)["rate after an impact"]
+    >>> properties(width=0.1, height=0.4, tilt=0.1)["rate after an impact"]
     '91.18 % of that before it'
     """
     first = quarter(width=width, height=height, tilt=tilt, gravity=gravity)

@@ -119,7 +119,7 @@ def roll_time(
     return _sliding(radius, friction, speed, spin, inertia_ratio, gravity)[0]
 
 
-def facts(
+def properties(
     *,
     radius: float,
     friction: float,
@@ -130,7 +130,7 @@ def facts(
 ) -> dict[str, str]:
     """When the ball begins to roll and how fast, in words.
 
-    >>> facts(radius=0.1, friction=0.3, speed=7.0, gravity=10.0)
+    >>> properties(radius=0.1, friction=0.3, speed=7.0, gravity=10.0)
     {'rolls': 'from 0.66667 s on, at 5 m/s'}
     """
     end, _, rolls = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)

@@ -111,7 +111,7 @@ def stop_time(*, friction: float, angle: float, speed: float, gravity: float = 9
     return _phases(friction=friction, angle=angle, speed=speed, gravity=gravity)[2]
 
 
-def facts(
+def properties(
     *,
     friction: float,
     angle: float = 0.0,
@@ -121,7 +121,7 @@ def facts(
 ) -> dict[str, str]:
     """Where the block stops, and what it does then, in words.
 
-    >>> facts(friction=0.5, speed=2.0, gravity=10.0)
+    >>> properties(friction=0.5, speed=2.0, gravity=10.0)
     {'stops': 'after 0.4 s and 0.4 m', 'at rest': 'sticks: tan(angle) is 0 % of the friction'}
     """
     stop = stop_time(friction=friction, angle=angle, speed=speed, gravity=gravity)

@@ -576,12 +576,12 @@ def transmission_range(
     return _limits(inner, outer, 4.0 * coupler * rocker)
 
 
-def facts(
+def properties(
     *, crank: float, coupler: float, rocker: float, ground: float, **_: float
 ) -> dict[str, str]:
     """What a drawing's lengths amount to, in words and degrees, for a report.
 
-    >>> facts(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)["time ratio"]
+    >>> properties(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)["time ratio"]
     '1.0233'
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}

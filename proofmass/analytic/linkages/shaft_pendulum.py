@@ -145,10 +145,10 @@ def marks(*, length: float, mass: float, friction: float, **others: float) -> di
     return {"first slip": most}
 
 
-def facts(*, length: float, mass: float, friction: float, **others: float) -> dict[str, str]:
+def properties(*, length: float, mass: float, friction: float, **others: float) -> dict[str, str]:
     """Where the pendulum slips, in words.
 
-    >>> facts(length=0.2, mass=0.5, friction=0.3)["slips at"]
+    >>> properties(length=0.2, mass=0.5, friction=0.3)["slips at"]
     '17.81° from straight down'
     """
     most = slip_angle(

@@ -300,7 +300,7 @@ def dead_points(
     return guide_angle + (angle if mode > 0 else np.pi - angle), mode * run - start
 
 
-def facts(
+def properties(
     *,
     crank: float,
     coupler: float,
@@ -312,7 +312,7 @@ def facts(
 ) -> dict[str, str]:
     """Stroke and dead points in words and degrees, for a report.
 
-    >>> facts(crank=1.0, coupler=2.0)["stroke"]
+    >>> properties(crank=1.0, coupler=2.0)["stroke"]
     '2 m'
     """
     angles, slides = dead_points(

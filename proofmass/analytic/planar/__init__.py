@@ -82,7 +82,7 @@ __all__ = [
     "Mirrored",
     "Overconstrained",
     "SingularHere",
-    "facts",
+    "properties",
     "read",
     "solve",
 ]
@@ -277,7 +277,7 @@ def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
             )
 
 
-def facts(
+def properties(
     *,
     model: Any,
     start: str,

@@ -154,7 +154,7 @@ class Branch:
         self.knot = self.last = self.at(q)
         if not self.knot.radius > UNSURE:
             raise SingularHere(
-                f"the start pose, {self.spoken(q[self.d.driven])}, is singular and "
+                f"the start pose, {self.format_drives(q[self.d.driven])}, is singular and "
                 f"chooses no branch: start elsewhere"
             )
 
@@ -299,7 +299,7 @@ class Branch:
         moved = np.linalg.norm((q - guess) / self.m.scale, axis=1)
         if not (moved <= NEAR * proven).all():
             bad = int(np.argmax(moved > NEAR * proven))
-            raise Mirrored(f"mirrored at {self.spoken(inputs[bad])}")
+            raise Mirrored(f"mirrored at {self.format_drives(inputs[bad])}")
         return q
 
     def beside(self, inputs: Array, knots: Knots) -> tuple[Array, Array, Array]:
@@ -330,7 +330,7 @@ class Branch:
         square = matrix[..., d.following]
         least = np.linalg.svd(square, compute_uv=False).min(axis=-1, initial=1.0)
         if not (least > 1e-14).all():
-            raise SingularHere(f"singular at {self.spoken(q[np.argmin(least), d.driven])}")
+            raise SingularHere(f"singular at {self.format_drives(q[np.argmin(least), d.driven])}")
         tangent = np.zeros((*q.shape, d.driven.size))
         tangent[:, d.driven] = np.eye(d.driven.size)
         tangent[:, d.following] = -np.linalg.solve(square, matrix[..., d.driven])
@@ -363,7 +363,7 @@ class Branch:
                 return CREEP
             if part * way < STUCK:
                 raise SingularHere(
-                    f"limit position at {self.spoken(here)}: the branch goes no "
+                    f"limit position at {self.format_drives(here)}: the branch goes no "
                     f"further in this direction"
                 )
             leap_at *= 0.1
@@ -375,8 +375,8 @@ class Branch:
         knot = self.at(newton(self.m, self.predict(inputs[None]), self.d)[0])
         if knot.orientation != self.knot.orientation:
             if self.knot.radius > CREEP:
-                raise Mirrored(f"mirrored at {self.spoken(inputs)}")
-            raise SingularHere(f"singular at {self.spoken(inputs)}")
+                raise Mirrored(f"mirrored at {self.format_drives(inputs)}")
+            raise SingularHere(f"singular at {self.format_drives(inputs)}")
         self.last, self.knot = self.knot, knot
 
     def leap(self, inputs: Array, way: float) -> bool:
@@ -410,7 +410,7 @@ class Branch:
         self.last = self.knot = knot
         return True
 
-    def spoken(self, inputs: Array) -> str:
+    def format_drives(self, inputs: Array) -> str:
         """The driven joints with their values."""
         names = [self.m.joints[j].name for j in self.d.driven]
         return ", ".join(f"{n} = {v:.9g}" for n, v in zip(names, inputs, strict=True))

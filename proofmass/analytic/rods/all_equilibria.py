@@ -295,7 +295,7 @@ def largest_root(slack: Array, room: Array, mode: int) -> Array:
     return np.asarray(root)
 
 
-def proven(s: RodState, modes: Sequence[int]) -> float:
+def theoretical_bound(s: RodState, modes: Sequence[int]) -> float:
     """The bound that costs nothing, or else that of the boxes."""
     quick = largest(s, modes)
     return quick if np.isfinite(quick) else bound(s, modes)
@@ -780,8 +780,8 @@ class Solutions:
     up_to : float
         The largest alpha [1] that was searched: the count holds up to there.
     bound : float
-        alpha [1] that no rod of any equilibrium with these modes exceeds, by `proven`; inf
-        where there is no proof.
+        alpha [1] that no rod of any equilibrium with these modes exceeds, by
+        `theoretical_bound`; inf where there is no proof.
     """
 
     state: RodState
@@ -835,7 +835,7 @@ def solutions(
     load : dead force [N] on the platform at its origin, and moment [N m] if it is no pin, (p,)
     modes : largest mode of each rod, or of all
     most_load : largest alpha = L sqrt(R/EI) of any rod [1], from 1 to 340; where none is given the
-        bound that `proven` gives, or 20 if there is none
+        bound that `theoretical_bound` gives, or 20 if there is none
     poses : least number of poses of the lattice
 
     Returns
@@ -886,7 +886,7 @@ def solutions(
     """
     given = state(a, inputs=inputs, load=load)
     upto = checked(given, modes, most_load, poses)
-    bound = proven(given, upto)
+    bound = theoretical_bound(given, upto)
     cap = bound if np.isfinite(bound) else LATTICE
     cap = cap if most_load is None else min(most_load, bound)
     batches = list(starts(given, upto, min(cap, LATTICE), poses))
@@ -918,10 +918,10 @@ def checked(
         raise ValueError(f"most_load must lie within [1, {FURTHEST_ITERATE:g}], got {most_load}")
     if not 1 <= poses <= 1_000_000:
         raise ValueError(f"poses must lie within [1, 1000000], got {poses}")
-    if s.assembly.prolongation.any():
+    if s.assembly.rigid_extension.any():
         raise ValueError(
             "rods must have no rigid ends: their tips would carry a moment, got "
-            f"prolongation {s.assembly.prolongation.tolist()}"
+            f"rigid_extension {s.assembly.rigid_extension.tolist()}"
         )
     if s.vector.ndim != 1:
         raise ValueError(f"inputs and load must be those of one problem, got {s.vector.shape}")

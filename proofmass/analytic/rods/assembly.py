@@ -23,7 +23,7 @@ class Assembly:
         L_i [m], EI_i [N m^2].
     arm : ndarray (k,)
         Attachments r_i in the platform's frame, x + iy [m].
-    prolongation : ndarray (k,)
+    rigid_extension : ndarray (k,)
         Rigid straight end d_i of each rod [m], pinned at its far end.
     guide : ndarray (k,) or None
         Directions of the guides that the clamps slide along, of length 1; None: the clamps turn.
@@ -34,7 +34,7 @@ class Assembly:
     length: Array
     stiffness: Array
     arm: Complex
-    prolongation: Array
+    rigid_extension: Array
     guide: Complex | None
 
     @property
@@ -62,7 +62,7 @@ def assembly(
     arm: ArrayLike = (0.0, 0.0),
     angle: ArrayLike = 0.0,
     guide: ArrayLike | None = None,
-    prolongation: ArrayLike = 0.0,
+    rigid_extension: ArrayLike = 0.0,
 ) -> Assembly:
     r"""Clamped rods with their tips pinned to one rigid platform.
 
@@ -84,7 +84,7 @@ def assembly(
     arm : r_i in the platform's frame [m], (k, 2)
     angle : of the clamps when the inputs are zero [rad], (k,)
     guide : alpha_i [rad], (k,), makes the inputs slide the clamps; None makes them turn
-    prolongation : rigid end of each rod [m], (k,)
+    rigid_extension : rigid end of each rod [m], (k,)
 
     Raises
     ------
@@ -95,7 +95,7 @@ def assembly(
     Notes
     -----
     Source: J. Pérez Gámiz, Resolución del problema de posición de mecanismos ultraflexibles planos
-    de cadena cerrada, TFG, UPV/EHU Bilbao 2018, text lines 880-1160.  The prolongation is in its
+    de cadena cerrada, TFG, UPV/EHU Bilbao 2018, text lines 880-1160.  The rigid extension is in its
     program only (lines 7091-7205).
 
     Examples
@@ -112,7 +112,7 @@ def assembly(
         raise ValueError(f"clamp must hold two points or more, (k, 2), got {count}")
     lengths = each("length", length, count, above=0.0)
     stiff = each("stiffness", stiffness, count, above=0.0)
-    rigid = each("prolongation", prolongation, count, least=0.0)
+    rigid = each("rigid_extension", rigid_extension, count, least=0.0)
     arms = plane("arm", arm)
     if arms.size not in (1, count):
         raise wrong_shape("arm", arm, count)
@@ -159,7 +159,7 @@ def wrong_shape(name: str, value: ArrayLike, count: int) -> ValueError:
 
 def near_enough(a: Assembly) -> None:
     """ValueError for the first two clamps that rods and platform cannot bridge."""
-    reach = a.length + a.prolongation
+    reach = a.length + a.rigid_extension
     for i in range(a.rods):
         for j in range(i):
             apart = abs(a.clamp[i] - a.clamp[j])

@@ -246,8 +246,8 @@ def follow(
     >>> a = assembly([[-0.3, 0.0], [0.3, 0.0]])
     >>> start = direct(state(a, inputs=np.radians([60.0, 120.0]), pose=[0.0, 0.9],
     ...                      moment=[0.5, -0.5], force=[[-0.5, 0.0], [0.5, 0.0]]))
-    >>> trail = follow(start, load=[[0.0, -1.0], [0.0, -50.0]])
-    >>> trail.reached, trail.states.pose[:, 1].round(6).tolist(), trail.crossed.round(3).tolist()
+    >>> found = follow(start, load=[[0.0, -1.0], [0.0, -50.0]])
+    >>> found.reached, found.states.pose[:, 1].round(6).tolist(), found.crossed.round(3).tolist()
     (2.0, [0.948785, 0.511166], [1.426])
     """
     free, way = _given(start, inputs, pose, load)

@@ -368,7 +368,7 @@ def tips(a: Assembly, theta: Array, moment: Array, n: Complex) -> tuple[Complex,
     Turning the clamp and the force together turns the whole rod, which gives the last.
     """
     z, angle = flow(theta, moment, n, a.length, a.stiffness)
-    rigid = a.prolongation * np.exp(1j * angle[0])
+    rigid = a.rigid_extension * np.exp(1j * angle[0])
     end = z[0] + rigid
     by = z[1:] + 1j * rigid * angle[1:]
     turned = 1j * end + n.imag * by[1] - n.real * by[2]
@@ -629,7 +629,7 @@ def within_reach(s: RodState) -> None:
     arm = a.arm * np.exp(1j * phi[0])[..., None] if phi else 0.0
     apart = (x + 1j * y)[..., None] + arm - a.clamp
     far = np.abs(apart) if a.guide is None else np.abs((apart * a.guide.conj()).imag)
-    short = (far - (a.length + a.prolongation)).reshape(-1, a.rods)
+    short = (far - (a.length + a.rigid_extension)).reshape(-1, a.rods)
     if short.max(initial=0.0) > 0.0:
         which, rod = np.unravel_index(np.argmax(short > 0.0), short.shape)
         pose = s.pose.reshape(-1, a.freedoms)[which].tolist()

@@ -33,7 +33,7 @@ def solve(
     inflections: int = 1,
     length: float = 1.0,
     stiffness: float = 1.0,
-    prolongation: float = 0.0,
+    rigid_extension: float = 0.0,
 ) -> dict[str, Array]:
     r"""Shapes of the three rods at arc lengths `s` from their clamps.
 
@@ -59,7 +59,7 @@ def solve(
     mode : 1 for the stable equilibrium of least potential, 2 for the next, ...
     inflections : most that a rod may have, its pinned tip included
     length, stiffness : L [m], EI [N m^2], of each rod
-    prolongation : rigid straight end of each rod [m], pinned at its far end
+    rigid_extension : rigid straight end of each rod [m], pinned at its far end
 
     Returns
     -------
@@ -108,7 +108,7 @@ def solve(
             inflections,
         ),
         mode,
-        prolongation,
+        rigid_extension,
     )
     known: dict[str, Array] = {}
     for name, rods in zip("xytm", found.shape(arc.ravel() / length), strict=True):
@@ -149,16 +149,18 @@ class PlatformProblem(NamedTuple):
         )
 
 
-def standing(problem: PlatformProblem, mode: int, prolongation: float = 0.0) -> RodState:
+def standing(problem: PlatformProblem, mode: int, rigid_extension: float = 0.0) -> RodState:
     """The equilibrium of that mode, with rigid ends if there are any."""
     there = stable(problem)
     if mode not in range(1, 1 + len(there.vector)):
         raise ValueError(
-            f"mode {mode} is not there; there are: {spoken(there)}, with loads up to "
+            f"mode {mode} is not there; there are: {format_modes(there)}, with loads up to "
             f"R = {LARGEST:g}² EI/L²"
         )
     near = RodState(problem.assembly, there[int(mode) - 1].vector)
-    return with_ends(direct(near.replaced(inputs=problem.inputs, load=problem.load)), prolongation)
+    return with_ends(
+        direct(near.replaced(inputs=problem.inputs, load=problem.load)), rigid_extension
+    )
 
 
 @nearby
@@ -174,7 +176,7 @@ def stable(problem: PlatformProblem) -> RodState:
     return found.state[found.negative == 0]
 
 
-def spoken(found: RodState) -> str:
+def format_modes(found: RodState) -> str:
     """Modes by their poses."""
     poses = (
         f"{k} at ({x:.3g}, {y:.3g}) m, {np.degrees(phi):.4g} degrees"
@@ -183,16 +185,16 @@ def spoken(found: RodState) -> str:
     return "; ".join(poses) or "none"
 
 
-def with_ends(found: RodState, prolongation: float) -> RodState:
+def with_ends(found: RodState, rigid_extension: float) -> RodState:
     """The same equilibrium with rigid ends that grow from nothing."""
-    steps = int(np.ceil(prolongation / (STRIDE * found.assembly.length[0])))
+    steps = int(np.ceil(rigid_extension / (STRIDE * found.assembly.length[0])))
     sign = np.sign(derivatives(found).direct_determinant)
-    for rigid in np.linspace(0.0, prolongation, steps + 1)[1:]:
-        robot = replace(found.assembly, prolongation=np.full(3, rigid))
+    for rigid in np.linspace(0.0, rigid_extension, steps + 1)[1:]:
+        robot = replace(found.assembly, rigid_extension=np.full(3, rigid))
         found = direct(RodState(robot, found.vector))
         if sign * derivatives(found).direct_determinant < 0.0:
             raise ValueError(
-                f"prolongation must be less than {rigid:.3g} m, where this "
-                f"equilibrium becomes unstable, got {prolongation}"
+                f"rigid_extension must be less than {rigid:.3g} m, where this "
+                f"equilibrium becomes unstable, got {rigid_extension}"
             )
     return found

@@ -37,7 +37,7 @@ def constant_orientation(
     inflections: int = 1,
     length: float = 1.0,
     stiffness: float = 1.0,
-    prolongation: float = 0.0,
+    rigid_extension: float = 0.0,
     input1: float = 0.0,
     input2: float = 0.0,
     input3: float = 0.0,
@@ -56,7 +56,7 @@ def constant_orientation(
     ----------
     side, theta1, theta2, theta3, guide1, guide2, guide3, radius : of `solve` [m, rad]
     force_x, force_y, moment, mode, inflections : of `solve` [N, N m]
-    length, stiffness, prolongation : of `solve` [m, N m^2]
+    length, stiffness, rigid_extension : of `solve` [m, N m^2]
     input1, input2, input3 : q [m or rad] of the equilibrium that `mode` counts
     nodes : along each axis, 5 to 201
 
@@ -97,7 +97,7 @@ def constant_orientation(
         (force_x, force_y, moment),
         inflections,
     )
-    start = standing(problem, mode, prolongation)
+    start = standing(problem, mode, rigid_extension)
     chart = over_poses(start, sheet(start, nodes), "rad²/m²" if guide is None else "m/rad")
     return Chart(
         chart.x,
@@ -131,7 +131,7 @@ def solve(
     inflections: int = 1,
     length: float = 1.0,
     stiffness: float = 1.0,
-    prolongation: float = 0.0,
+    rigid_extension: float = 0.0,
     load_rates: Mapping[str, Array] | None = None,
 ) -> dict[str, Array]:
     r"""Equilibria along a path of the inputs, each the continuation of the one before.
@@ -157,7 +157,7 @@ def solve(
     moment : dead load M on the platform [N m], or along the path, (...)
     mode, inflections : see `rod_platform.solve`; they choose the equilibrium of the first inputs
     length, stiffness : L [m], EI [N m^2], of each rod
-    prolongation : see `rod_platform.solve` [m]
+    rigid_extension : see `rod_platform.solve` [m]
     load_rates : of force_x, force_y and moment [SI], (...) each; none: constant
 
     Returns
@@ -212,9 +212,9 @@ def solve(
         inflections,
     )
     way = tuple(map(tuple, np.hstack([path, load]).tolist()))
-    near = branch(problem, way, mode, prolongation).vector
+    near = branch(problem, way, mode, rigid_extension).vector
     there = np.isfinite(near[:, 0])
-    robot = replace(problem.assembly, prolongation=np.full(3, prolongation))
+    robot = replace(problem.assembly, rigid_extension=np.full(3, rigid_extension))
     states = RodState(robot, near[there]).replaced(inputs=path[there], load=load[there])
     found, _ = newton(states, columns(robot, "rods", "pose"))
     speed = np.broadcast_to(np.asarray(rate, float), q.shape).reshape(3, -1).T
@@ -239,14 +239,14 @@ def branch(
     problem: PlatformProblem,
     path: tuple[tuple[float, ...], ...],
     mode: int,
-    prolongation: float,
+    rigid_extension: float,
 ) -> RodState:
     """Equilibria (n,) along a path of inputs and loads; NaN from the first that is not stable."""
     inputs, load = np.hsplit(np.array(path), 2)
-    trail = follow(standing(problem, mode, prolongation), inputs=inputs, load=load)
-    vector = trail.states.vector
-    vector[np.arange(len(path)) > trail.crossed.min(initial=np.inf) - 1.0] = np.nan
-    return RodState(trail.states.assembly, vector)
+    followed = follow(standing(problem, mode, rigid_extension), inputs=inputs, load=load)
+    vector = followed.states.vector
+    vector[np.arange(len(path)) > followed.crossed.min(initial=np.inf) - 1.0] = np.nan
+    return RodState(followed.states.assembly, vector)
 
 
 def described(found: RodState, rate: Array, growth: Array) -> Array:

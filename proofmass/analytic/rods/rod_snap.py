@@ -26,7 +26,7 @@ from proofmass.analytic.numerics import TURN, Array, Complex, positive
 from proofmass.analytic.rods.column import whole
 from proofmass.analytic.rods.elastica import from_inflection, rods, stiff
 
-__all__ = ["branches", "facts", "marks", "shapes", "solve"]
+__all__ = ["branches", "marks", "properties", "shapes", "solve"]
 
 NEAREST, FURTHEST = 0.32, 0.99  # of the length: distances that have been tried
 STRIDE = 0.01  # of (log alpha, log q)
@@ -403,12 +403,12 @@ def marks(*, length: float = 1.0, distance: float, **_: object) -> dict[str, flo
     return {"snaps to the right": -fold, "snaps to the left": fold}
 
 
-def facts(
+def properties(
     *, length: float = 1.0, stiffness: float = 1.0, distance: float, **_: object
 ) -> dict[str, str]:
     """What the parameters amount to, for the report's page.
 
-    >>> facts(distance=0.8)["lost in a snap"]
+    >>> properties(distance=0.8)["lost in a snap"]
     '6.257 J of 8.341 J'
     """
     of, unit = family(length, distance), stiffness / length

@@ -123,13 +123,13 @@ def spread(
     goal = start.part(name).copy()
     goal[list(axes)] = grid[0][root[0]], grid[1][root[1]]
     way = goal[None]
-    trail = follow(start, pose=way) if name == "pose" else follow(start, inputs=way)
-    if trail.why:
+    followed = follow(start, pose=way) if name == "pose" else follow(start, inputs=way)
+    if followed.why:
         raise ValueError(
-            f"the start cannot be followed to the grid's node {goal.tolist()}: {trail.why}"
+            f"the start cannot be followed to the grid's node {goal.tolist()}: {followed.why}"
         )
     vectors = np.full((*shape, start.vector.size), np.nan)
-    vectors[root] = trail.last.vector
+    vectors[root] = followed.last.vector
     m = Map(name, axes, *grid, RodState(start.assembly, vectors))
     for halvings in (HALVINGS, most):  # few at first: a node is tried from all of its neighbours
         front = np.argwhere(m.reached)
@@ -266,7 +266,7 @@ def sheet(start: RodState, nodes: int) -> Map:
     """The poses that a state leads to, over a window that is fitted to them."""
     several(nodes)
     a = start.assembly
-    reach = a.length + a.prolongation + np.abs(a.arm)
+    reach = a.length + a.rigid_extension + np.abs(a.arm)
     clamp = a.clamp if a.guide is None else np.full(a.rods, a.clamp.mean())
     at = np.stack([clamp.real, clamp.imag])
     widest = np.stack([(at - reach).max(axis=1), (at + reach).min(axis=1)])

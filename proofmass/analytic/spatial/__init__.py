@@ -42,7 +42,7 @@ from proofmass.analytic.spatial.terms import (
     OwnTerms,
     TermSource,
     actuated,
-    efforts,
+    actuator_forces,
     lengthened,
     over_slack,
     stretched,
@@ -50,7 +50,7 @@ from proofmass.analytic.spatial.terms import (
 from proofmass.analytic.spatial.witness import Witnessed, bear_witness
 from proofmass.analytic.stops import Stop, StoppedMotion, read_stops
 
-__all__ = ["facts", "solve"]
+__all__ = ["properties", "solve"]
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 PARTS = {3: "xyz", 4: "wxyz"}
@@ -182,7 +182,7 @@ def solve(
     return quantities(model, tree, followed) | forces(model, tree, followed, joints, inertia)
 
 
-def facts(
+def properties(
     *,
     model: Any,
     start: str,
@@ -371,7 +371,7 @@ def forces(
     if not inertia:
         state = (held.q, still, still)
         motion = move_tree(tree, *state)
-    found = shown_efforts(model, tree, motion, state, followed.ctrl)
+    found = shown_forces(model, tree, motion, state, followed.ctrl)
     if not sensors and not joints:
         return found
     pushes = np.array(held.stopped.forces or still[:1])
@@ -385,7 +385,7 @@ def forces(
     return found
 
 
-def shown_efforts(
+def shown_forces(
     model: Any, tree: Tree, motion: TreeMotion, state: PoseStates, ctrl: Array | None
 ) -> dict[str, Array]:
     """Forces of actuators by their sensors, and of all on a joint or a tendon."""
@@ -395,7 +395,7 @@ def shown_efforts(
     (q, v, _), found = state, dict[str, Array]()
     lengths = [lengthened(tree, motion, q, v, tendon) for tendon in tree.tendons]
     controls = tree.ctrl[None] if ctrl is None else ctrl
-    own = {one.place: force for one, force in efforts(tree, lengths, q, v, ctrl)}
+    own = {one.place: force for one, force in actuator_forces(tree, lengths, q, v, ctrl)}
     for load in tree.site_loads:
         own[load.actuator.place] = load.actuator.force(controls[:, load.actuator.place])
     on_joints = actuated(tree, motion, lengths, q, v, ctrl)

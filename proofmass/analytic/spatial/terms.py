@@ -250,7 +250,7 @@ def sprung(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
     return np.asarray(force)
 
 
-def efforts(
+def actuator_forces(
     tree: Tree, lengths: list[Length], q: Array, v: Array, ctrl: Array | None
 ) -> Iterator[tuple[AffineActuator, Array]]:
     """Forces (n,) of the actuators on joints and tendons [N or N m]."""
@@ -273,7 +273,7 @@ def actuated(
 ) -> Array:
     """What actuators do to the joints (n, rates), those on sites as well, within their ranges."""
     found = loaded(tree, motion, ctrl)
-    for one, force in efforts(tree, lengths, q, v, ctrl):
+    for one, force in actuator_forces(tree, lengths, q, v, ctrl):
         if one.tendon < 0:
             found[:, one.rate] += one.gear * force
         else:

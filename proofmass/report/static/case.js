@@ -177,7 +177,7 @@ function ghostWords(own) {
   const jumps = motion.jumps.map(
     (k) => `between ${placed(run, own.x[k - 1])} and ${placed(run, own.x[k])}`,
   );
-  const jumped = jumps.length ? ` It jumps to another equilibrium ${listed(jumps)}.` : "";
+  const jumped = jumps.length ? ` It jumps to another equilibrium ${formatList(jumps)}.` : "";
   const stopped =
     jumped + (motion.stopped ? ` Drawn as far as it goes: ${motion.stopped}.` : "");
   if (own.curves && own.has(state.solver)) {
@@ -393,7 +393,7 @@ function drawCurves() {
 // Where curves jump, in words; those of a solver only where it jumps elsewhere.
 function jumpWords(run, channel, solvers) {
   const between = (k) => `between ${atSample(k)} and ${atSample(k + 1)}`;
-  const words = (name, jumps) => (jumps.length ? ` ${name} jumps ${listed(jumps.map(between))}.` : "");
+  const words = (name, jumps) => (jumps.length ? ` ${name} jumps ${formatList(jumps.map(between))}.` : "");
   return [
     words("The reference", channel.jumps),
     ...solvers

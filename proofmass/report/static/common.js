@@ -30,7 +30,7 @@ function worded(value, digits = 2) {
 }
 
 // Words one after the other: a, b and c.
-function listed(words) {
+function formatList(words) {
   return [words.slice(0, -1).join(", "), ...words.slice(-1)].filter(Boolean).join(" and ");
 }
 

@@ -248,7 +248,7 @@ function drawChips() {
   const made = engines.map((engine) => {
     const own = data.series.flatMap((series, k) => (series.engine === engine ? [k] : []));
     const on = own.some((k) => !state.off.has(k));
-    const said = escaped(data.series[own[0]].spoken);
+    const said = escaped(data.series[own[0]].title);
     return chip(`All of ${said}`, on, () => toggle(own, on), "group");
   });
   data.series.forEach((series, k) => {

@@ -36,6 +36,7 @@ from proofmass.sim.protocol import (
     Drive,
     Engine,
     Imposed,
+    LimitProblem,
     OwnMotion,
     ParameterValue,
     ParameterValues,
@@ -44,7 +45,6 @@ from proofmass.sim.protocol import (
     Run,
     Scan,
     Scheme,
-    Specimen,
     Studied,
     left_to_sidecar,
 )
@@ -306,9 +306,9 @@ class Mujoco(Engine):
         """The scheme of the integrator."""
         return stability.scheme_of(parameters, model)
 
-    def specimens(self) -> Iterator[Specimen]:
-        """See `proofmass.sim.mujoco.stability.specimens`."""
-        return stability.specimens()
+    def limit_problems(self) -> Iterator[LimitProblem]:
+        """See `proofmass.sim.mujoco.stability.limit_problems`."""
+        return stability.limit_problems()
 
 
 ENGINE = Mujoco()

@@ -171,7 +171,7 @@ class LimitedJoints:
         self.side[wrong] = state[wrong]
         return bool(wrong.size)
 
-    def spoken(self) -> str:
+    def format_held(self) -> str:
         """The joints that are held."""
         return ", ".join(self.names[k] for k in np.flatnonzero(self.side))
 
@@ -331,7 +331,7 @@ class RestingLinkage(Linkage):
         elif isinstance(error, Lost):
             error = UnstableRest(UNSTABLE)
         kind = UnstableRest if isinstance(error, UnstableRest) else BadModel
-        return kind(f"{error} beyond {self.spoken(here)}")
+        return kind(f"{error} beyond {self.format_drives(here)}")
 
     def fall(self, values: Array) -> Array:
         """Descend from the present pose to another rest, with drives and loads at `values`.
@@ -356,7 +356,7 @@ class RestingLinkage(Linkage):
     def settle(self) -> Array:
         """Descend from the start pose to rest, with the drives where they are."""
         here = self.data.qpos[self.adr]
-        held = f" when {self.spoken(here)} is held" if self.joints else ""
+        held = f" when {self.format_drives(here)} is held" if self.joints else ""
         left = f"{self.free} degree(s) of freedom left{held}"
         self.stops.begin(self.data.qpos)
         try:
@@ -427,7 +427,7 @@ class RestingLinkage(Linkage):
             )
             if past.size and self.balance.left_open() > CLOSED:
                 if not older.size:
-                    raise BadModel(f"the stops of {self.stops.spoken()} are in the way")
+                    raise BadModel(f"the stops of {self.stops.format_held()} are in the way")
                 self.stops.side[older[0]], older = 0, older[1:]  # another joint came to its stop
                 continue
             move = self.balance.step(descend)

@@ -51,7 +51,7 @@ from proofmass.sim.rods import (
     without_links_to_rods,
 )
 
-CALM = 0.3  # of a rod's time: damping in proportion to stiffness, critical for the slowest swing
+DAMPED = 0.3  # of a rod's time: damping in proportion to stiffness, critical for the slowest swing
 
 
 def points(rod: Rod) -> Chain:
@@ -124,7 +124,7 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, one: Chain) -> None:
         young=4 * rod.stiffness / (np.pi * radius**4),
         poisson=0.0,
         radius=radius,
-        damping=CALM * tempo(rod),
+        damping=DAMPED * tempo(rod),
         contype=0,
         conaffinity=0,
         vertbody=[body.name for body in bodies],

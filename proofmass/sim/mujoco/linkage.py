@@ -358,7 +358,7 @@ class Linkage:
         if not np.abs(gaps).max(initial=0.0) < CLOSED:
             open_by = loop_gap(self.model, self.data).max(initial=0.0)
             raise BadModel(
-                f"cannot be assembled at {self.spoken(values)}: "
+                f"cannot be assembled at {self.format_drives(values)}: "
                 f"the loop stays open by {open_by:.3g} m"
             )
         return jacobian, residual
@@ -418,7 +418,7 @@ class Linkage:
                 name = getattr(self.model, word)(self.data.efc_id[past.argmax()]).name
                 raise BadModel(
                     f"{word} {name!r} is beyond its range at "
-                    f"{self.spoken(self.data.qpos[self.adr])}"
+                    f"{self.format_drives(self.data.qpos[self.adr])}"
                 )
 
     def freedoms(self) -> int:
@@ -462,7 +462,7 @@ class Linkage:
         turned = np.swapaxes(right, -1, -2) / values[..., None, :]
         return np.asarray(turned @ np.swapaxes(left, -1, -2) * self.shares.T)
 
-    def spoken(self, values: Array) -> str:
+    def format_drives(self, values: Array) -> str:
         """The driven joints with their values."""
         return ", ".join(f"{j} = {v:.6g}" for j, v in zip(self.joints, values, strict=True))
 
@@ -480,7 +480,7 @@ class Linkage:
         if rank < self.model.nv:
             raise Unsupported(
                 f"{self.model.nv - rank} degree(s) of freedom left when "
-                f"{self.spoken(self.data.qpos[self.adr])} is held (singular values "
+                f"{self.format_drives(self.data.qpos[self.adr])} is held (singular values "
                 f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose"
             )
         return self.inverted(left, values, right)

@@ -9,10 +9,10 @@ from proofmass.analytic.numerics import Array, unwrapped_quaternion
 from proofmass.sim.contents import (
     anchors,
     connects,
+    format_parts,
     joint_of,
     parts_of,
     pose_of,
-    spoken_parts,
 )
 from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
@@ -156,7 +156,7 @@ class Recorder:
         index = named(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
         angle = ("angle",) if self.model.sensor_dim[index] == 3 else ()
         if part not in (*parts_of(self.model, index), *angle):
-            right = spoken_parts(self.model, index)
+            right = format_parts(self.model, index)
             raise BadModel(f"channel {channel!r}: no such part of sensor {name!r}; use {right}")
         return index, part
 

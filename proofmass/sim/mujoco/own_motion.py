@@ -240,12 +240,12 @@ def solve_own_motion(
         )
 
     limit = {way: share * seconds for way, share in SHARES.items()}
-    runs = [stepped(spoken(own, step), 1, limit["steps"], times.size)]
+    runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
     if runs[0].seconds < SHORT:  # what is done for the first time takes longer
-        runs = [stepped(spoken(own, step), 1, limit["steps"], times.size)]
+        runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
     halvings, n = affordable(runs[0], limit["steps"])
     for k in range(1, halvings + 1):
-        runs.append(stepped(spoken(own, step / 2**k), 2**k, limit["steps"], n))
+        runs.append(stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n))
     close, rough = (
         without_steps(model, data, Watched(points, inputs), times[:n], allowed, limit[way])
         for way, allowed in (("close", CLOSE), ("rough", ROUGH))
@@ -254,7 +254,7 @@ def solve_own_motion(
     other = stepped("disturbed", 2**k, limit["disturbed"], n, DISTURBANCE)
     ways = list[OwnRun]()
     if own != mujoco.mjtIntegrator.mjINT_RK4:
-        name = spoken(mujoco.mjtIntegrator.mjINT_RK4, step)
+        name = format_integrator(mujoco.mjtIntegrator.mjINT_RK4, step)
         ways.append(stepped(name, 1, limit["others"], n, integrator=mujoco.mjtIntegrator.mjINT_RK4))
     stiffer = None
     if runs[k].depth.any() or model.neq or model.jnt_limited.any():
@@ -290,10 +290,10 @@ def affordable(own: OwnRun, limit: float) -> tuple[int, int]:
     return FEWEST, max(2, int(samples * limit / (own.seconds * (2 ** (FEWEST + 1) - 2))))
 
 
-def spoken(integrator: mujoco.mjtIntegrator, step: float) -> str:
+def format_integrator(integrator: mujoco.mjtIntegrator, step: float) -> str:
     """An integrator with its step, in words.
 
-    >>> spoken(mujoco.mjtIntegrator.mjINT_EULER, 0.002)
+    >>> format_integrator(mujoco.mjtIntegrator.mjINT_EULER, 0.002)
     'Euler, 2 ms'
     """
     return f"{spelled(integrator.name.removeprefix('mjINT_'))}, {1e3 * step:.4g} ms"

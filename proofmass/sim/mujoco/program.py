@@ -145,13 +145,13 @@ def write_program(
         steady=not moves,
         middle=by_stage,
         parts={name.rpartition(".")[2] for name in recorder.sensors},
-        qpos=listed(data.qpos),
-        qvel=listed(data.qvel),
+        qpos=format_numbers(data.qpos),
+        qvel=format_numbers(data.qvel),
         ctrl=ctrl.tolist(),
         controls=controls.strip(),
         loads=places_of_controls(model, (one.actuator for one in run.loads)),
         more={
-            name: listed(getattr(data, name).ravel())
+            name: format_numbers(getattr(data, name).ravel())
             for name in MORE
             if (getattr(data, name) != getattr(fresh, name)).any()
         },
@@ -172,7 +172,7 @@ def target(kind: str, moves: bool, by_stage: bool) -> str:
     }[kind]
 
 
-def listed(values: Array) -> str:
+def format_numbers(values: Array) -> str:
     """Numbers with all their digits, in lines that can be read."""
     numbers = [repr(value) for value in values.tolist()]
     if len(numbers) <= 4:

@@ -89,7 +89,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         mujoco.mj_inverse(model, data)
         if data.ncon:
             raise Unsupported(
-                f"{data.ncon} contact(s) in a sweep, at {linkage.spoken(values[:drives])}"
+                f"{data.ncon} contact(s) in a sweep, at {linkage.format_drives(values[:drives])}"
             )
         if run.inertia:
             moments[k] = linkage.balance_forces(tangent, bool(shown))[:drives]

@@ -120,7 +120,7 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     value, rate, acceleration = run.motion(run.x)
     moments, steps, began = np.empty(value.T.shape), 0, time.perf_counter()
     for k, values in enumerate(value.T):
-        steps += glide(linkage, values) + calm(linkage, values)
+        steps += glide(linkage, values) + settle(linkage, values)
         moments[k] = holding_moments(linkage)
         record.sample(k)
     seconds = time.perf_counter() - began
@@ -175,7 +175,7 @@ def glide(linkage: Linkage, values: Array) -> int:
     return steps
 
 
-def calm(linkage: Linkage, values: Array) -> int:
+def settle(linkage: Linkage, values: Array) -> int:
     """Step with the drives held until nothing moves; the number of steps."""
     data = linkage.data
 
@@ -189,7 +189,7 @@ def calm(linkage: Linkage, values: Array) -> int:
         block=BLOCK,
         most=MOST,
         hold=hold,
-        where=f" at {linkage.spoken(values)}",
+        where=f" at {linkage.format_drives(values)}",
     )
 
 

@@ -19,15 +19,15 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.problem_models import key, wheel
 from proofmass.sim.protocol import (
+    LimitProblem,
     ParameterValue,
     ParameterValues,
     Scheme,
-    Specimen,
     StepMap,
     Stepping,
 )
-from proofmass.sim.specimens import key, wheel
 
 
 def euler(z: float, zeta: float) -> Array:
@@ -107,11 +107,11 @@ def scheme_of(parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
     return next(one for one in SCHEMES if one.name.lower() == name.lower())
 
 
-def specimens() -> Iterator[Specimen]:
+def limit_problems() -> Iterator[LimitProblem]:
     """Springs with explicit damping, velocity servos, soft loops, and flat cylinders."""
     for zeta in (0.3, 1.0):
         text = wheel(1.0, 2.0 * zeta, flags='eulerdamp="disable"')
-        yield Specimen(
+        yield LimitProblem(
             f"spring on a hinge, ζ = {zeta:g}, explicit damping",
             "Euler",
             "dt ω",
@@ -131,7 +131,7 @@ def sprung(text: str) -> Stepping:
     return lambda step: (text, step, {"integrator": "Euler"}, "place")
 
 
-def servos() -> Iterator[Specimen]:
+def servos() -> Iterator[LimitProblem]:
     """A velocity servo, an explicit damper unless the integrator knows it."""
     text = wheel(rest='<actuator><velocity joint="joint" kv="1"/></actuator>' + key("0", "0.001"))
 
@@ -141,14 +141,14 @@ def servos() -> Iterator[Specimen]:
     for one in SCHEMES:
         what = "velocity servo", one.name, "dt kv/I"
         if one.name == "Euler":
-            yield Specimen(*what, "|1 − z| = 1", served(one.name), theory=2.0)
+            yield LimitProblem(*what, "|1 − z| = 1", served(one.name), theory=2.0)
         elif one.step is rk4:  # on the negative axis, where critical damping is as well
-            yield Specimen(*what, "|R(−z)| = 1", served(one.name), rk4, 1.0)
+            yield LimitProblem(*what, "|R(−z)| = 1", served(one.name), rk4, 1.0)
         else:
-            yield Specimen(*what, "implicit in the velocity", served(one.name), theory=inf)
+            yield LimitProblem(*what, "implicit in the velocity", served(one.name), theory=inf)
 
 
-def soft_loops() -> Iterator[Specimen]:
+def soft_loops() -> Iterator[LimitProblem]:
     """A constraint is an explicit spring with critical damping, of omega = 1 / timeconst."""
     for name, step in (
         ("Euler", euler_explicit),
@@ -156,7 +156,7 @@ def soft_loops() -> Iterator[Specimen]:
         ("RK4", rk4),
         ("discrete", discrete),
     ):
-        yield Specimen(
+        yield LimitProblem(
             "loop with refsafe off",
             name,
             "dt/solref",
@@ -165,7 +165,7 @@ def soft_loops() -> Iterator[Specimen]:
             step,
             1.0,
         )
-    yield Specimen(
+    yield LimitProblem(
         "loop with refsafe on",
         "Euler",
         "dt/solref",
@@ -198,7 +198,7 @@ CYLINDERS = 400
 """Turned in as many ways: five of their axes are off by `TWO_ULPS`, 81 by half of that."""
 
 
-def flat_cylinders() -> Specimen:
+def flat_cylinders() -> LimitProblem:
     """Cylinders that hang above a floor, at rest and without weight: nothing should move them.
 
     From the centre of a face MuJoCo goes by the radius r along (n . a) a - n to the lowest point
@@ -213,7 +213,7 @@ def flat_cylinders() -> Specimen:
     `docs/contacts.md` has depths and energies of single poses.
     """
     theory = 1.0 / np.sqrt(1.0 - (GAP / RADIUS) ** 2)
-    return Specimen(
+    return LimitProblem(
         f"flat cylinders, {1e3 * GAP:g} mm above a floor",
         "Euler",
         "r d/(gap tilt)",

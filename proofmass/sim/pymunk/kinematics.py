@@ -382,17 +382,17 @@ def _between(
 ) -> tuple[Array, Array]:
     """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
     table, slides, rows = links.table, links.table.slides, links.rows
-    efforts = np.zeros((*pose.shape[:-2], len(links.holds)))
-    efforts[..., : len(links.joints)] = -links.joint_table.efforts(joint_values(links, pose))
+    forces = np.zeros((*pose.shape[:-2], len(links.holds)))
+    forces[..., : len(links.joints)] = -links.joint_table.joint_forces(joint_values(links, pose))
     for pushed, push in zip([*links.drives, *stops], pull[rows:].tolist(), strict=True):
-        efforts[..., next(k for k, one in enumerate(links.joints) if one is pushed)] -= push
+        forces[..., next(k for k, one in enumerate(links.joints) if one is pushed)] -= push
     held = -pull[: 2 * len(links.holds)].reshape(-1, 2)
     signs = np.append(links.joint_table.sign, np.zeros(len(links.loops)))
     if not table.slide:
-        return np.broadcast_to(held, (*efforts.shape, 2)), signs * efforts
+        return np.broadcast_to(held, (*forces.shape, 2)), signs * forces
     axis = turned(pose[..., table.a, 2], table.axis)
-    sliding = held[:, :1] * (axis @ QUARTER) + efforts[..., None] * axis
-    return (np.where(slides[:, None], sliding, held), np.where(slides, held[:, 1], signs * efforts))
+    sliding = held[:, :1] * (axis @ QUARTER) + forces[..., None] * axis
+    return (np.where(slides[:, None], sliding, held), np.where(slides, held[:, 1], signs * forces))
 
 
 NUDGE = 1e-4

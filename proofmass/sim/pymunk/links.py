@@ -152,13 +152,13 @@ class JointTable(HoldTable):
             load=np.array([joint.load for joint in joints]),
         )
 
-    def efforts(self, values: Array) -> Array:
+    def joint_forces(self, values: Array) -> Array:
         """Moments [N m] or forces [N] of springs, servos and loads at values (..., joints)."""
         x, (k, a, b) = values - self.rest, self.acting
         return np.asarray(self.load - x * (k + x * (a + x * b)))
 
     def energy(self, values: Array) -> Array:
-        """Energy [J] (...) whose derivatives are what `efforts` has against it."""
+        """Energy [J] (...) whose derivatives are what `joint_forces` has against it."""
         x, (k, a, b) = values - self.rest, self.acting
         return np.asarray((x**2 * (k / 2 + x * (a / 3 + x * b / 4)) - self.load * values).sum(-1))
 

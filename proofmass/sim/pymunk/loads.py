@@ -72,14 +72,14 @@ class Loaded:
 
 
 @dataclass(frozen=True)
-class ChangingEffort:
-    """What a unit of a control does: an effort on a joint [N m or N], or a load on a link.
+class ChangingForce:
+    """What a unit of a control does: a force or torque on a joint [N m or N], or a load on a link.
 
     It does nothing if neither is there, as a load on the ground.
     """
 
     joint: int = -1
-    effort: float = 0.0
+    force: float = 0.0
     pull: Pull | None = None
 
 
@@ -138,17 +138,17 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
     return low, high
 
 
-def efforts_of_loads(links: Links, run: Run) -> tuple[ChangingEffort, ...]:
+def changing_forces(links: Links, run: Run) -> tuple[ChangingForce, ...]:
     """What a unit of the control of each load does."""
-    model, found = links.model, list[ChangingEffort]()
+    model, found = links.model, list[ChangingForce]()
     for name in names_of(run):
         a = model.actuator(name).id
         gain, joint = float(model.actuator_gainprm[a, 0]), joint_of(model, a)
         if joint >= 0:
-            found.append(ChangingEffort(joint, gain * float(gear_of(model, a)[0])))
+            found.append(ChangingForce(joint, gain * float(gear_of(model, a)[0])))
         else:
             pull = pull_of(model, links.data, a, gain, links.plane, links.of_body, links.centre)
-            found.append(ChangingEffort(pull=pull))
+            found.append(ChangingForce(pull=pull))
     return tuple(found)
 
 
@@ -170,9 +170,9 @@ def add_loads(space: pymunk.Space, links: Links, run: Run) -> Callable[[list[flo
         Sets the `changes` of the controls.
     """
     now = [0.0] * len(run.loads)
-    for k, one in enumerate(efforts_of_loads(links, run)):
+    for k, one in enumerate(changing_forces(links, run)):
         if one.joint >= 0:
-            add_changing_spring(space, links, links.joints[one.joint], k, one.effort, now)
+            add_changing_spring(space, links, links.joints[one.joint], k, one.force, now)
         elif one.pull:
             add_changing_pull(space, one.pull, k, now)
 

@@ -18,7 +18,7 @@ from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_
 from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring
-from proofmass.sim.pymunk.loads import at_start, efforts_of_loads, followed, names_of
+from proofmass.sim.pymunk.loads import at_start, changing_forces, followed, names_of
 from proofmass.sim.pymunk.model import find_channels, read_model, with_controls
 from proofmass.sim.pymunk.read import (
     Direction,
@@ -52,10 +52,10 @@ WIDE = 100
 """Columns of the program; only what cannot be broken is wider."""
 ZERO = 1e-15
 """Components of unit vectors that are rounding of 0, or of 1 if they are so near to it."""
-EFFORT = -2
+FORCE = -2
 """Order of a `Sensor` of what a drive must do."""
 UNIT = {True: ("rad", "N m"), False: ("m", "N")}
-"""Of the coordinate of a hinge or a slide, and of its effort."""
+"""Of the coordinate of a hinge or a slide, and of its force."""
 
 
 def write_program(
@@ -170,7 +170,7 @@ def free_name(name: str, taken: set[str]) -> str:
     return tried
 
 
-def spoken(name: str) -> str:
+def format_comment(name: str) -> str:
     """A name in a comment."""
     return escaped(repr(name)[1:-1]).replace("\\\\", "\\").replace("\n", " ")
 
@@ -180,10 +180,10 @@ def digits(number: float) -> str:
     return repr(float(number) + 0.0)
 
 
-def listed(numbers: Iterable[float]) -> str:
+def format_numbers(numbers: Iterable[float]) -> str:
     """Numbers as a list, infinity as NumPy's.
 
-    >>> listed([-np.inf, 2.5])
+    >>> format_numbers([-np.inf, 2.5])
     '[-np.inf, 2.5]'
     """
     return f"[{', '.join(map(digits, numbers))}]".replace("inf", "np.inf")
@@ -275,7 +275,7 @@ def _rendered(
     channels = {
         repr(name): writer.channel(name, channel)
         for name, channel in [*find_channels(links, run)[0].items(), *drive_channels(links)]
-        if channel.order > -2 or (channel.order == EFFORT and not limited)
+        if channel.order > -2 or (channel.order == FORCE and not limited)
     }
     asks_energy = any("value(potential)" in text for text in channels.values())
     potential = writer.potential() if asks_energy else None
@@ -302,17 +302,17 @@ def _rendered(
             "value",
             "rate",
             "acceleration",
-            "effort",
+            "force",
         )
         if re.search(rf"\b{word}\(", written)
     }
-    efforts = writer.efforts() if "effort" in needs else None
+    forces = writer.forces() if "force" in needs else None
     changing = writer.changing(run, controls) if run.loads else None
-    if efforts:
-        rows = [*efforts["springs"], *(changing["efforts"] if changing else ())]
-        asked = "\n".join([*efforts["driven"], *(row["value"] for row in rows)])
+    if forces:
+        rows = [*forces["springs"], *(changing["forces"] if changing else ())]
+        asked = "\n".join([*forces["driven"], *(row["value"] for row in rows)])
         needs |= {word for word in ("slid", "apart", "beyond") if f"{word}(" in asked}
-        needs |= {"along"} | ({"spring_force"} if efforts["springs"] else set())
+        needs |= {"along"} | ({"spring_force"} if forces["springs"] else set())
     needs |= {"along"} if needs & {"rate", "acceleration"} else set()
     needs |= {"ahead"} if drive == "motor" else set()
     return template("pymunk.py.jinja", comment=comment).render(
@@ -339,7 +339,7 @@ def _rendered(
         start=writer.start(pose, velocity),
         channels=channels,
         potential=potential,
-        efforts=efforts,
+        forces=forces,
         changing=changing,
         lost=LOST,
         contacts=writer.contacts(settings) if links.contacts else None,
@@ -480,7 +480,7 @@ class Writer:
         first: bool,
     ) -> dict[str, Any]:
         k, square, cube = joint.acting
-        unit, effort = UNIT[joint.hold.axis is None]
+        unit, force = UNIT[joint.hold.axis is None]
         own = first and bool(any(joint.acting) or joint.damping)
         linear = own and not (square or cube)
         damping = digits(constraint.damping)
@@ -514,11 +514,11 @@ class Writer:
                 ),
             ]
         if not own:
-            return {"words": f"{called(joint)}: a load of {joint.load:g} {effort}", "lines": lines}
+            return {"words": f"{called(joint)}: a load of {joint.load:g} {force}", "lines": lines}
         poly = "".join(f" + {c:g} x^{n}" for n, c in ((2, square), (3, cube)) if c)
-        told = [f"a spring, {k:g} x{poly} [{effort}], x = 0 at {joint.rest:g} {unit}"] * any(
+        told = [f"a spring, {k:g} x{poly} [{force}], x = 0 at {joint.rest:g} {unit}"] * any(
             joint.acting
-        ) + [f"a damper, {joint.damping:g} {effort} s/{unit}"] * bool(joint.damping)
+        ) + [f"a damper, {joint.damping:g} {force} s/{unit}"] * bool(joint.damping)
         return {"words": f"{called(joint)}: {' and '.join(told)}", "lines": lines}
 
     def _point_spring(
@@ -534,12 +534,12 @@ class Writer:
             lines += ["spring.force_func = lambda _, length: (", f"    {force}, 0.0, 0.0))"]
         told = [f"a spring, {spring.stiffness:g} N/m, {slack}"] * bool(spring.stiffness)
         told += [f"a damper, {spring.damping:g} N s/m"] * bool(spring.damping)
-        named = f'spring "{spoken(spring.name)}"' if spring.name else "a spring"
+        named = f'spring "{format_comment(spring.name)}"' if spring.name else "a spring"
         return {"words": f"{named} between points: {' and '.join(told)}", "lines": lines}
 
     def _gear(self, gear: LinkGear, a: str, b: str) -> dict[str, Any]:
         ratio, phase = digits(gear.ratio), digits(gear.phase)
-        named = f'gear "{spoken(gear.name)}"' if gear.name else "a gear"
+        named = f'gear "{format_comment(gear.name)}"' if gear.name else "a gear"
         return {
             "words": f"{named}: {a} turns {gear.ratio:g} times as far as {b}",
             "lines": [wrapped(f"add(pymunk.GearJoint({a}, {b}, {phase}, {ratio}))")],
@@ -638,8 +638,8 @@ class Writer:
         function = channel.function
         if channel.order == -1:
             return "kinetic(0.5 * (before + after))"
-        if channel.order == EFFORT:
-            return summed([(channel.factor, f"effort({channel.drive})")])
+        if channel.order == FORCE:
+            return summed([(channel.factor, f"force({channel.drive})")])
         if isinstance(function, Level):
             shares = [(s, f"more[{k}]") for k, s in enumerate(self.levels.get(name, ())) if s]
             if shares:
@@ -702,8 +702,8 @@ class Writer:
             beyond = self._beyond(self._length(spring), spring)
             yield beyond, 0.0, (spring.stiffness, 0.0, 0.0), spring.damping, 0.0
 
-    def efforts(self) -> dict[str, Any]:
-        """What the efforts of drives follow from: their coordinates, springs, loads."""
+    def forces(self) -> dict[str, Any]:
+        """What the forces of drives follow from: their coordinates, springs, loads."""
         springs = [
             {
                 "value": wrapped(f"lambda pose: {value}", 9, 9),
@@ -730,17 +730,17 @@ class Writer:
 
     def changing(self, run: Run, source: str) -> dict[str, Any]:
         """How controls change, and what they do."""
-        lines, efforts, pulls = list[str](), list[dict[str, Any]](), list[dict[str, Any]]()
-        for k, one in enumerate(efforts_of_loads(self.links, run)):
+        lines, forces, pulls = list[str](), list[dict[str, Any]](), list[dict[str, Any]]()
+        for k, one in enumerate(changing_forces(self.links, run)):
             if one.joint >= 0:
                 joint = self.links.joints[one.joint]
-                unit, hold = digits(one.effort), joint.hold
+                unit, hold = digits(one.force), joint.hold
                 a, b = self.names[hold.a], self.names[hold.b]
                 row = {"k": k, "unit": unit, "value": f"lambda pose: {self._value(joint)}"}
-                efforts.append(row)
+                forces.append(row)
                 if hold.axis is None:
                     make, setter = "DampedRotarySpring", "torque_func"
-                    ends, unit = "0.0", digits(joint.sign * one.effort)
+                    ends, unit = "0.0", digits(joint.sign * one.force)
                 else:
                     make, setter, far = "DampedSpring", "force_func", REACH * self.links.extent
                     places = (hold.a, hold.on_a - far * hold.axis), (hold.b, hold.on_b)
@@ -766,11 +766,11 @@ class Writer:
         limited = np.isfinite(reach).any()
         return {
             "source": source.strip(),
-            "ends": [listed(end) for end in reach] if limited else None,
+            "ends": [format_numbers(end) for end in reach] if limited else None,
             "first": np.clip(run.controls(run.x[:1])[0][:, 0], *reach).tolist(),
-            "names": ", ".join(map(spoken, names_of(run))),
+            "names": ", ".join(map(format_comment, names_of(run))),
             "lines": lines,
-            "efforts": efforts,
+            "forces": forces,
             "pulls": pulls,
         }
 
@@ -781,7 +781,8 @@ class Writer:
             "slop": digits(settings["collision_slop"]),
             "bias": digits(settings["collision_bias"]),
             "shapes": [
-                {"make": self._shape(shape), "name": spoken(shape.name)} for shape in own.shapes
+                {"make": self._shape(shape), "name": format_comment(shape.name)}
+                for shape in own.shapes
             ],
             "laws": {
                 pair: tupled((law.friction, law.restitution)) for pair, law in own.laws.items()
@@ -826,4 +827,4 @@ def called(owner: LinkJoint | Hold) -> str:
     kind = "loop"
     if isinstance(owner, LinkJoint):
         kind = "hinge" if owner.hold.axis is None else "slide"
-    return f'{kind} "{spoken(owner.name)}"' if owner.name else f"a {kind}"
+    return f'{kind} "{format_comment(owner.name)}"' if owner.name else f"a {kind}"

@@ -218,7 +218,7 @@ STILL = 1e-12
 """Largest remaining move in a step, in extents or radians, that counts as rest at a sample."""
 ROUGH = 1e-6
 """The same between samples, where the pose only has to stay on its branch."""
-CALM = 2
+SETTLED = 2
 """Steps in turn that must leave so little at a sample; between samples one is enough.
 
 One that leaves 1e-14 is not: where the solver is slow a step may do so by chance, and the rates of
@@ -246,7 +246,7 @@ CONVERGED = 1e-15
 HELD = 1e-9
 """Largest move in a step, in extents or radians, of joints that limited motors hold."""
 LESS = 1e-7
-"""Share of the largest effort that a drive holds less, to see which way it holds."""
+"""Share of the largest force that a drive holds less, to see which way it holds."""
 ROUNDING = 1e-16
 """What an iteration adds to the move in a step, in extents or radians."""
 AGREED = 1e-6
@@ -307,7 +307,7 @@ class HeldSpace:
     joints that rub, with what each has to give in ``rub`` [N m or N].  ``moving`` is a space of its
     own for rates, if the drives leave nothing free: Chipmunk begins each step with the impulses of
     the last one, and those of a motion are far from those of a rest.  ``largest`` is the largest
-    effort [N m or N] until now.
+    force [N m or N] until now.
     """
 
     links: Links
@@ -395,7 +395,7 @@ class HeldSpace:
         """
         last = drive_values(self.links, self.pose).tolist(), self.pose
         self.ahead(target, last[0])
-        calm, unsolved, began, modes = 0, 0, self.pose, None
+        settled, unsolved, began, modes = 0, 0, self.pose, None
         self.space.iterations = self.usual
         for count in range(MOST[self.free]):
             if count == DOUBT:
@@ -416,13 +416,13 @@ class HeldSpace:
                 break
             # a step to a stop is as short as the way there, and small whatever the forces are
             steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
-            calm = calm + 1 if steady and solved else 0
-            if calm == CALM or (calm and still > STILL):
+            settled = settled + 1 if steady and solved else 0
+            if settled == SETTLED or (settled and still > STILL):
                 if not self._missed(target):
                     self.most = max(self.most, self.space.iterations)
                     self.past = (*self.past[1 - BEFORE :], last)
                     return
-                if calm == CALM:
+                if settled == SETTLED:
                     raise self._lost(target, "at rest")
         close(self.links, began, target)
         kind = NotSolved if np.isfinite(self.velocity).all() else Diverged
@@ -506,14 +506,14 @@ class HeldSpace:
         for motor, rub in zip(self.friction, self.rub, strict=True):
             motor.slip(float(np.sign(rub)), float(joint_value(motor.joint, self.pose)))
 
-    def efforts(self) -> Array:
+    def drive_forces(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
 
         Chipmunk tells only the size of an impulse.  Its sign is found by letting one drive hold
         less for a step: the joint falls the way that the drive held it back from.  It does so in
         the first iteration already, which lessens the drive's impulse of the last step and leaves
-        others.  The drive holds less by `LESS` of the largest effort, so that the next rest begins
-        with impulses that are nearly right, and nothing if its effort is smaller than that.
+        others.  The drive holds less by `LESS` of the largest force, so that the next rest begins
+        with impulses that are nearly right, and nothing if its force is smaller than that.
         """
         here = drive_values(self.links, self.pose)
         self.step(here)
@@ -888,9 +888,9 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     read, stopped = _follow(held, laws, {c.order for c in wanted.values()}, loaded, settings)
     if isinstance(held, HeldRubbing) and not stopped:
         held.check_slipped()
-    pose, velocity, effort, rub = (np.array(part) for part in zip(*read, strict=True))
+    pose, velocity, force, rub = (np.array(part) for part in zip(*read, strict=True))
     curves = {
-        name: unwrapped(name, _curve(c, links, pose, velocity, effort))
+        name: unwrapped(name, _curve(c, links, pose, velocity, force))
         for name, c in wanted.items()
         if c.order != -3
     }
@@ -920,7 +920,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
 def _follow(
     held: HeldSpace, laws: Array, orders: set[int], loaded: Loaded, settings: Settings
 ) -> tuple[list[tuple[Array, ...]], str]:
-    """Pose, velocity, efforts and friction at each sample, and why the last were not reached."""
+    """Pose, velocity, forces and friction at each sample, and why the last were not reached."""
     read: list[tuple[Array, ...]] = []
     fastest = float(np.abs(laws[:, 1]).max())
     before = loaded.controls[0]
@@ -934,9 +934,9 @@ def _follow(
             last = named(loaded.links, laws[:, 0, len(read) - 1])
             return read, f"stopped at {last}: {error}"
         pose, before = held.pose, controls
-        effort = held.efforts() if -2 in orders else np.zeros(len(value))
+        force = held.drive_forces() if -2 in orders else np.zeros(len(value))
         velocity = held.rates(rate) if orders & {1, -1} else np.zeros_like(pose)
-        read.append((pose, velocity, effort, held.rub.copy()))
+        read.append((pose, velocity, force, held.rub.copy()))
     return read, ""
 
 
@@ -963,9 +963,9 @@ def _drive_to(
         held.settle(stage, STILL if k == len(way) else ROUGH)
 
 
-def _curve(c: Sensor, links: Links, pose: Array, velocity: Array, effort: Array) -> Array:
+def _curve(c: Sensor, links: Links, pose: Array, velocity: Array, force: Array) -> Array:
     if c.order == -2:
-        return effort[:, c.drive] * c.factor
+        return force[:, c.drive] * c.factor
     if c.order == -1:
         return kinetic(links, velocity)
     return c.function(pose) if c.order == 0 else along(c.function, pose, velocity)
@@ -983,11 +983,9 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
     held = hold(links, settings)
     held.settle(start)
     pose = held.pose
-    efforts = held.efforts() if any(c.order == -2 for c in channels.values()) else np.empty(0)
+    forces = held.drive_forces() if any(c.order == -2 for c in channels.values()) else np.empty(0)
     curves = {
-        name: np.full(
-            run.x.size, efforts[c.drive] * c.factor if c.order == -2 else c.function(pose)
-        )
+        name: np.full(run.x.size, forces[c.drive] * c.factor if c.order == -2 else c.function(pose))
         for name, c in channels.items()
         if c.order in (0, -2)
     }

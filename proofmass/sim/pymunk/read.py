@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import follows_joint, gear_of_force, joint_of, parts_of, spoken_parts
+from proofmass.sim.contents import follows_joint, format_parts, gear_of_force, joint_of, parts_of
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.kinematics import along, joint_value, spring_length, turned
@@ -38,7 +38,7 @@ PoseFunction = Callable[[Array], Array]
 class Sensor:
     """One channel: a function of the pose and how often to differentiate it by time.
 
-    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy, -2 for the effort of a drive, given by
+    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy, -2 for the force of a drive, given by
     its place among the drives, which `factor` turns into the sensor's, and -3 for what is
     `transmitted` between two bodies.
     """
@@ -201,7 +201,7 @@ def channel(links: Links, name: str) -> Sensor | str:
     kind = S(int(model.sensor_type[s]))
     angle = ("angle",) if kind == S.mjSENS_FRAMEXAXIS else ()
     if part not in (*parts_of(model, s), *angle):
-        raise BadModel(f"no channel '{name}'; use {spoken_parts(model, s)}")
+        raise BadModel(f"no channel '{name}'; use {format_parts(model, s)}")
     if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
         return "a sensor with a reference frame is not rebuilt for pymunk"
     if kind in ORDER:

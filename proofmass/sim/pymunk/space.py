@@ -124,7 +124,7 @@ def add_changing_pull(space: pymunk.Space, unit: Pull, k: int, now: list[float])
 def add_changing_spring(
     space: pymunk.Space, links: Links, joint: LinkJoint, k: int, unit: float, now: list[float]
 ) -> None:
-    """Let an effort act on a joint in every step that is number k of `now` times a unit."""
+    """Let a force or torque act on a joint in every step that is number k of `now` times a unit."""
     bodies = [*space.bodies, space.static_body]
     space.add(_spring(joint, links, bodies, lambda _: unit * now[k]))
 

@@ -89,10 +89,10 @@ def times(entry: Entry) -> list[float]:
     return [before.seconds * max(1 - share, LEAST) for share in (middle, high, low)]
 
 
-def spoken_time(seconds: float) -> str:
+def format_time(seconds: float) -> str:
     """A time of a step in words.
 
-    >>> spoken_time(1.234e-5), spoken_time(0.0021)
+    >>> format_time(1.234e-5), format_time(0.0021)
     ('12.3 µs', '2.1 ms')
     """
     return f"{number(1e6 * seconds)} µs" if seconds < 1e-3 else f"{number(1e3 * seconds)} ms"
@@ -104,9 +104,9 @@ def sentence(entry: Entry) -> str:
     told = f"{entry.outcome.capitalize()}: {WORDS[entry.outcome]}."
     one, two = ("before", "after") if entry.kind == OPTION else ("with it", "without")
     own = times(entry)
-    told += f" A step takes {spoken_time(before.seconds)} {one}, {spoken_time(own[0])} {two}"
+    told += f" A step takes {format_time(before.seconds)} {one}, {format_time(own[0])} {two}"
     if entry.saved:
-        told += f" ({spoken_time(own[1])} to {spoken_time(own[2])} with {SURE})"
+        told += f" ({format_time(own[1])} to {format_time(own[2])} with {SURE})"
     if entry.saved and not entry.measurable:
         told += ", no change that is measured"
     told += f". Memory: {number(before.size / 1024)} KB {one}, {number(after.size / 1024)} {two}."

@@ -34,7 +34,7 @@ from proofmass.studies.bounded import bounded
 from proofmass.studies.diet.edits import WATCHED, Draft, read
 from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, failure_word, groups
 from proofmass.studies.measure import Measurement, measure
-from proofmass.wording import listed, number
+from proofmass.wording import format_list, number
 from proofmass.worker import isolated
 
 ROUNDING = 1e-9  # of a channel's largest value; 1e7 times that of one number
@@ -232,12 +232,12 @@ def scene_of(
             raise InputError(
                 file,
                 "--watch",
-                f"no channel of the sidecars reads {listed(watch)}; "
+                f"no channel of the sidecars reads {format_list(watch)}; "
                 f"{suggest(watch[0], there, 'their channels')}",
             )
         sensors &= read_by
         words = (
-            f"Watched: {listed(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
+            f"Watched: {format_list(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
             "runs of the sidecars."
         )
     return DietScene(
@@ -296,11 +296,11 @@ def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
     ]
     sensors = [s.name for s in draft.spec.sensors if s.name not in draft.probes]
     if draft.watch:
-        yield f"Watched: {listed(named)}, and nothing else."
+        yield f"Watched: {format_list(named)}, and nothing else."
     elif sensors:
         yield (
             f"Watched, since no sidecar and no --watch says what matters: all sensors of the "
-            f"model, {listed(sensors)}."
+            f"model, {format_list(sensors)}."
         )
     else:
         yield (
@@ -309,7 +309,7 @@ def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
         )
     if watch.level:
         yield (
-            f"{listed(sorted(watch.level))}: a potential energy is known up to a constant, so "
+            f"{format_list(sorted(watch.level))}: a potential energy is known up to a constant, so "
             "only its change counts; what does not move adds nothing to it."
         )
     try:

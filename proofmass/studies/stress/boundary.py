@@ -78,7 +78,7 @@ class VariedRange:
     Attributes
     ----------
     what : str
-        The case, or the specimen in words.
+        The case, or the problem in words.
     engine, setting : str
         The engine, and its integrator or what else is set, in words.
     parameter, unit : str

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from proofmass.report.style import Look, hatches, looks
 from proofmass.studies.stress.boundary import Boundary
-from proofmass.wording import spoken
+from proofmass.wording import format_solver
 
 INK = "#333333"
 ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] a boundary, the figure, what stands above and below
@@ -78,7 +78,7 @@ def styled(found: Sequence[Boundary]) -> dict[str, Style]:
 
 def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
     """One boundary: a bar from its first value, and how it ends."""
-    label = f"{one.what}, {one.setting}" if known else f"{spoken(one.engine)}, {one.setting}"
+    label = f"{one.what}, {one.setting}" if known else f"{format_solver(one.engine)}, {one.setting}"
     ax.annotate(
         label,
         (0, y),
@@ -175,7 +175,7 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
 def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     """Engines, and what the ends of bars mean."""
     handles: list[Patch | Line2D] = [
-        Patch(label=spoken(e), **filled(style)) for e, style in styled(found).items()
+        Patch(label=format_solver(e), **filled(style)) for e, style in styled(found).items()
     ]
     plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
     handles += [

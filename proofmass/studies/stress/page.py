@@ -22,7 +22,7 @@ from proofmass.studies.stress.boundary import Boundary, BoundaryKind
 from proofmass.studies.stress.figure import NEAR, factor_to, stress_sheet
 from proofmass.studies.stress.page_data import KINDS, end, limits_data, measured, solver_of
 from proofmass.studies.stress.stress import read_boundaries
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 SCRIPTS = ("axes.js", "rows.js", "limits.js")
 """Of the chart."""
@@ -62,7 +62,7 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
         kinds=[(MARKS[look.marker], colours[look.colour].css, look.words) for look in looked],
         limits=list(BoundaryKind),
         there=there,
-        engines=[(name, spoken(name), dressed[name].css) for name in engines],
+        engines=[(name, format_solver(name), dressed[name].css) for name in engines],
         tones=colours.values(),
     )
     return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
@@ -87,7 +87,7 @@ def part(
         "stem": stem,
         "words": list(words(found)),
         "first": list(breaks_first(found)),
-        "engines": list(dict.fromkeys(spoken(one.engine) for one in found)),
+        "engines": list(dict.fromkeys(format_solver(one.engine) for one in found)),
         "several": len({one.what for one in found}) > 1,
         "known": known,
         "theory": any(one.theory == one.theory for one in found),
@@ -168,7 +168,7 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
     for one in found:
         if one.holds != one.holds:
             yield (
-                f"{spoken(one.engine)}, {one.setting}: {one.parameter} cannot be varied, "
+                f"{format_solver(one.engine)}, {one.setting}: {one.parameter} cannot be varied, "
                 f"{one.failure}"
             )
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from proofmass.report.case_data import finite
 from proofmass.report.marks import MARKS, Tone
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, exactly
-from proofmass.wording import number, pretty, spoken
+from proofmass.wording import format_solver, number, pretty
 
 
 class KindLook(NamedTuple):
@@ -88,7 +88,7 @@ def end(one: Boundary) -> float:
 
 def solver_of(one: Boundary) -> str:
     """Engine and setting in words, once where they are the same."""
-    engine = spoken(one.engine)
+    engine = format_solver(one.engine)
     return engine if one.setting == engine else f"{engine}, {one.setting}"
 
 

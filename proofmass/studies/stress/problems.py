@@ -15,8 +15,8 @@ import numpy as np
 from proofmass.drive import Steady
 from proofmass.engines import computes, engine_names, engine_of
 from proofmass.outcome import Outcome
-from proofmass.sim.protocol import Curves, Drive, Rod, Run, Scheme, Specimen
-from proofmass.sim.specimens import key, mjcf, wheel
+from proofmass.sim.problem_models import key, mjcf, wheel
+from proofmass.sim.protocol import Curves, Drive, LimitProblem, Rod, Run, Scheme
 from proofmass.sim.stability import limit
 from proofmass.solve import simulate
 from proofmass.studies.measure import Measurement, measure, step_taken
@@ -101,7 +101,7 @@ def fourbar(crank: float, coupler: float, rocker: float, ground: float, start: f
 def run_model(engine: str, text: str, run: Run) -> Curves | Measurement:
     """Run a model that is written here, in a process of its own; the outcome if it fails."""
     with TemporaryDirectory() as folder:
-        file = Path(folder) / "specimen.xml"
+        file = Path(folder) / "problem.xml"
         file.write_text(text, encoding="utf-8")
         return measure(simulate, engine, file, run, timeout=SECONDS)
 
@@ -223,7 +223,7 @@ def hung(engine: str, settings: dict[str, Any], gravity: float) -> TrialResult:
 def own_ones() -> Iterator[LimitSearch]:
     """Problems of an engine's own."""
     for engine in engine_names():
-        for one in engine_of(engine).specimens():
+        for one in engine_of(engine).limit_problems():
             known = limit(one.step, one.zeta) if one.step else one.theory
             yield LimitSearch(
                 one.what,
@@ -239,12 +239,12 @@ def own_ones() -> Iterator[LimitSearch]:
             )
 
 
-def stepped(engine: str, specimen: Specimen, value: float) -> TrialResult:
+def stepped(engine: str, problem: LimitProblem, value: float) -> TrialResult:
     """Step a problem of an engine's own."""
-    text, step, settings, channel = specimen.stepped(value)
+    text, step, settings, channel = problem.stepped(value)
     bound, kind = 1.0, BoundaryKind.UNSTABLE
-    if specimen.bound is not None:
-        bound, kind = specimen.bound, BoundaryKind.INACCURATE
+    if problem.bound is not None:
+        bound, kind = problem.bound, BoundaryKind.INACCURATE
     return stepping(engine, text, step, dict(settings), channel, bound, kind=kind)
 
 

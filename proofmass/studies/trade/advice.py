@@ -14,7 +14,7 @@ from proofmass.studies.trade.noise import interval, ties
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_floor, format_setting_briefly
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 ASKED = (1e-3, 1e-5, 1e-7)
 """Errors that the pages tell settings for [share of the range]."""
@@ -107,7 +107,7 @@ def use(
     same = [format_setting_briefly(one) for one in ties(able, row, usual)]
     words = "; ".join(same[:MOST]) + (f"; and {len(same) - MOST} more" if same[MOST:] else "")
     return Advice(
-        spoken(row.engine),
+        format_solver(row.engine),
         row.engine,
         place_of(rows, row),
         True,
@@ -135,11 +135,11 @@ def short(
     ran = [r for r in own if r.outcome == Outcome.RAN and isfinite(r.errors.get(kind, NAN))]
     engine = own[0].engine
     if not ran:
-        return Advice(spoken(engine), engine, -1, False, "no setting ran")
+        return Advice(format_solver(engine), engine, -1, False, "no setting ran")
     row = min(ran, key=lambda one: one.errors[kind])
     floor = floor_at(row, kind, verdicts)
     return Advice(
-        spoken(engine),
+        format_solver(engine),
         engine,
         place_of(rows, row),
         False,

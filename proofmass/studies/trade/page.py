@@ -32,7 +32,7 @@ from proofmass.studies.trade.page_data import TITLES, kinds, page_data
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_setting_briefly
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
 SCRIPTS = ("axes.js", "diagram.js", "trade.js")
@@ -157,7 +157,7 @@ def prices(
     kind = next(iter(kinds(rows)), "")
     for engine in dict.fromkeys(row.engine for row in rows):
         own = [row for row in rows if row.engine == engine]
-        cells = [cell(spoken(engine))]
+        cells = [cell(format_solver(engine))]
         for wanted in ASKED:
             if not (able := enough(own, kind, wanted)):
                 cells += [cell("not reached"), cell(), cell()]

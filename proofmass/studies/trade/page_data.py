@@ -22,7 +22,7 @@ from proofmass.studies.trade.noise import band, interval, perhaps
 from proofmass.studies.trade.orders import off
 from proofmass.studies.trade.verdict import Verdict, able, front
 from proofmass.studies.trade.words import format_setting
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 TITLES = {
     "position": "Position",
@@ -84,7 +84,7 @@ def series_data(name: Name, look: Look, tone: Tone, verdicts: Sequence[Verdict])
     }
     return {
         "engine": name[0],
-        "spoken": spoken(name[0]),
+        "title": format_solver(name[0]),
         "name": name[1],
         "letter": letter(look),
         "css": tone.css,

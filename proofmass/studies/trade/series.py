@@ -24,7 +24,7 @@ from proofmass.studies.run import row as row_of
 from proofmass.studies.store import Store, key_of, versions
 from proofmass.studies.trade.varied import ConvergenceSeries, at_step, list_series
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 FALLS = 0.5
 """Order over two refinements below which an error no longer falls as a power of the step."""
@@ -425,7 +425,11 @@ def placed(setting: Setting, own: Iterable[ConvergenceSeries]) -> tuple[str, str
     words = ", ".join(
         f"{name} {value}" for name, value in setting.parameters.items() if name != "timestep"
     )
-    return f"{spoken(setting.engine)}, {words or 'as in the model'}", "timestep", leading(step)
+    return (
+        f"{format_solver(setting.engine)}, {words or 'as in the model'}",
+        "timestep",
+        leading(step),
+    )
 
 
 def same(one: dict[str, ParameterValue], other: dict[str, ParameterValue]) -> bool:

@@ -14,7 +14,7 @@ from proofmass.reference import compiled, grid, laws
 from proofmass.sim.protocol import Engine, ParameterValue, Scan, Studied, scan_over
 from proofmass.strict import Kind
 from proofmass.studies.record import Setting
-from proofmass.wording import spoken
+from proofmass.wording import format_solver
 
 WORK = 3e4  # evaluations of forces in the longest run, so that series end alike on any machine
 
@@ -131,7 +131,7 @@ def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
         setting = Setting(engine, {"timestep": own, **given})
         place = "sidecar" if given else "model"
         yield ConvergenceSeries(
-            engine, f"{spoken(solver)}, as in the {place}", "timestep", (setting,)
+            engine, f"{format_solver(solver)}, as in the {place}", "timestep", (setting,)
         )
 
 
@@ -150,4 +150,4 @@ def of_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:
     samples = (case.run[kind].n or 0) - 1
     first = samples // 4 if kind == "equilibrium" and samples % 4 == 0 else 5
     numbers = list(takewhile(lambda n: n <= 160, (first * 2**k for k in range(8))))
-    yield scan_over({}, f"{spoken(engine)}, segments", "segments", numbers)
+    yield scan_over({}, f"{format_solver(engine)}, segments", "segments", numbers)

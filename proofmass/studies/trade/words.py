@@ -14,7 +14,7 @@ from proofmass.studies.trade.series import (
     worse,
 )
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.wording import number, spoken
+from proofmass.wording import format_solver, number
 
 ASKED = 1e-4
 """Share of the range that a series is asked for which did not come so far."""
@@ -49,7 +49,7 @@ def format_varied(row: StudyRow) -> str:
 
 def format_setting_briefly(row: StudyRow) -> str:
     """The same without the engine."""
-    return format_setting(row).removeprefix(spoken(row.engine)).lstrip(", ")
+    return format_setting(row).removeprefix(format_solver(row.engine)).lstrip(", ")
 
 
 def format_error(row: StudyRow, of: str) -> str:

@@ -62,22 +62,22 @@ def angles(row, theta1, alpha):
     return np.stack([theta1, theta2, theta2 - np.angle((gap - middle) / middle)])
 
 
-def windings(row, theta1, alpha):
+def deflections(row, theta1, alpha):
     rest = angles(row, row.get("rest_angle", 0.0), 0.0)
     turned = angles(row, theta1, alpha) - rest.reshape(3, *[1] * np.ndim(alpha))
     return np.diff(turned, axis=0, prepend=0.0)
 
 
-def spring_moments(row, winding):
-    k = np.reshape(row["stiffness"], (3, *[1] * (np.ndim(winding) - 1)))
+def spring_moments(row, deflection):
+    k = np.reshape(row["stiffness"], (3, *[1] * (np.ndim(deflection) - 1)))
     if "quadratic" not in row:
-        moments = k * winding
+        moments = k * deflection
         moments[1] += row.get("preload2", 0.0)
         return moments
     a, m0 = row["quadratic"], row.get("preload2", 0.0)
     wound = np.zeros_like(k)
     wound[1] = (np.sqrt(k[1] ** 2 + 4.0 * a * m0) - k[1]) / (2.0 * a)
-    return (k + a * (winding + wound)) * (winding + wound)
+    return (k + a * (deflection + wound)) * (deflection + wound)
 
 
 def slope(row, theta1, alpha):
@@ -86,7 +86,7 @@ def slope(row, theta1, alpha):
     a, b, c = row["length"]
     turn2 = -a * np.sin(t3 - t1) / (b * np.sin(t3 - t2))
     turn3 = a * np.sin(t2 - t1) / (c * np.sin(t3 - t2))
-    m1, m2, m3 = spring_moments(row, windings(row, theta1, alpha))
+    m1, m2, m3 = spring_moments(row, deflections(row, theta1, alpha))
     return m1 + m2 * (turn2 - 1.0) + m3 * (turn3 - turn2)
 
 

@@ -93,7 +93,7 @@ def test_moment_is_the_slope_of_the_energy(given: dict[str, float]) -> None:
     slope = (v[:, 0] - 8 * v[:, 1] + 8 * v[:, 3] - v[:, 4]) / (12 * h)
     # h^4 V'''''/30 where it is smooth; 1e-3 of a kink of M1's slope where a stop switches inside
     smooth = np.ones(len(nodes), bool)
-    for name in [k for k in found if k.startswith("winding") and "rate" not in k]:
+    for name in [k for k in found if k.startswith("deflection") and "rate" not in k]:
         bent = np.abs(np.diff(found[name], 3, axis=1)).max(axis=1)
         smooth &= bent < 1e-6
     assert np.abs(slope - found["balancing_moment"][:, 2])[smooth].max() < 1e-9
@@ -119,16 +119,16 @@ def test_tip_is_met_and_forces_balance_the_springs() -> None:
 def test_release_and_contact_at_their_exact_angles() -> None:
     """Release where M1 (1 - l1/r) = M02; on its stop the joint adds no compliance."""
     release = PRELOADED["preload2"] / (PRELOADED["stiffness1"] * (1 - PRELOADED["length1"]))
-    trail = follow(balancer(**PRELOADED), np.pi / 2)
-    assert [s[1:] for s in trail.switches] == [(2, pytest.approx(release, abs=1e-12), 0)]
-    trail = follow(balancer(**CONTACT), np.pi / 2)
-    ((_, joint, stop, side),) = trail.switches
+    paths = follow(balancer(**PRELOADED), np.pi / 2)
+    assert [s[1:] for s in paths.switches] == [(2, pytest.approx(release, abs=1e-12), 0)]
+    paths = follow(balancer(**CONTACT), np.pi / 2)
+    ((_, joint, stop, side),) = paths.switches
     assert (joint, side) == (2, 1)
     assert np.degrees(stop) == pytest.approx(41.4841, abs=1e-4)  # a recomputation's digits
     found = solve(np.array([stop, stop + 0.1, np.pi / 2]), **CONTACT)
     rise = np.diff(found["balancing_moment"]) / np.diff([stop, stop + 0.1, np.pi / 2])
     assert np.abs(rise - CONTACT["stiffness1"]).max() < 1e-12
-    assert np.abs(found["winding2"] - CONTACT["high2"]).max() < 1e-12
+    assert np.abs(found["deflection2"] - CONTACT["high2"]).max() < 1e-12
 
 
 @pytest.mark.parametrize("line", ["1747", "2041", "2071", "1757", "1998"])
@@ -138,7 +138,8 @@ def test_stops_push_and_never_pull(line: str) -> None:
     chain = balancer(**given)
     path = along(chain, follow(chain, np.pi / 2), np.linspace(0, np.pi / 2, 200))
     assert (
-        (path.winding >= chain.low[:, None] - 1e-12) & (path.winding <= chain.high[:, None] + 1e-12)
+        (path.deflection >= chain.low[:, None] - 1e-12)
+        & (path.deflection <= chain.high[:, None] + 1e-12)
     ).all()
     x = np.cumsum(chain.length[:, None] * np.sin(path.theta - path.alpha[:, None]), axis=-1)
     y = np.cumsum(chain.length[:, None] * np.cos(path.theta - path.alpha[:, None]), axis=-1)
@@ -178,7 +179,7 @@ def test_the_stride_does_not_matter() -> None:
     for line in ("2107", "2178", "2157", "2088"):
         chain = balancer(**parameters(rows()[line]))
         coarse, fine = (along(chain, follow(chain, np.pi / 2, h), ANGLES) for h in (0.1, 0.02))
-        assert np.abs(coarse.winding - fine.winding).max() < 1e-11
+        assert np.abs(coarse.deflection - fine.deflection).max() < 1e-11
 
 
 def test_mirror_image() -> None:
@@ -205,7 +206,7 @@ def test_rates_are_the_slopes_of_the_angles() -> None:
     at = np.radians([20.0, 50.0, 80.0])
     up, down = solve(at + h, **given), solve(at - h, **given)
     found = solve(at, 2.0, **given)
-    for name in ("theta1", "theta2", "theta4", "winding3"):
+    for name in ("theta1", "theta2", "theta4", "deflection3"):
         slope = (up[name] - down[name]) / h  # of 2 h, times the rate 2
         assert np.abs(found[f"{name}_rate"] - slope).max() < 1e-6  # h^2 theta'''
 
@@ -233,7 +234,7 @@ def test_weight_and_target() -> None:
         ({"low2": 0.1}, "low2 must not be above 0"),
         ({"high3": -0.1}, "high3 must not be below 0"),
         ({"low2": 0.0, "high2": 0.0}, "high2 must be above low"),
-        ({"low1": 0.0}, "low1"),  # joint 1 has no stop: its winding is the moment
+        ({"low1": 0.0}, "low1"),  # joint 1 has no stop: its deflection is the moment
         ({"stiffness1": float("nan")}, "stiffness1 must be finite"),
         ({"quadratic2": -2.0, "stiffness2": 1.0, "preload2": 0.5, "low2": 0.0}, "preload2 is more"),
         ({"mode": 0}, "mode must be one of"),
@@ -265,10 +266,10 @@ def test_impossible_members_of_a_batch() -> None:
         stiffness2=1.0,
         stiffness3=1.0,
     )
-    trail = follow(chain, np.pi / 2)
-    moment = along(chain, trail, ANGLES).moment[..., 0]
+    paths = follow(chain, np.pi / 2)
+    moment = along(chain, paths, ANGLES).moment[..., 0]
     assert np.isnan(moment[1, 1:]).all()
-    assert "cannot reach" in trail.why[1]
+    assert "cannot reach" in paths.why[1]
     alone = solve(
         ANGLES,
         length1=0.4,
@@ -300,6 +301,6 @@ def test_four_segments_of_the_listing() -> None:
         found = solve(np.radians(6.0) * np.arange(1, 16), **other["parameters"])
         assert np.abs(found["balancing_moment"] - wanted).max() < 6e-6  # five to six digits kept
         release = other["recomputed"].get("release_deg", {})
-        trail = follow(balancer(**other["parameters"]), np.pi / 2)
-        angles = {f"spring{s[1]}": float(np.degrees(s[2])) for s in trail.switches}
+        paths = follow(balancer(**other["parameters"]), np.pi / 2)
+        angles = {f"spring{s[1]}": float(np.degrees(s[2])) for s in paths.switches}
         assert all(abs(angles[k] - v) < 6e-4 for k, v in release.items())

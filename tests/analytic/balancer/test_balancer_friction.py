@@ -7,15 +7,15 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.balancer import solve
-from proofmass.analytic.balancer.measures import EXPECTED, facts
-from tests.analytic.balancer.balancer_chain import PATH, ROWS, angles, flat, windings
+from proofmass.analytic.balancer.measures import EXPECTED, properties
+from tests.analytic.balancer.balancer_chain import PATH, ROWS, angles, deflections, flat
 from tests.independent.balancer import prototype
 from tests.independent.balancer.friction import Loop, dissipated, loop
 from tests.independent.balancer.lagrange import potential
 
 ROW = ROWS[1766]
 FOUND = solve(PATH, **flat(ROW))
-TURNS = np.stack([FOUND[f"winding{i}_rate"] for i in (1, 2, 3)] + [1.0 - FOUND["theta3_rate"]])
+TURNS = np.stack([FOUND[f"deflection{i}_rate"] for i in (1, 2, 3)] + [1.0 - FOUND["theta3_rate"]])
 EVEN = np.full(4, 0.005)  # [N m] in each joint and in the tip
 
 
@@ -76,7 +76,7 @@ def test_how_far_the_chain_moves_against_the_pendulum():
 
 def test_area_is_the_work_of_friction():
     found = loop(FOUND["holding_moment"], TURNS, EVEN)
-    joints = np.concatenate([windings(ROW, FOUND["theta1"], PATH), [PATH - FOUND["theta3"]]])
+    joints = np.concatenate([deflections(ROW, FOUND["theta1"], PATH), [PATH - FOUND["theta3"]]])
     way = np.abs(np.diff(joints, axis=1)).sum(axis=1)  # all that each joint turns, back and forth
     # trapezoids of 1 degree against sums of differences: a twelfth of step^2 times the curvature
     assert dissipated(PATH, found) == pytest.approx(2.0 * EVEN @ way, rel=1e-3)
@@ -97,7 +97,7 @@ def test_first_order_of_the_least_dissipation():
     middle = (path[1:] + path[:-1]) / 2.0
     pose = solve(np.sort(middle), **flat(ROW))
     order = np.argsort(np.argsort(middle))
-    turns = np.stack([pose[f"winding{i}_rate"] for i in (1, 2, 3)] + [1.0 - pose["theta3_rate"]])
+    turns = np.stack([pose[f"deflection{i}_rate"] for i in (1, 2, 3)] + [1.0 - pose["theta3_rate"]])
     # sliding: the docstring's span of sticking is 2 degrees at most after the start and the turn
     sliding = ((way > 0) & (middle > np.radians(4))) | ((way < 0) & (middle < np.radians(76)))
     errors = []
@@ -168,7 +168,9 @@ def test_friction_and_springs_take_the_work_of_the_drive():
     found = solve(fine, np.gradient(fine), **flat(ROW), **friction)
     moment, way = found["holding_moment"], np.diff(fine)
     work = 0.5 * (moment[1:] + moment[:-1]) * way
-    lost = sum(friction[f"friction{i}"] * np.abs(np.diff(found[f"winding{i}"])) for i in (1, 2, 3))
+    lost = sum(
+        friction[f"friction{i}"] * np.abs(np.diff(found[f"deflection{i}"])) for i in (1, 2, 3)
+    )
     lost = lost + 0.02 * np.abs(way)
     off = np.cumsum(work - np.diff(found["energy"]) - lost)
     smooth = np.abs(np.diff(moment)) < 1e-3  # the moment of a carried joint jumps on a turn
@@ -181,7 +183,7 @@ def test_the_expected_measurement_is_the_polynomial_with_the_loop_of_first_order
     rate = np.where(np.arange(90) % 2, 1.0, -1.0)
     found = solve(PATH, rate, **chain, pendulum_friction=1e-3, expected="van Nes N.2")
     free = solve(PATH, **prototype.parameters())
-    turns = np.stack([free["winding2_rate"], free["winding3_rate"], np.ones(90)])
+    turns = np.stack([free["deflection2_rate"], free["deflection3_rate"], np.ones(90)])
     branches = loop(prototype.expected_moment(PATH), turns, [2e-3, 1e-3, 1e-3])
     np.testing.assert_allclose(
         found["expected_measurement"], np.where(rate > 0, branches.out, branches.back), atol=1e-15
@@ -196,7 +198,7 @@ def test_the_expected_measurement_is_the_polynomial_with_the_loop_of_first_order
 def test_friction_of_the_prototype_lowers_the_work_reduction_to_what_was_measured():
     """93.47 % of listing N.2 for the closed loop, by friction of joints 2 and 3 alone."""
     chain = prototype.parameters() | {"friction2": 0.00263, "friction3": 0.00263}
-    found = facts(**chain, expected="van Nes N.2")
+    found = properties(**chain, expected="van Nes N.2")
     assert found["work reduction of the loop"] == "93.47 % against van Nes N.2"
 
 

@@ -187,7 +187,7 @@ def test_moments_come_in_steps(line):
 def test_moments_are_those_of_the_path_to_one_step(line):
     row, p = THREE[line], parameters(THREE[line])
     found = grid.minimise(np.radians(np.arange(10.0, 91.0, 10.0)), points=10000, **p)
-    slope = p["stiffness1"] + 2.0 * p.get("quadratic1", 0.0) * found["winding1"]
+    slope = p["stiffness1"] + 2.0 * p.get("quadratic1", 0.0) * found["deflection1"]
     step = 2.0 * np.pi / 10000  # of segment 1, all round at most
     error = found["balancing_moment"] - row["recomputed"]["moments"]
     # moments are kept to 1e-8; the square of the step is the spring's curvature, below 2 N m/rad^2
@@ -202,9 +202,9 @@ def test_preload_holds_the_rest_posture_until_its_load_exceeds_it(line):
     locked = np.degrees(angles) < release
     alone = p["stiffness1"] * angles + p.get("quadratic1", 0.0) * angles**2
     np.testing.assert_allclose(found["balancing_moment"][locked], alone[locked], atol=2e-15)  # eps
-    assert not found["winding2"][locked].any()
+    assert not found["deflection2"][locked].any()
     assert locked.all() == ("never released" in row.get("flags", []))
-    assert locked.all() or found["winding2"][~locked].max() > 0.1
+    assert locked.all() or found["deflection2"][~locked].max() > 0.1
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_preload_holds_the_rest_posture_until_its_load_exceeds_it(line):
 )
 def test_contact_keeps_joint_two_below_its_stop(line):
     row, (found, *_) = THREE[line], searched(line)
-    top, stop = found["winding2"].max(), row["parameters"]["high2"]
+    top, stop = found["deflection2"].max(), row["parameters"]["high2"]
     assert top <= stop
     # a stop is touched when the next point is beyond it: 2 pi/1000 of segment 1, 0.03 of joint 2
     assert (top < stop - 0.03) == ("stop never touched" in row.get("flags", []))
@@ -244,7 +244,7 @@ def test_postures_close_and_energies_are_sums():
         tip = sum(p[f"length{i}"] * np.exp(1j * found[f"theta{i}"]) for i in range(1, ends + 1))
         np.testing.assert_allclose(tip, np.exp(1j * angles), atol=1e-14)  # rounding
         assert np.all(found[f"theta{ends}"] > found[f"theta{ends - 1}"])  # elbow up
-    e = np.array([found[f"winding{i}"] for i in (1, 2, 3, 4)])
+    e = np.array([found[f"deflection{i}"] for i in (1, 2, 3, 4)])
     wound = [0.0, *(_wound(p, p[f"preload{i}"]) for i in (2, 3)), 0.0]
     e = e + np.array(wound)[:, None]
     energy = (p["stiffness1"] * e**2 / 2 + p["quadratic1"] * e**3 / 3).sum(axis=0)

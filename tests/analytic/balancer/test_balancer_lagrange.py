@@ -5,7 +5,14 @@ import pytest
 from scipy.optimize import brentq
 
 from proofmass.analytic.balancer import solve
-from tests.analytic.balancer.balancer_chain import PATH, ROWS, angles, equilibrium, flat, windings
+from tests.analytic.balancer.balancer_chain import (
+    PATH,
+    ROWS,
+    angles,
+    deflections,
+    equilibrium,
+    flat,
+)
 from tests.independent.balancer.lagrange import potential
 
 LINES = pytest.mark.parametrize("line", [1743, 1766, 1789, 2107])
@@ -23,7 +30,7 @@ def acos_of_sides(a, b, c):
 @LINES
 def test_energy_of_the_springs_and_the_weight(line):
     row, theta1 = ROWS[line], equilibrium(ROWS[line])
-    e = windings(row, theta1, PATH)
+    e = deflections(row, theta1, PATH)
     found = potential(PATH, e[0], **flat(row), weight=0.7)
     springs = 0.5 * np.array(row["stiffness"]) @ e**2
     np.testing.assert_allclose(found.energy, springs + 0.7 * np.cos(PATH), rtol=0, atol=1e-14)
@@ -33,7 +40,7 @@ def test_energy_of_the_springs_and_the_weight(line):
 @LINES
 def test_slopes_by_differences(line, mode):
     row, h = flat(ROWS[line]), 1e-5
-    alpha1 = windings(ROWS[line], equilibrium(ROWS[line]), PATH)[0] + 0.01  # off equilibrium
+    alpha1 = deflections(ROWS[line], equilibrium(ROWS[line]), PATH)[0] + 0.01  # off equilibrium
     if mode == -1:
         alpha1 = 0.9 * PATH  # where elbow down reaches as well
     call = dict(**row, weight=0.7, mode=mode)
@@ -49,10 +56,10 @@ def test_its_stationary_winding_is_the_equilibrium(line):
     row = flat(ROWS[line])
     pose = solve(PATH, **row, weight=1.0)
     for i in (9, 44, 89):
-        near = pose["winding1"][i] + np.array([-1e-3, 1e-3])
+        near = pose["deflection1"][i] + np.array([-1e-3, 1e-3])
         root = brentq(lambda x, i=i: potential(PATH[i], x, **row).by_winding1, *near, xtol=1e-15)
-        assert root == pytest.approx(pose["winding1"][i], abs=1e-13)
-    found = potential(PATH, pose["winding1"], **row, weight=1.0)
+        assert root == pytest.approx(pose["deflection1"][i], abs=1e-13)
+    found = potential(PATH, pose["deflection1"], **row, weight=1.0)
     np.testing.assert_allclose(found.by_winding1, 0.0, atol=1e-13)  # rounding
     np.testing.assert_allclose(found.by_angle, pose["holding_moment"], rtol=0, atol=1e-13)
     np.testing.assert_allclose(found.energy, pose["energy"], rtol=0, atol=1e-13)

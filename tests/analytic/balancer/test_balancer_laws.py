@@ -51,7 +51,7 @@ def rest(row):
 
 
 def compliant_slope(theta, lengths, stiffness):
-    """dM1/dangle by windings and tip force together: springs K e = W F, and the tip goes with t."""
+    """dM1/dangle by deflections and tip force together: springs K e = W F, the tip goes with t."""
     steps = np.asarray(lengths) * np.exp(-1j * np.asarray(theta))  # x is the imaginary part, less
     to_tip = np.cumsum(steps[::-1])[::-1]
     w = np.stack([-to_tip.real, -to_tip.imag], axis=-1)
@@ -78,7 +78,7 @@ def test_release_angle_by_search(line):
     assert release_angle(
         row["preload2"], share, row["stiffness"][0], row.get("quadratic", 0.0)
     ) == pytest.approx(searched, abs=1e-13)
-    found = solve(searched + np.array([-1e-6, 1e-6]), **flat(row))["winding2"]
+    found = solve(searched + np.array([-1e-6, 1e-6]), **flat(row))["deflection2"]
     assert abs(found[0]) < 1e-12 < found[1]
 
 
@@ -124,8 +124,8 @@ def test_first_release_of_four_segments(length, k1, preloads, first):
     assert np.degrees(releases[1]) == pytest.approx(first, abs=6e-4)
     assert releases[1] < releases[0]
     found = solve(releases[1] + np.array([-1e-6, 1e-6]), **parameters)
-    assert abs(found["winding3"][0]) < 1e-12 < found["winding3"][1]
-    assert abs(found["winding2"][1]) < 1e-12
+    assert abs(found["deflection3"][0]) < 1e-12 < found["deflection3"][1]
+    assert abs(found["deflection2"][1]) < 1e-12
 
 
 def test_releases_that_never_or_at_once_come():

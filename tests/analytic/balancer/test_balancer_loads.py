@@ -22,7 +22,7 @@ TABLE = np.array(
         [0.522891, 1.536089, 2.158767, 1.976668, 1.027206],
     ]
 )
-CLOSED = 1e-12  # [rad] rounding of a locked winding; one degree after the release it is 1e-3
+CLOSED = 1e-12  # [rad] rounding of a locked deflection; one degree after the release it is 1e-3
 FREE = pytest.mark.parametrize("line", [1743, 1766, 1789, 1814, 2107])
 # Four segments, elbow up, with a spring in the last joint (line 1744) and two preloads (D.1).
 FOUR = {
@@ -164,7 +164,7 @@ def test_a_locked_joint_carries_less_than_its_preload(line):
     row = ROWS[line]
     theta, lengths, moment, found = chain(flat(row))
     load = node_loads(theta, lengths, *pin_force(theta, lengths, moment))[:, 1]
-    locked = np.abs(found["winding2"]) < CLOSED
+    locked = np.abs(found["deflection2"]) < CLOSED
     assert 20 < locked.sum() < 70
     share = leverage(theta[0], lengths)[1]
     np.testing.assert_allclose(load[locked], share * moment[locked, 0], rtol=1e-13)
@@ -177,7 +177,7 @@ def test_stages_of_two_preloads():
     theta, lengths, moment, found = chain(STAGED)
     loads = node_loads(theta, lengths, *pin_force(theta, lengths, moment))
     for joint in (2, 3):
-        locked = np.abs(found[f"winding{joint}"]) < CLOSED
+        locked = np.abs(found[f"deflection{joint}"]) < CLOSED
         assert np.all(loads[locked, joint - 1] < STAGED[f"preload{joint}"])
         np.testing.assert_allclose(
             loads[~locked, joint - 1], moment[~locked, joint - 1], rtol=0, atol=1e-13

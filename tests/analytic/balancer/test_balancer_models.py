@@ -50,7 +50,7 @@ def model(tmp_path):
     return write
 
 
-def statics(model: mujoco.MjModel, alpha: float, winding: np.ndarray):
+def statics(model: mujoco.MjModel, alpha: float, deflection: np.ndarray):
     """Forces that hold a pose at rest: what no constraint can give, the drive's, the stops'.
 
     What must act besides springs, weights and loads, f, is put together from the loop's rows, the
@@ -69,12 +69,12 @@ def statics(model: mujoco.MjModel, alpha: float, winding: np.ndarray):
     """
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    data.qpos[:] = [alpha, *winding]
+    data.qpos[:] = [alpha, *deflection]
     mujoco.mj_forward(model, data)
     force = data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator
     loop = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     bound = np.where(model.jnt_limited[:, None], model.jnt_range, np.inf)
-    # 1e-12: a stop is met to rounding of the windings
+    # 1e-12: a stop is met to rounding of the deflections
     low, high = (np.flatnonzero(np.abs(data.qpos - side) <= 1e-12) for side in bound.T)
     unit = np.eye(model.nv)
     rows = np.vstack([data.efc_J.reshape(-1, model.nv)[loop], unit[:1], unit[low], -unit[high]])
@@ -94,13 +94,13 @@ def statics(model: mujoco.MjModel, alpha: float, winding: np.ndarray):
 def test_the_engine_finds_every_analytic_pose_at_rest(line, model):
     pose = balancer.solve(ANGLES, **parameters(rows()[line]))
     n = rows()[line]["segments"]
-    windings = np.stack([pose[f"winding{i}"] for i in range(1, n + 1)], axis=-1)
+    deflections = np.stack([pose[f"deflection{i}"] for i in range(1, n + 1)], axis=-1)
     compiled = mujoco.MjModel.from_xml_path(str(model(line)))
     compiled.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     constant = rows()[line]["parameters"].get("stiffness2") == 0  # no spring stores its energy
     for k, alpha in enumerate(ANGLES):
-        residual, moment, pushes, gap, energy = statics(compiled, alpha, windings[k])
-        # 1e-12: rounding of the windings times stiffness, over the sine of a nearly straight arm
+        residual, moment, pushes, gap, energy = statics(compiled, alpha, deflections[k])
+        # 1e-12: rounding of the deflections times stiffness, over the sine of a nearly straight arm
         assert residual <= 1e-12
         assert abs(moment - pose["balancing_moment"][k]) <= 1e-12
         assert (pushes >= -1e-12).all()
@@ -112,7 +112,7 @@ def test_the_engine_finds_every_analytic_pose_at_rest(line, model):
 @EACH
 def test_a_sweep_of_the_engine_follows_the_path(line, model):
     n = rows()[line]["segments"]
-    names = (*(f"winding{i}" for i in range(1, n + 1)), "holding_moment")
+    names = (*(f"deflection{i}" for i in range(1, n + 1)), "holding_moment")
     found = with_mujoco.simulate(model(line), Run("sweep", ANGLES, names, (DRIVE,)))
     pose = balancer.solve(ANGLES, **parameters(rows()[line]))
     assert found.stopped == ""
@@ -125,7 +125,7 @@ def test_a_sweep_of_the_engine_follows_the_path(line, model):
 @pytest.mark.parametrize("line", REGULAR)
 def test_a_sweep_of_pymunk_follows_the_path(line, model):
     n = rows()[line]["segments"]
-    names = (*(f"winding{i}" for i in range(1, n + 1)), "holding_moment")
+    names = (*(f"deflection{i}" for i in range(1, n + 1)), "holding_moment")
     found = with_pymunk.simulate(model(line), Run("sweep", ANGLES, names, (DRIVE,)))
     pose = balancer.solve(ANGLES, **parameters(rows()[line]))
     for name in names:
@@ -143,12 +143,14 @@ def test_what_cannot_be_followed_is_said(line):
 @pytest.mark.parametrize("line", ["1825", "1870", "2188"])
 def test_the_engine_as_well_finds_the_rest_posture_unstable(line, model):
     with pytest.raises(BadModel, match="unstable equilibrium"):
-        with_mujoco.simulate(model(line), Run("sweep", ANGLES - ANGLES[0], ("winding1",), (DRIVE,)))
+        with_mujoco.simulate(
+            model(line), Run("sweep", ANGLES - ANGLES[0], ("deflection1",), (DRIVE,))
+        )
 
 
 def test_the_engine_as_well_stops_at_the_fold(model):
     fine = np.radians(np.arange(0.0, 90.0, 0.5))
-    found = with_mujoco.simulate(model("2159"), Run("sweep", fine, ("winding1",), (DRIVE,)))
+    found = with_mujoco.simulate(model("2159"), Run("sweep", fine, ("deflection1",), (DRIVE,)))
     assert "pendulum = 1.2385" in found.stopped  # 70.961 degrees, to the digits it says
     assert found.x[-1] == np.radians(70.5)
 

@@ -19,7 +19,7 @@ def without_stops(given):
 
 
 def inputs(found, angle, n):
-    return np.stack([angle, *(found[f"winding{i}"] for i in range(1, n - 1))])
+    return np.stack([angle, *(found[f"deflection{i}"] for i in range(1, n - 1))])
 
 
 @pytest.mark.parametrize("line", ["1743", "1766", "2107", "1744", "1754"])
@@ -28,7 +28,7 @@ def test_an_equilibrium_needs_no_drive_but_the_pendulums(line):
     n, rest = rows()[line]["segments"], solve(angle, **given)
     found = posture.solve(inputs(rest, angle, n), **given)
     for i in range(1, n - 1):
-        # rounding of the windings times the stiffness, over the sine of the last elbow
+        # rounding of the deflections times the stiffness, over the sine of the last elbow
         assert np.abs(found[f"drive_moment{i}"]).max() < 1e-12
     for name in ("holding_moment", "energy", "node2_load", "force_x", f"theta{n}"):
         assert found[name] == pytest.approx(rest[name], abs=1e-12)
@@ -66,7 +66,7 @@ def test_loads_and_energy_of_the_thesis_check_in_sam():
     found = posture.solve(inputs(rest, angle, 4), **without_stops(SAM["parameters"]))
     assert found["energy"] == pytest.approx(rest["energy"], abs=1e-13)
     work = found["holding_moment"] + sum(
-        found[f"drive_moment{i}"] * rest[f"winding{i}_rate"] for i in (1, 2)
+        found[f"drive_moment{i}"] * rest[f"deflection{i}_rate"] for i in (1, 2)
     )
     assert work == pytest.approx(SAM["recomputed"]["moments"], abs=6e-6)  # five digits kept
     both, third = np.degrees(angle) > 58.4, np.degrees(angle) > 31.7  # released at 58.325, 31.611
@@ -90,7 +90,7 @@ def test_angles_that_are_no_equilibrium_need_drives():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (np.zeros((2, 3)), "angle needs 3 rows, the pendulum's and those of 2 windings, got 2"),
+        (np.zeros((2, 3)), "angle needs 3 rows, the pendulum's and those of 2 deflections, got 2"),
         (np.array([0.1, 3.0, 0.0]), "cannot reach the tip at alpha = 5.7"),
     ],
 )

@@ -11,10 +11,10 @@ from proofmass.analytic.balancer.measures import precision_points, rmse, work_re
 from tests.analytic.balancer.balancer_chain import (
     PATH,
     ROWS,
+    deflections,
     equilibrium,
     flat,
     spring_moments,
-    windings,
 )
 from tests.independent.balancer import prototype
 from tests.independent.balancer.laws import scaled
@@ -36,7 +36,7 @@ def test_moments_of_the_model_by_another_solver():
         "stiffness": np.array(prototype.stiffnesses()) / MGR,
         "rest_angle": prototype.REST_ANGLE,
     }
-    found = MGR * spring_moments(row, windings(row, equilibrium(row), PATH))[0]
+    found = MGR * spring_moments(row, deflections(row, equilibrium(row), PATH))[0]
     np.testing.assert_allclose(model("measured"), found, rtol=0, atol=1e-15)
 
 
@@ -50,8 +50,8 @@ def test_moments_recomputed_elsewhere():
 
 
 def test_every_mounted_spring_is_the_one_that_table_j2_measured():
-    for part, specimen, measured in (spring for axis in prototype.MOUNTED for spring in axis):
-        mean, deviation = DATA["table_J2"][part][specimen]
+    for part, problem, measured in (spring for axis in prototype.MOUNTED for spring in axis):
+        mean, deviation = DATA["table_J2"][part][problem]
         assert measured == pytest.approx(mean, abs=5.1e-4)  # three decimals in the table
         # the deviation has two decimals of a per cent
         assert 100.0 * (measured / prototype.CATALOGUE[part] - 1.0) == pytest.approx(

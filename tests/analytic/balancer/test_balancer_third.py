@@ -69,7 +69,7 @@ def test_release_where_the_load_along_segments_2_and_3_reaches_the_preload(prelo
     about = [(np.conj(1j - p) * bar).imag for p in (0.0, p2)]  # arms of a unit force at the tip
     alpha = abs(preload["preload3"]) / CHAIN["stiffness1"] * abs(about[0] / about[1])
     assert marks(**CHAIN, **preload) == {"joint 3 released": pytest.approx(alpha, abs=1e-12)}
-    below, above = solve(np.array([0.99, 1.01]) * alpha, **CHAIN, **preload)["winding3"]
+    below, above = solve(np.array([0.99, 1.01]) * alpha, **CHAIN, **preload)["deflection3"]
     assert abs(below) < 1e-14  # rounding
     assert np.sign(above) == np.sign(preload["preload3"])
 
@@ -85,7 +85,7 @@ def test_along_the_pendulum_joint_3_turns_one_way_with_the_square(mode):
     for alpha in (1e-2, -1e-2):
         found = solve(np.array([alpha]), **given)
         b = found["theta1"][0] - alpha
-        assert found["winding3"][0] == pytest.approx(-mode * c * b**2, rel=1e-3)  # O(b^2)
+        assert found["deflection3"][0] == pytest.approx(-mode * c * b**2, rel=1e-3)  # O(b^2)
         assert found["node3_load"][0] == pytest.approx(found["moment3"][0], abs=1e-14)
         assert abs(found["moment3"][0]) == pytest.approx(0.3, abs=1e-4)  # k3 e3
     assert follow(balancer(**given), 1.0).switches == []
@@ -127,7 +127,7 @@ def test_a_stop_on_the_side_that_the_load_presses_is_told():
     (told,) = flags(**pressed)
     assert told.endswith("locked, and the load presses it onto its stop all the more")
     assert set(marks(**pressed)) == set()
-    assert np.ptp(solve(np.linspace(-1.0, 0.0, 20), **pressed)["winding3"]) > 0.01
+    assert np.ptp(solve(np.linspace(-1.0, 0.0, 20), **pressed)["deflection3"]) > 0.01
 
 
 def test_a_preload_on_the_other_joint_is_another_balancer():

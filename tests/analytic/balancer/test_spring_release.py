@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.balancer.spring_release import facts, marks, solve
+from proofmass.analytic.balancer.spring_release import marks, properties, solve
 from tests.independent.balancer.laws import release_angle
 from tests.verdicts import verdicts
 
@@ -67,7 +67,9 @@ def test_stiffnesses_are_those_of_equations_1_and_2(connection, k1, k2, preload)
     assert release == pytest.approx(
         release_angle(preload, 1.0, k2 if connection == "series" else k1)
     )
-    assert facts(**given)["stiffness"] == f"{slope[0]:.6g} N/m before, {slope[1]:.6g} N/m after"
+    assert (
+        properties(**given)["stiffness"] == f"{slope[0]:.6g} N/m before, {slope[1]:.6g} N/m after"
+    )
 
 
 def test_without_a_preload_the_contact_is_released_at_once():

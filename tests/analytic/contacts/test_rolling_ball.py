@@ -72,7 +72,7 @@ def test_five_sevenths_and_limits():
     assert stop["velocity"] == pytest.approx(0.0, abs=1e-15)
     free = rolling_ball.solve(2.0, radius=0.1, friction=0.0, speed=3.0, spin=1.0)
     assert (free["position"], free["spin"]) == (6.0, 1.0)
-    assert rolling_ball.facts(radius=0.1, friction=0.0, speed=3.0) == {"rolls": "never"}
+    assert rolling_ball.properties(radius=0.1, friction=0.0, speed=3.0) == {"rolls": "never"}
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,7 @@ def test_balancers_are_those_of_their_own_reference(name):
         assert np.abs(found[one] - wanted[one]).max() < error * max(1.0, np.ptp(wanted[one])), one
     if name in STOPPED:
         stopped = [
-            np.isclose(found[f"winding{k}"], end, rtol=0, atol=1e-12).any()
+            np.isclose(found[f"deflection{k}"], end, rtol=0, atol=1e-12).any()
             for k in (1, 2, 3)
             for joint in [model.joint(f"joint{k}")]
             for end in joint.range

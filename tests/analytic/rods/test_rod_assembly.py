@@ -52,7 +52,7 @@ def phi_of(pins):
 @pytest.mark.parametrize("guide", [None, [0.3, 2.0, -2.2]])
 def test_exact_derivatives_against_differences(guide):
     rng = np.random.default_rng(1)
-    a = three(0.3, angle=[0.1, 2.2, -1.9], guide=guide, prolongation=[0.0, 0.1, 0.2])
+    a = three(0.3, angle=[0.1, 2.2, -1.9], guide=guide, rigid_extension=[0.0, 0.1, 0.2])
     s = RodState(a, rng.normal(0.0, 0.1, 18))
     jacobian, h = closure(s)[1], 1e-5
     up, down = (closure(RodState(a, s.vector + sign * h * np.eye(18)))[0] for sign in (1, -1))
@@ -216,7 +216,7 @@ def test_misprinted_angle_of_table_8_does_not_close():
 def test_inverse_pose_of_the_program(row):
     turns = np.radians([0.0, 120.0, -120.0])
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
-    a = three(side, angle=turns, guide=turns, prolongation=row["prolongation"])
+    a = three(side, angle=turns, guide=turns, rigid_extension=row["rigid_extension"])
     guess = state(
         a,
         pose=[0.0, 0.0, np.radians(DATA["pfr3"]["phi_deg"])],
@@ -302,7 +302,7 @@ def test_platforms_that_close_by_distances_only():
         ({"length": [1.0, 0.0]}, "length must be finite and above 0"),
         ({"stiffness": -0.1}, "stiffness must be finite and above 0"),
         ({"stiffness": [1.0, 1.0, 1.0]}, "stiffness must be one for all or one for each of 2 rods"),
-        ({"prolongation": -0.1}, "prolongation must be finite and not below 0"),
+        ({"rigid_extension": -0.1}, "rigid_extension must be finite and not below 0"),
         ({"arm": [[0.0, 0.1]] * 3}, "arm must be one for all or one for each"),
         ({"guide": np.nan}, "guide must be finite"),
     ],

@@ -30,7 +30,7 @@ STEP = 1e-30  # of the complex step, whose error is its square
 
 
 def loaded(scheme):
-    c = chain(7, length=[1.3, 0.8], stiffness=[0.7, 1.1], scheme=scheme, prolongation=[0.1, 0.0])
+    c = chain(7, length=[1.3, 0.8], stiffness=[0.7, 1.1], scheme=scheme, rigid_extension=[0.1, 0.0])
     pull = carried(c, RNG.normal(size=(3, 1, 2)), RNG.normal(size=(3, 2, 2)))
     return c, RNG.normal(size=(3, 2, 3)), RNG.normal(size=(3, 2, 7)), pull, RNG.normal(size=(3, 2))
 
@@ -198,7 +198,7 @@ def test_newton_says_which_of_a_batch_are_lost():
         ({"length": 0.0}, "length must be positive"),
         ({"stiffness": [1.0, -1.0]}, "stiffness must be positive"),
         ({"stiffness": np.nan}, "stiffness must be"),
-        ({"prolongation": -0.1}, "prolongation must be"),
+        ({"rigid_extension": -0.1}, "rigid_extension must be"),
         ({"scheme": "mid"}, r"scheme must be one of \('half', 'double', 'naive'\), got 'mid'"),
     ],
 )

@@ -116,7 +116,7 @@ def test_sliding_clamps_and_rigid_ends():
         arm=case["circumradius"] * outward,
         angle=angle,
         guide=angle,
-        prolongation=case["prolongation"],
+        rigid_extension=case["rigid_extension"],
     )
     bend = 2.0 * np.radians(23.6)
     found = [

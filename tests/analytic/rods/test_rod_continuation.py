@@ -56,14 +56,14 @@ def test_ring():
     rows = PATHS["ring"]
     turn = np.radians([*(row["angle_deg"] for row in rows), 360.0])
     way = centre().pose + 0.1 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    trail = follow(centre(), pose=way)
-    assert not trail.why
+    followed = follow(centre(), pose=way)
+    assert not followed.why
     wanted = np.array([row["inputs_deg"] for row in rows])
     # five decimals, of a centre with eight digits
-    assert np.abs(np.degrees(trail.states.inputs[:-1]) - wanted).max() <= 1e-4
-    found = np.linalg.det(derivatives(trail.states[np.arange(8)]).inverse)
+    assert np.abs(np.degrees(followed.states.inputs[:-1]) - wanted).max() <= 1e-4
+    found = np.linalg.det(derivatives(followed.states[np.arange(8)]).inverse)
     assert found == pytest.approx([row["determinant"] for row in rows], rel=1e-4)
-    assert np.abs(trail.states.inputs[-1] - trail.states.inputs[0]).max() <= 1e-9  # it closes
+    assert np.abs(followed.states.inputs[-1] - followed.states.inputs[0]).max() <= 1e-9  # it closes
 
 
 def test_straight_line_and_its_divisions():
@@ -82,30 +82,32 @@ def test_rectangle_returns():
     way = np.concatenate(
         [np.linspace(a, b, 4, endpoint=False) for a, b in pairwise(corner)] + [corner[:1]]
     )
-    trail = follow(centre(), pose=centre().pose + way)
-    assert not trail.why
-    assert np.abs(trail.states.inputs[-1] - trail.states.inputs[0]).max() <= 1e-9
-    back = direct(trail.states)
-    assert np.abs(back.pose - trail.states.pose).max() <= 1e-9
+    followed = follow(centre(), pose=centre().pose + way)
+    assert not followed.why
+    assert np.abs(followed.states.inputs[-1] - followed.states.inputs[0]).max() <= 1e-9
+    back = direct(followed.states)
+    assert np.abs(back.pose - followed.states.pose).max() <= 1e-9
 
 
 def test_motor_line():
     rows = PATHS["motor"]
     way = centre().inputs + np.outer([row["turn"] for row in rows], [1.0, 0.0])
-    trail = follow(centre(), inputs=way)
-    assert np.abs(trail.states.pose - [row["pose"] for row in rows]).max() <= 2e-6  # six decimals
-    assert np.abs(trail.states.moment - [row["moment"] for row in rows]).max() <= 1e-5
+    followed = follow(centre(), inputs=way)
+    assert (
+        np.abs(followed.states.pose - [row["pose"] for row in rows]).max() <= 2e-6
+    )  # six decimals
+    assert np.abs(followed.states.moment - [row["moment"] for row in rows]).max() <= 1e-5
 
 
 def test_a_fold_ends_a_path_and_keeps_what_was_reached():
     way = centre().inputs + np.outer([-0.2, -0.35, -0.4, -1.0], [1.0, 0.0])
-    trail = follow(centre(), inputs=way)
-    assert trail.why == "fold: direct singularity"
-    assert np.isfinite(trail.states.vector).all(axis=1).tolist() == [True, True, False, False]
-    turn = (trail.last.inputs - centre().inputs)[0]
+    followed = follow(centre(), inputs=way)
+    assert followed.why == "fold: direct singularity"
+    assert np.isfinite(followed.states.vector).all(axis=1).tolist() == [True, True, False, False]
+    turn = (followed.last.inputs - centre().inputs)[0]
     assert turn == pytest.approx(PATHS["fold"]["turn"], abs=1e-5)  # five decimals
-    assert trail.reached == pytest.approx(2 + (-turn - 0.35) / 0.05, abs=1e-9)
-    assert np.abs(trail.last.pose - PATHS["fold"]["pose"]).max() <= 1e-5
+    assert followed.reached == pytest.approx(2 + (-turn - 0.35) / 0.05, abs=1e-9)
+    assert np.abs(followed.last.pose - PATHS["fold"]["pose"]).max() <= 1e-5
 
 
 def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
@@ -143,15 +145,15 @@ def test_a_symmetric_pair_gives_way_sideways():
             moment=[row["moment1"], -row["moment1"]],
         )
     )
-    trail = follow(start, load=[[0.0, -2.0]])
-    assert not trail.why
-    assert trail.crossed.shape == (1,)
-    beside = trail.crossed[0] * np.array([1.0 - 1e-5, 1.0 + 1e-5])
+    followed = follow(start, load=[[0.0, -2.0]])
+    assert not followed.why
+    assert followed.crossed.shape == (1,)
+    beside = followed.crossed[0] * np.array([1.0 - 1e-5, 1.0 + 1e-5])
     there = follow(start, load=np.outer(beside, [0.0, -2.0])).states
     assert np.abs(there.pose[:, 0]).max() <= 1e-9
     across = derivatives(there).stiffness[:, 0, 0]
     assert across[0] > 0.0 > across[1]
-    assert derivatives(start).stiffness[0, 0] > 0.0 > derivatives(trail.last).stiffness[0, 0]
+    assert derivatives(start).stiffness[0, 0] > 0.0 > derivatives(followed.last).stiffness[0, 0]
 
 
 def test_behind_the_fold_the_platform_is_unstable():
@@ -171,15 +173,15 @@ def test_behind_the_fold_the_platform_is_unstable():
 
 def test_inverse_singularity_ends_a_line_of_poses():
     """Towards the reach of rod 1: it is straight there, and no motor moves it on."""
-    trail = follow(centre(), pose=centre().pose[None] + [1.2, 0.0])
-    assert trail.why == "fold: inverse singularity"
-    found = derivatives(trail.last)
+    followed = follow(centre(), pose=centre().pose[None] + [1.2, 0.0])
+    assert followed.why == "fold: inverse singularity"
+    found = derivatives(followed.last)
     assert abs(found.inverse_determinant) <= 1e-9 * abs(derivatives(centre()).inverse_determinant)
     assert abs(found.direct_determinant) > 0.01
     sizes = np.linalg.svd(found.direct, compute_uv=False)
     assert sizes[1] <= 1e-9 * sizes[0]  # there is a direction in which no motor moves it
-    assert np.hypot(*(trail.last.pose - [-0.3, 0.0])) == pytest.approx(1.0, abs=1e-10)
-    assert abs(trail.last.moment[0]) <= 1e-9
+    assert np.hypot(*(followed.last.pose - [-0.3, 0.0])) == pytest.approx(1.0, abs=1e-10)
+    assert abs(followed.last.moment[0]) <= 1e-9
 
 
 def test_a_sheet_of_poses_is_the_path_through_it():
@@ -226,7 +228,7 @@ def test_a_sheet_of_inputs_ends_at_the_fold():
 
 def test_platform_follows_a_circle_at_constant_orientation():
     turns = np.radians([0.0, 120.0, -120.0])
-    a = three(0.2 * np.sqrt(3.0), angle=turns, guide=turns, prolongation=0.1)
+    a = three(0.2 * np.sqrt(3.0), angle=turns, guide=turns, rigid_extension=0.1)
     row = DATA["pfr3"]
     start = inverse(
         state(
@@ -238,11 +240,11 @@ def test_platform_follows_a_circle_at_constant_orientation():
     )
     angle = np.linspace(0.0, 2 * np.pi, 13)
     way = start.pose + 0.05 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    trail = follow(start, pose=way)
-    assert not trail.why
-    assert np.abs(trail.states.inputs[-1] - trail.states.inputs[0]).max() <= 1e-9
+    followed = follow(start, pose=way)
+    assert not followed.why
+    assert np.abs(followed.states.inputs[-1] - followed.states.inputs[0]).max() <= 1e-9
     # three-fold symmetry: a third of the circle later the next slide does the same
-    assert np.abs(np.roll(trail.states.inputs[4], -1) - trail.states.inputs[0]).max() <= 1e-9
+    assert np.abs(np.roll(followed.states.inputs[4], -1) - followed.states.inputs[0]).max() <= 1e-9
 
 
 @pytest.mark.parametrize(

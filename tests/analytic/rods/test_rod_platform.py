@@ -152,7 +152,7 @@ def test_annex_configuration():
 def test_start_pose_of_the_program(row):
     """Its slides turn the unloaded platform to 60 degrees; each force is across its guide."""
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
-    found = at([row["slide"]] * 3, side=side, **GUIDED, prolongation=row["prolongation"])
+    found = at([row["slide"]] * 3, side=side, **GUIDED, rigid_extension=row["rigid_extension"])
     assert np.degrees(found["phi"]) == pytest.approx(60.0, abs=5e-5)  # 5e-8 m of the slide, 0.3 m
     holds = np.array([found[f"hold{k}"] for k in (1, 2, 3)])
     assert np.abs(holds).max() <= 2e-8  # the same times 0.1 N/m
@@ -190,7 +190,7 @@ def test_a_third_of_a_turn():
 
 DRIVEN = {
     "guides": ({**PFR3, "mode": 2}, [0.1, 0.1, 0.1], [0.5, 0.2, 0.3]),
-    "rigid ends": ({**PFR3, "prolongation": 0.1}, [0.1, 0.1, 0.1], [0.3, 0.2, 0.1]),
+    "rigid ends": ({**PFR3, "rigid_extension": 0.1}, [0.1, 0.1, 0.1], [0.3, 0.2, 0.1]),
     "motors": (
         {"side": 0.2, "force_y": 0.5, "moment": 0.01, "stiffness": EI, "mode": 2},
         MOTORS8,

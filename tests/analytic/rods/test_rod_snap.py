@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.rods.elastica import rods
 from proofmass.analytic.rods.equilibrium import flow
-from proofmass.analytic.rods.rod_snap import branches, facts, family, marks, shapes, solve
+from proofmass.analytic.rods.rod_snap import branches, family, marks, properties, shapes, solve
 from proofmass.analytic.rods.shooting import integrate, stability
 
 DISTANCES = 0.35, 0.5, 0.8, 0.95
@@ -183,7 +183,7 @@ def test_the_loop_loses_what_the_motor_puts_in():
     # the snap falls within a sample: 4e-4 rad by a moment of 1.5
     assert swing["work"][-1] == pytest.approx(put_in, abs=1e-3)
     assert swing["lost"][-1] == pytest.approx(swing["work"][-1], rel=1e-12)
-    assert swing["lost"][-1] == pytest.approx(2.0 * 6.257, abs=1e-3)  # as `facts` says
+    assert swing["lost"][-1] == pytest.approx(2.0 * 6.257, abs=1e-3)  # as `properties` says
 
 
 def test_history_chooses_the_side():
@@ -239,6 +239,6 @@ def test_bad_input_is_named(change, words):
 
 def test_facts_tell_the_snap():
     """In the units of the rod."""
-    told = facts(distance=0.8, stiffness=0.05218602640386952)
+    told = properties(distance=0.8, stiffness=0.05218602640386952)
     assert told["snaps at"] == "±54.337°"
     assert told["lost in a snap"].startswith("0.3265 J")

@@ -256,8 +256,8 @@ def test_bad_input(change, words):
 
 
 def test_rods_that_cannot_meet():
-    with pytest.raises(ValueError, match="prolongation"):
-        solutions(assembly([[-0.3, 0.0], [0.3, 0.0]], prolongation=0.1))
+    with pytest.raises(ValueError, match="rigid_extension"):
+        solutions(assembly([[-0.3, 0.0], [0.3, 0.0]], rigid_extension=0.1))
     sliding = assembly([[0.0, 0.0], [0.5, 0.0]], guide=[np.pi, 0.0])
     with pytest.raises(ValueError, match="further apart"):
         solutions(sliding, inputs=[1.0, 1.0])

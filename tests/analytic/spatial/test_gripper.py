@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.analytic.spatial import facts, solve
+from proofmass.analytic.spatial import properties, solve
 from proofmass.analytic.spatial.mechanism import read_tree
 from proofmass.analytic.spatial.terms import OwnTerms
 from proofmass.sim.smooth import SmoothTerms
@@ -23,7 +23,7 @@ def gripper() -> tuple[mujoco.MjModel, dict[str, np.ndarray]]:
 
 def test_the_couplers_rest_on_their_stops_and_both_fingers_move_alike(gripper):
     model, motion = gripper
-    told = facts(model=model, start="start", joints=(), terms=SmoothTerms(model), motion=T)
+    told = properties(model=model, start="start", joints=(), terms=SmoothTerms(model), motion=T)
     assert told["stops"] == "left_coupler rests on a stop; right_coupler rests on a stop"
     assert told["equalities"].startswith("held exactly, 5 independent of 7 rows")
     assert np.abs(motion["coupler"]).max() < 1e-14

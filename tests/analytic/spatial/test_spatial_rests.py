@@ -13,7 +13,7 @@ from proofmass.analytic import planar, spatial
 from proofmass.analytic.equilibrium import Unstable
 from proofmass.analytic.numerics import NotCovered
 from proofmass.check import check
-from proofmass.reference import compiled, evaluate, facts
+from proofmass.reference import compiled, evaluate, properties
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import ChangingLoad, Drive, Run
@@ -205,7 +205,7 @@ def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, how):
     run = plan(case, kind, "mujoco")
     evaluate(case, kind, run.x, run.motion(run.x))
     kept = [spatial.rests_once.cache_info().misses, spatial.in_time_once.cache_info().misses]
-    assert how in facts(case)["equations of motion"]
+    assert how in properties(case)["equations of motion"]
     after = [spatial.rests_once.cache_info().misses, spatial.in_time_once.cache_info().misses]
     assert after == kept
 

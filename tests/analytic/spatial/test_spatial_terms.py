@@ -14,10 +14,10 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial import terms as own
 from proofmass.analytic.spatial.kinematics import advance
 from proofmass.analytic.spatial.mechanism import Tree, read_tree
-from proofmass.analytic.spatial.terms import NAMES, OwnTerms, TermSource, Terms, own_terms
+from proofmass.analytic.spatial.terms import NAMES, OwnTerms, Terms, TermSource, own_terms
 from proofmass.analytic.spatial.witness import TermsDiffer, bear_witness
 from proofmass.errors import InputError
-from proofmass.reference import facts
+from proofmass.reference import properties
 from proofmass.sim.protocol import Unsupported
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import solve
@@ -320,7 +320,7 @@ def test_quaternions_and_vectors_of_a_mechanism_in_space_are_channels():
 
 
 def test_the_page_says_how_closely_the_second_formulation_agrees():
-    told = facts(load_case(shipped("changing_gear.toml")))
+    told = properties(load_case(shipped("changing_gear.toml")))
     assert told["equations of motion"] == "terms of MuJoCo, integrated with DOP853 at 3e-14"
     second = told["second formulation"]
     assert re.match(r"proofmass's own terms agree at 50 poses, to \de-1[56] of", second)

@@ -35,8 +35,8 @@ def loop(moment: ArrayLike, turns: ArrayLike, friction: ArrayLike) -> Loop:
     Parameters
     ----------
     moment : M without friction [N m], (..., points)
-    turns : de_i/dalpha of every joint that rubs, (joints, ..., points): the windings' rates at rate
-        1; for the pin in the tip that of alpha - theta_n; for the pendulum's own pivot 1
+    turns : de_i/dalpha of every joint that rubs, (joints, ..., points): the deflections' rates at
+        rate 1; for the pin in the tip that of alpha - theta_n; for the pendulum's own pivot 1
     friction : tau_i [N m], (joints,), zero or positive
 
     Returns

@@ -8,12 +8,12 @@ from proofmass.analytic.numerics import Array
 from tests.independent.balancer.trial import (
     centred,
     curves,
+    deflections,
     energies,
     lowest,
     opening,
     prepared,
     trial_loads,
-    windings,
 )
 
 NAMES = frozenset(
@@ -59,7 +59,7 @@ def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> d
     Returns
     -------
     dict of ndarray (n,)
-        theta1..3, winding1..3 [rad], balancing_moment [N m], energy of the springs [J].
+        theta1..3, deflection1..3 [rad], balancing_moment [N m], energy of the springs [J].
 
     Raises
     ------
@@ -88,10 +88,10 @@ def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> d
     sweep = opening(device.pendulum[0], first, second + third) * centred(points)
     lead = _release(device, alpha, sweep) if "low2" in parameters else sweep[None]
     if "high2" in parameters:
-        joint2 = windings(device, alpha[:, None], _closed(device, lead))[..., 1]
+        joint2 = deflections(device, alpha[:, None], _closed(device, lead))[..., 1]
         lead = np.where(joint2 > device.high[0, 1], 0.0, lead)
     posture = _closed(device, lead)
-    energy = energies(device, windings(device, alpha[:, None], posture))
+    energy = energies(device, deflections(device, alpha[:, None], posture))
     rows, best = np.arange(alpha.size), lowest(alpha, energy)
     return curves(device, alpha, np.broadcast_to(posture, (*energy.shape, 3))[rows, best])
 

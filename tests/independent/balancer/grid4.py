@@ -9,12 +9,12 @@ from tests.independent.balancer.grid import NAMES
 from tests.independent.balancer.trial import (
     centred,
     curves,
+    deflections,
     energies,
     lowest,
     opening,
     prepared,
     trial_loads,
-    windings,
 )
 
 NAMES4 = NAMES - {"rest_angle", "mode", "high2"} | {
@@ -53,8 +53,8 @@ def minimise(
         joint 2 free   M2 >= preload2, M3 <  preload3   segments 2 and 3 one bar, the range over i
         both free      M2 >= preload2, M3 >= preload3   the point i, k itself
 
-    Where joint 3 or both are free, a posture with winding2 or winding3 < 0 is none. The loads are
-    those of a trial, not of an equilibrium: a stage may hide another of less energy.
+    Where joint 3 or both are free, a posture with deflection2 or deflection3 < 0 is none. The loads
+    are those of a trial, not of an equilibrium: a stage may hide another of less energy.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def minimise(
     Returns
     -------
     dict of ndarray (n,)
-        theta1..4, winding1..4 [rad], balancing_moment [N m], energy of the springs [J], and the
+        theta1..4, deflection1..4 [rad], balancing_moment [N m], energy of the springs [J], and the
         stage by its name above.
 
     Raises
@@ -154,9 +154,9 @@ def _free(device: Balancer, points: int) -> Array:
 
 def _energy(device: Balancer, alpha: Array, posture: Array, unilateral: bool) -> Array:
     """Energy (n, ...) [J] of postures; NaN where a joint is wound below its stop, if it has one."""
-    winding = windings(device, alpha, posture)
-    beyond = unilateral & (winding[..., 1:3] < 0.0).any(axis=-1)
-    return np.where(beyond, np.nan, energies(device, winding))
+    deflection = deflections(device, alpha, posture)
+    beyond = unilateral & (deflection[..., 1:3] < 0.0).any(axis=-1)
+    return np.where(beyond, np.nan, energies(device, deflection))
 
 
 def _stage(device: Balancer, alpha: Array, postures: list[Array]) -> NDArray[np.intp]:

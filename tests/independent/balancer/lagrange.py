@@ -20,7 +20,7 @@ class Potential(NamedTuple):
 
 def potential(
     angle: ArrayLike,
-    winding1: ArrayLike,
+    deflection1: ArrayLike,
     *,
     pendulum: float,
     length1: float,
@@ -33,7 +33,7 @@ def potential(
     weight: float = 0.0,
     mode: int = 1,
 ) -> Potential:
-    r"""Energy as a function of the pendulum angle alpha and the winding alpha_1 of spring 1.
+    r"""Energy as a function of the pendulum angle alpha and the deflection alpha_1 of spring 1.
 
     ::
 
@@ -57,7 +57,7 @@ def potential(
 
     Parameters
     ----------
-    angle, winding1 : alpha and alpha_1 [rad], (...) broadcast
+    angle, deflection1 : alpha and alpha_1 [rad], (...) broadcast
     pendulum, length1, length2, length3 : r and l_i [m]
     stiffness1, stiffness2, stiffness3 : k_i [N m/rad], zero or positive
     rest_angle : theta_10 [rad]
@@ -92,7 +92,7 @@ def potential(
     """
     lengths = {"pendulum": pendulum, "length1": length1, "length2": length2, "length3": length3}
     _check(lengths, (stiffness1, stiffness2, stiffness3), rest_angle, weight, mode)
-    alpha, alpha1 = np.asarray(angle, float), np.asarray(winding1, float)
+    alpha, alpha1 = np.asarray(angle, float), np.asarray(deflection1, float)
     at_rest = _bends(np.asarray(-rest_angle), **lengths, mode=mode)
     bends = _bends(alpha - alpha1 - rest_angle, **lengths, mode=mode)
     moment1, energy = stiffness1 * alpha1, 0.5 * stiffness1 * alpha1**2

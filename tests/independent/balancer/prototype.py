@@ -19,7 +19,7 @@ DESIGN_RATIOS = (1.498937760758821, 4.847839773931474)  # k_1/k_2 and k_3/k_2 of
 # Flat spiral springs by part number [N m/rad]: Table J.1 prints 0.037, 0.025 and 0.082. These are
 # what the measured values and the deviations of Table J.2 go back to, and give its ratios.
 CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
-# On each axis, in pairs wound against each other: part, specimen, measured stiffness [N m/rad].
+# On each axis, in pairs wound against each other: part, problem, measured stiffness [N m/rad].
 MOUNTED = (
     (("907", "iv", 0.03732627), ("907", "v", 0.03755394)),
     (("903", "ii", 0.0217042), ("903", "iii", 0.021610197)),

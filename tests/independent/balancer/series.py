@@ -10,7 +10,7 @@ from proofmass.analytic.numerics import Array
 def curve(beta: ArrayLike, **parameters: float) -> dict[str, Array]:
     r"""Pendulum angle and balancing moment where segment 1 stands at `beta` from the pendulum.
 
-    With beta = theta1 - alpha the windings of springs 2 and 3 depend on beta alone: seen from
+    With beta = theta1 - alpha the deflections of springs 2 and 3 depend on beta alone: seen from
     spring 1 the rest of the chain is one nonlinear spring in series with it::
 
         M1 = -dU/dbeta,    U(beta) = V2(e2) + V3(e3),    alpha = theta10 - beta + M1/k1

@@ -1,4 +1,4 @@
-"""Trial postures, what both grid searches need: ranges, windings, energies and loads.
+"""Trial postures, what both grid searches need: ranges, deflections, energies and loads.
 
 A posture is the angles of all segments in the pendulum's frame, clockwise from the pendulum.
 """
@@ -57,23 +57,23 @@ def opening(side: ArrayLike, arm: ArrayLike, opposite: ArrayLike) -> Array:
     return np.where(a + b <= c, np.pi, TAUT * np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def windings(device: Balancer, alpha: Array, posture: Array) -> Array:
+def deflections(device: Balancer, alpha: Array, posture: Array) -> Array:
     """Windings (..., n) [rad] of postures when the pendulum stands at alpha (...)."""
     turned = posture - device.rest[0]
     first = alpha + turned[..., 0]
-    winding = np.empty((*first.shape, turned.shape[-1]))
-    winding[..., 0], winding[..., 1:] = first, np.diff(turned)
-    return winding
+    deflection = np.empty((*first.shape, turned.shape[-1]))
+    deflection[..., 0], deflection[..., 1:] = first, np.diff(turned)
+    return deflection
 
 
-def energies(device: Balancer, winding: Array) -> Array:
-    """Energy (...) of all springs [J] at windings (..., n)."""
-    return np.asarray(device.energies(winding[None])[0].sum(axis=-1))
+def energies(device: Balancer, deflection: Array) -> Array:
+    """Energy (...) of all springs [J] at deflections (..., n)."""
+    return np.asarray(device.energies(deflection[None])[0].sum(axis=-1))
 
 
 def trial_loads(device: Balancer, alpha: Array, posture: Array) -> Array:
     """Loads (..., n) [N m] on the joints when only the end springs are in equilibrium."""
-    moment = device.moments(windings(device, alpha, posture)[None])[0]
+    moment = device.moments(deflections(device, alpha, posture)[None])[0]
     force = pin_force(posture, device.length[0], moment)
     with np.errstate(invalid="ignore"):  # no force where the last segment points at O
         return node_loads(posture, device.length[0], *force)
@@ -89,11 +89,11 @@ def lowest(alpha: Array, energy: Array) -> NDArray[np.intp]:
 
 def curves(device: Balancer, alpha: Array, posture: Array) -> dict[str, Any]:
     """What the searches return, of postures (n, segments)."""
-    winding = windings(device, alpha, posture)
+    deflection = deflections(device, alpha, posture)
     segments = range(device.segments)
     return {
         **{f"theta{i + 1}": alpha + posture[:, i] for i in segments},
-        **{f"winding{i + 1}": winding[:, i] for i in segments},
-        "balancing_moment": device.moments(winding[None])[0, :, 0],
-        "energy": energies(device, winding),
+        **{f"deflection{i + 1}": deflection[:, i] for i in segments},
+        "balancing_moment": device.moments(deflection[None])[0, :, 0],
+        "energy": energies(device, deflection),
     }

@@ -55,7 +55,7 @@ def chain(
     length: ArrayLike = 1.0,
     stiffness: ArrayLike = 1.0,
     scheme: str = "half",
-    prolongation: ArrayLike = 0.0,
+    rigid_extension: ArrayLike = 0.0,
 ) -> Chain:
     r"""Cut a rod into `segments` cells of length h = L/n.
 
@@ -64,7 +64,7 @@ def chain(
     segments : n, at least 2
     length, stiffness : L [m] and bending stiffness EI [N m^2] (...)
     scheme : "half", "double" or "naive", as drawn above
-    prolongation : rigid piece beyond the rod's end [m] (...)
+    rigid_extension : rigid piece beyond the rod's end [m] (...)
 
     Returns
     -------
@@ -74,12 +74,12 @@ def chain(
     ------
     ValueError
         Fewer than 2 segments, an unknown scheme, a length or a stiffness that is not positive, a
-        negative prolongation.
+        negative rigid_extension.
 
     Notes
     -----
     "half" and "double" are second order in h, "naive" is first: the rod bends half a cell longer.
-    With a moment at the tip the last segment of "double" lags by M h/(2 EI), so a prolongation
+    With a moment at the tip the last segment of "double" lags by M h/(2 EI), so a rigid_extension
     wants "half".  Not in Pérez Gámiz 2018, whose continuum the chains are held against.
 
     Examples
@@ -94,13 +94,13 @@ def chain(
     if segments != int(segments) or segments < 2:
         raise ValueError(f"segments must be a whole number from 2, got {segments}")
     whole, bending, beyond = np.broadcast_arrays(
-        *(np.asarray(value, float)[..., None] for value in (length, stiffness, prolongation))
+        *(np.asarray(value, float)[..., None] for value in (length, stiffness, rigid_extension))
     )
     for name, value, unit in (("length", whole, "m"), ("stiffness", bending, "N m^2")):
         if not np.all((value > 0) & np.isfinite(value)):
             raise ValueError(f"{name} must be positive and finite [{unit}], got {value[..., 0]}")
     if not np.all((beyond >= 0) & np.isfinite(beyond)):
-        raise ValueError(f"prolongation must be zero or positive [m], got {beyond[..., 0]}")
+        raise ValueError(f"rigid_extension must be zero or positive [m], got {beyond[..., 0]}")
     stub, last, first = SCHEMES[scheme]
     h = whole / segments
     full = np.ones(segments - 1)

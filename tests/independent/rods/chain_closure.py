@@ -36,7 +36,11 @@ def clamps(a: Assembly, inputs: Array) -> Array:
 def chains(a: Assembly, segments: int, scheme: str = "half") -> Chain:
     """The rods of an assembly in `segments` cells each; `station` is where seeds are sampled."""
     return chain(
-        segments, length=a.length, stiffness=a.stiffness, scheme=scheme, prolongation=a.prolongation
+        segments,
+        length=a.length,
+        stiffness=a.stiffness,
+        scheme=scheme,
+        rigid_extension=a.rigid_extension,
     )
 
 

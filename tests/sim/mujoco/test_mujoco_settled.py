@@ -92,7 +92,7 @@ def file(tmp_path: Path):
 
 
 def to(degrees, *channels: str) -> Run:
-    """A sweep of the pendulum, with winding and moment of its springs."""
+    """A sweep of the pendulum, with deflection and moment of its springs."""
     return Run("sweep", np.radians(degrees), ("hold", "s1", "s2", *channels), (ALPHA,))
 
 
@@ -126,8 +126,8 @@ def test_the_rest_is_free_body_equilibrium(p, file):
     curves = simulate(file(**p), to(np.arange(0, 91, 10), *names[2:]))
 
     def moments(theta):
-        winding = np.diff(theta - rest, prepend=0.0)
-        return np.append(k * winding + square * winding**2, 0.0)
+        deflection = np.diff(theta - rest, prepend=0.0)
+        return np.append(k * deflection + square * deflection**2, 0.0)
 
     def open_(unknown, angle):
         theta, (east, north) = unknown[:-2], unknown[-2:]
@@ -150,10 +150,10 @@ def test_the_preload_is_released_at_its_closed_form(file):
     away = np.degrees(0.3983 / (0.9341 * (1 - 0.4764)))
     assert away == pytest.approx(46.6595, abs=5e-5)  # degrees, four decimals
     curves = simulate(file(**PRELOADED), to([0.0, 30.0, away - 1e-7, away + 1e-7, 60.0]))
-    winding, hold = curves.channels["s2"], curves.channels["hold"]
+    deflection, hold = curves.channels["s2"], curves.channels["hold"]
     np.testing.assert_allclose(hold[:3], 0.9341 * curves.x[:3], atol=1e-15)
-    assert np.abs(winding[:3]).max() < 1e-15
-    assert 0 < winding[3] < 1e-7
+    assert np.abs(deflection[:3]).max() < 1e-15
+    assert 0 < deflection[3] < 1e-7
 
 
 def test_an_unstable_rest_at_the_start_is_an_error(file):

@@ -82,7 +82,7 @@ def test_errors_fall_with_the_step():
 
 def test_the_page_says_why_the_motion_is_known():
     """Before the next test, which forgets the motion of the box."""
-    told = reference.facts(load_case(BOX))
+    told = reference.properties(load_case(BOX))
     assert "with soft contacts" in told["equations of motion"]
     assert told["self-consistent"].startswith("until 0.4 s, its end, known to ")
 

@@ -109,7 +109,7 @@ def write(tmp_path):
     return to_file
 
 
-def test_sweep_of_a_five_bar_with_both_efforts(write):
+def test_sweep_of_a_five_bar_with_both_forces(write):
     run = Run("sweep", np.linspace(0, 2, 41), (*TIP[:4], "l", "r"), BOTH)
     got = simulate(write(FIVEBAR), run)
     truth = five_truth(*got.drive)

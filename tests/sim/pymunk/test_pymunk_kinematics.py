@@ -67,7 +67,7 @@ def test_joints_together_are_what_each_is_alone(name):
     np.testing.assert_allclose(joint_values(links, pose), alone, rtol=1e-14, atol=1e-14)
     table = links.joint_table
     for k, joint in enumerate(links.joints):
-        found = table.efforts(alone)[..., k]
+        found = table.joint_forces(alone)[..., k]
         wanted = joint.load + joint.spring_force(alone[..., k])
         np.testing.assert_allclose(found, wanted, rtol=1e-14, atol=1e-14 * (1 + abs(joint.load)))
 

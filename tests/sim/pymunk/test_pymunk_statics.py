@@ -173,14 +173,15 @@ def balancer(lengths, springs, angles=(0.0,), stops=("", "", "", "")) -> str:
     ):
         x, y, turn = length * np.sin(angle), length * np.cos(angle), length**3 / 12
         bodies += (
-            f'<body pos="{place}"><joint name="winding{k}" axis="0 0 -1" '
+            f'<body pos="{place}"><joint name="deflection{k}" axis="0 0 -1" '
             f'stiffness="{spring}" {stop}/><inertial pos="{x / 2:.17g} {y / 2:.17g} 0" '
             f'mass="{length}" diaginertia="{turn} {turn} {turn}"/>'
             f'<site name="end{k}" pos="{x:.17g} {y:.17g} 0"/>'
         )
         place = f"{x:.17g} {y:.17g} 0"
     sensors = "".join(
-        f'<jointpos name="winding{k + 1}" joint="winding{k + 1}"/>' for k in range(len(lengths))
+        f'<jointpos name="deflection{k + 1}" joint="deflection{k + 1}"/>'
+        for k in range(len(lengths))
     )
     return (
         f'{FLAT}<worldbody>{bodies}{"</body>" * len(lengths)}<body><joint name="pendulum" '
@@ -254,12 +255,12 @@ BALANCERS = {
 
 
 def balanced(folder: Path, name: str, degrees, law=lambda x: x):
-    windings = [f"winding{k}" for k in range(1, 5 if name == "four" else 4)]
+    deflections = [f"deflection{k}" for k in range(1, 5 if name == "four" else 4)]
     return swept(
         folder,
         BALANCERS[name][0],
         np.radians(degrees),
-        ("hold", "energy", *windings),
+        ("hold", "energy", *deflections),
         "pendulum",
         law,
     )
@@ -284,7 +285,7 @@ def test_the_drive_holds_what_spring_1_takes_and_the_energy_gains(name, tmp_path
         if name == "nonlinear"
         else ({"plain": 1.2701, "released": 0.9341, "contact": 0.8971, "four": 0.9512}[name], 0.0)
     )
-    spring1 = got["winding1"] * (k + a * got["winding1"])
+    spring1 = got["deflection1"] * (k + a * got["deflection1"])
     np.testing.assert_allclose(got["hold"], spring1, atol=1e-10)  # rest, and a stop, to 1e-12 rad
     before, _, after = got["energy"].reshape(-1, 3).T
     slope = (after - before) / np.radians(2 * h)
@@ -296,8 +297,8 @@ def test_a_preload_is_released_at_its_moment(tmp_path):
     """Up to 46.6595 degrees, preload / (k1 (1 - l1/r)), the chain turns with the pendulum."""
     release = np.degrees(0.3983 / 0.9341 / (1 - 0.4764))
     got = balanced(tmp_path, "released", (0, 20, 40, release - 0.01, release + 0.01)).channels
-    np.testing.assert_allclose(got["winding2"][:4], 0, atol=1e-11)  # left within 1e-12 rad
-    assert got["winding2"][4] > 1e-5
+    np.testing.assert_allclose(got["deflection2"][:4], 0, atol=1e-11)  # left within 1e-12 rad
+    assert got["deflection2"][4] > 1e-5
     np.testing.assert_allclose(
         got["hold"][:4], 0.9341 * np.radians((0, 20, 40, release - 0.01)), atol=1e-11
     )
@@ -306,8 +307,8 @@ def test_a_preload_is_released_at_its_moment(tmp_path):
 def test_a_joint_meets_its_upper_stop(tmp_path):
     """From 41.4841 degrees on segments 2 and 3 no longer bend: the moment grows by k1 alone."""
     got = balanced(tmp_path, "contact", (41.47, 41.50, 50, 60, 70, 80, 90)).channels
-    assert got["winding2"][0] < 0.8693 - 1e-4
-    np.testing.assert_allclose(got["winding2"][1:], 0.8693, atol=1e-11)  # left within 1e-12 rad
+    assert got["deflection2"][0] < 0.8693 - 1e-4
+    np.testing.assert_allclose(got["deflection2"][1:], 0.8693, atol=1e-11)  # left within 1e-12 rad
     slope = np.diff(got["hold"][1:]) / np.diff(np.radians((41.50, 50, 60, 70, 80, 90)))
     np.testing.assert_allclose(slope, 0.8971, atol=1e-10)
 
@@ -333,7 +334,7 @@ def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
     monkeypatch.setattr(
         LinkJoint,
         "spring_energy",
-        lambda self, value: energy(self, value) * (1.01 if self.name == "winding2" else 1.0),
+        lambda self, value: energy(self, value) * (1.01 if self.name == "deflection2" else 1.0),
     )
     moments = BALANCERS["plain"][1]
     got = balanced(tmp_path, "plain", np.linspace(0, 90, 10)).channels["hold"]
@@ -388,9 +389,9 @@ def test_stops_on_both_sides_lock_a_balancer(tmp_path):
     text = balancer(
         (0.45, 0.5, 0.4), (1.0, 1.0, 1.0), stops=('range="-1 0.6"', 'range="-1 0.3"', "")
     )
-    got = swept(tmp_path, text, np.linspace(0, 1.5, 31), ("winding1", "winding2"), "pendulum")
+    got = swept(tmp_path, text, np.linspace(0, 1.5, 31), ("deflection1", "deflection2"), "pendulum")
     assert 3 < len(got.x) < 31
-    assert "joint 'winding1', 'winding2' is on its stop before pendulum = " in got.stopped
+    assert "joint 'deflection1', 'deflection2' is on its stop before pendulum = " in got.stopped
 
 
 def test_a_rest_is_guessed_by_a_polynomial_through_the_ones_before_it():

@@ -122,8 +122,8 @@ def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
     for each in run.drives:
         order |= {name: k for k, name in enumerate(drive_columns(each.joint))}
     units = {name: case.channels[name].si_unit for name in run.channels}
-    efforts = {n: 1e-14 * moved[unit] / dt**2 for n, unit in units.items() if unit in moved}
-    return {name: 1e-14 / dt**k for name, k in order.items()} | efforts
+    forces = {n: 1e-14 * moved[unit] / dt**2 for n, unit in units.items() if unit in moved}
+    return {name: 1e-14 / dt**k for name, k in order.items()} | forces
 
 
 def motion_of(run: Run) -> str:

@@ -748,7 +748,7 @@ def led(tip: Complex, v: Complex, dv: Complex, **linkage: Any) -> tuple[Array, A
     return angle, speed, change
 
 
-def facts(
+def properties(
     *,
     left_crank: float,
     left_coupler: float,

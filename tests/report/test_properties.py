@@ -3,7 +3,7 @@
 import pytest
 
 from proofmass.check import Result
-from proofmass.reference import facts
+from proofmass.reference import properties
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
@@ -25,17 +25,17 @@ SAYS = {  # lengths of B. Díaz Lozano 2019; figures in tests/data
 
 @pytest.mark.parametrize("name", SAYS)
 def test_facts_are_those_of_the_documents(name):
-    found = facts(load_case(shipped(f"{name}.toml")))
+    found = properties(load_case(shipped(f"{name}.toml")))
     assert {key: found[key] for key in SAYS[name]} == SAYS[name]
 
 
 def test_a_reference_without_facts_has_none():
-    assert facts(load_case(shipped("pendulum.toml"))) == {}
+    assert properties(load_case(shipped("pendulum.toml"))) == {}
 
 
 def test_parameters_at_fault_have_none(models, edit):
     edit("fourbar.toml", r"coupler = 2.0", "coupler = 20.0")
-    assert facts(load_case(models / "fourbar.toml")) == {}
+    assert properties(load_case(models / "fourbar.toml")) == {}
 
 
 def test_a_page_shows_them(tmp_path):

@@ -8,7 +8,7 @@ def mjcf(
     world: str, watched: str = "joint", rest: str = "", gravity: str = "0 0 0", flags: str = ""
 ) -> str:
     """A model of what stands in its world, with the sensors of one joint."""
-    return f"""<mujoco model="specimen">
+    return f"""<mujoco model="problem">
   <compiler angle="radian"/>
   <option gravity="{gravity}" jacobian="dense"><flag contact="disable" {flags}/></option>
   <worldbody>{world}</worldbody>
