@@ -33,7 +33,7 @@ is taken out by itself, and every run is done again: those of the sidecars in Mu
 channel may move by a tenth of what its error leaves of its tolerance, or else the motion from the
 key, where it may move by rounding. What is harmless goes, all of it together. `--watch NAME`, with
 a joint, body, site or sensor, says what alone matters; without it and without a sidecar all sensors
-are watched, or all that moves, and bodies that do not act on each other are named in groups.
+are monitored, or all that moves, and bodies that do not act on each other are named in groups.
 
 Then options of the engine are made cheaper, one after the other: solver tolerance, iterations, time
 step, integrator, friction cone, solver and Jacobian. These change every run, so what is measured is
@@ -111,7 +111,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[Entry]:
-    """The diet of a model, with its options or without; table and slim model in the folder."""
+    """The diet of a model, with its options or without; table and reduced model in the folder."""
     print(model.stem, flush=True)
     file = folder / model.name
     scene = scene_of(model, SECONDS)

@@ -528,7 +528,7 @@ def diet_command(
         typer.Option(
             "--output",
             "-o",
-            help="The slim model; the table stands beside it.",
+            help="The reduced model; the table stands beside it.",
             show_default="diet/MODEL.xml",
         ),
     ] = None,
@@ -541,7 +541,7 @@ def diet_command(
             "--watch",
             help="A joint, body, site or sensor "
             "that matters; what does not act on it goes. Can be given again. Without it "
-            "all that is measured, or moves, is watched.",
+            "all that is measured, or moves, is monitored.",
         ),
     ] = None,
     error: Annotated[

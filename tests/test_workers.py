@@ -119,7 +119,7 @@ def test_a_diet_compiles_its_model_in_a_worker_first(models, edit, here, monkeyp
 def test_a_diet_evaluates_its_references_in_workers(models, edit, here):
     edit("pendulum.toml", r"until = 10\.0", "until = 0.1")
     found = scene.scene_of(models / "pendulum.xml", 1.0)
-    assert "pendulum dynamics" in {watch.name for watch in found.watches}
+    assert "pendulum dynamics" in {monitored.name for monitored in found.monitored_runs}
 
 
 def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, edit, here):

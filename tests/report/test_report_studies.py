@@ -95,12 +95,12 @@ def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
         OPTION, "tolerance 0 to 1e-8", "harmless", {RUN: {"angle": 0.5}}, "", (HEAVY, LEAN), QUARTER
     )
     longer = Entry(OPTION, "time step 1e-3 to 2e-3 s", "matters", {RUN: {"rate": 4.0}})
-    watched = Entry(SAID, "", SAID, message="Watched: joint crank, and nothing else.")
-    told = [watched, option, longer, replace(ENTRIES[-1], saved=NOTHING)]
+    monitored = Entry(SAID, "", SAID, message="Monitored: joint crank, and nothing else.")
+    told = [monitored, option, longer, replace(ENTRIES[-1], saved=NOTHING)]
     write_entries(told, tmp_path / "a.csv")
     assert read_entries(tmp_path / "a.csv") == told
     assert list(sentences(told)) == [
-        "Watched: joint crank, and nothing else.",
+        "Monitored: joint crank, and nothing else.",
         "Nothing is left to remove: of 0 features, each taken out, 0 move a channel by more than "
         "it may, and 0 are needed for the model to run.",
         "Options are changed: tolerance 0 to 1e-8.",

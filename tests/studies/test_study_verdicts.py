@@ -28,7 +28,7 @@ from proofmass.studies.diet import diet, scene
 from proofmass.studies.diet.diet import DietStore
 from proofmass.studies.diet.edits import read
 from proofmass.studies.diet.options import DRAWN, Feature
-from proofmass.studies.diet.scene import DietScene, Watch
+from proofmass.studies.diet.scene import DietScene, MonitoredRun
 from proofmass.studies.diet.scene import moved as moved_over
 from proofmass.studies.diet.table import Entry
 from proofmass.studies.diet.trial import Cost, Pace
@@ -889,9 +889,9 @@ def test_what_an_extreme_needs():
     assert not reference_follows_masses(FOURBAR.model_copy(update={"drive": FOURBAR.drive * 2}))
 
 
-def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> Watch:
+def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> MonitoredRun:
     x = np.arange(len(next(iter(before.values()))))
-    return Watch(
+    return MonitoredRun(
         "",
         Run("dynamics", x, ()),
         {n: np.full(x.size, a) for n, a in allowed.items()},
@@ -900,14 +900,14 @@ def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> Watch
 
 
 def test_how_far_a_channel_moved_of_what_it_may():
-    watch = watch_of(
+    monitored = watch_of(
         {"one": 0.5, "two[0]": 2.0, "still": 1.0},
         {"one": [1.0, 2.0], "two[0]": [0.0, 4.0], "still": [3.0, 3.0]},
     )
 
     def of(optional: str = "", **after: list[float]):
         channels = {n.replace("two", "two[0]"): np.array(v) for n, v in after.items()}
-        return moved_over(watch, Curves(np.zeros(2), channels), {optional})
+        return moved_over(monitored, Curves(np.zeros(2), channels), {optional})
 
     assert of(one=[1.0, 1.5], two=[1.0, 0.0], still=[3.0, 3.0]) == {
         "one": 1.0,
@@ -919,7 +919,7 @@ def test_how_far_a_channel_moved_of_what_it_may():
     assert of("still", one=[1.0, 2.0])["still"] == 0.0  # it never moved
     assert of("two", one=[1.0, 2.0])["two[0]"] == 2.0  # and it does
     assert of(one=[1.0])["one"] == inf  # a run that ended early
-    longer = Watch("", watch.run, {"one": np.full(1, 0.5)}, watch.before)
+    longer = MonitoredRun("", monitored.run, {"one": np.full(1, 0.5)}, monitored.before)
     assert scene.moved(
         replace(longer, before=Curves(np.zeros(2), {"one": np.array([1.0, 9.0])})),
         Curves(np.zeros(1), {"one": np.array([1.25])}),
@@ -964,7 +964,7 @@ def test_a_scene_is_run_with_the_settings_of_its_own():
 
 def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
     """Or by rounding, where it has no tolerance or is beyond it."""
-    case, draft = case_of("pendulum"), read(case_of("pendulum").model_path)
+    case, edited = case_of("pendulum"), read(case_of("pendulum").model_path)
     x = np.linspace(0.0, 1.0, 3)
     truth = {name: np.array([0.0, 1.0, 2.0]) for name in case.channels}
     off = {"angle": 5e-11, "rate": 9.0, "acceleration": 0.0, "kinetic": 0.0, "potential": 0.0}
@@ -983,17 +983,17 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
         lambda *told: Curves(x, truth if told == (case, "dynamics", curves) else {}),
     )
     run = plan(case, "dynamics", "mujoco")
-    watch = scene.watched(case, run, "mujoco", draft)
+    monitored = scene.monitored_run(case, run, "mujoco", edited)
     assert asked == [(case.model_path, 1, "dynamics")]
-    assert (watch.name, watch.run, watch.before) == ("pendulum dynamics", run, curves)
+    assert (monitored.name, monitored.run, monitored.before) == ("pendulum dynamics", run, curves)
     # 1e-10 of a range of 2; a tenth of what is left, or 1e-9 of the largest value
     wanted = {"angle": 2e-9, "rate": 1e-8, "acceleration": 2e-9, "kinetic": 2e-9, "potential": 2e-9}
     for name, most in wanted.items():
-        assert watch.allowed[name] == pytest.approx(np.full(3, most), rel=1e-9)
-    loose = scene.watched(case, run, "pymunk:fine", draft)
+        assert monitored.allowed[name] == pytest.approx(np.full(3, most), rel=1e-9)
+    loose = scene.monitored_run(case, run, "pymunk:fine", edited)
     assert loose.name == "pendulum dynamics, fine"
     assert loose.allowed["angle"] == pytest.approx(np.full(3, 2e-9))  # no tolerance covers it
-    soft = scene.watched(case, run, "pymunk", draft)  # relative_to_range = 1e-4
+    soft = scene.monitored_run(case, run, "pymunk", edited)  # relative_to_range = 1e-4
     assert soft.allowed["angle"] == pytest.approx(np.full(3, 0.1 * (2e-4 - 5e-11)), rel=1e-12)
     assert soft.allowed["rate"] == pytest.approx(np.full(3, 1e-8))
 
@@ -1002,8 +1002,8 @@ def entry(outcome: str, **more):
     return Entry("kind", "name", outcome, **more)
 
 
-def scene_with(*watches: Watch, draft: object = "whole") -> DietScene:
-    return DietScene(draft, watches, None, set())
+def scene_with(*monitored_runs: MonitoredRun, edited: object = "whole") -> DietScene:
+    return DietScene(edited, monitored_runs, None, set())
 
 
 def cost_of(calls: list, *answers):
@@ -1020,10 +1020,10 @@ def cost_of(calls: list, *answers):
 
 
 class Given:
-    """A draft that was given probes and rods of its own."""
+    """An edited model that was given probes and rods of its own."""
 
     probes: ClassVar = {"probe"}
-    watch = ()
+    monitored = ()
 
     def segmented(self, rods):
         return (*rods, "cut")
@@ -1056,7 +1056,7 @@ def test_a_feature_matters_if_it_moves_a_channel_by_more_than_it_may(value, outc
 
 
 def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
-    watch = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
+    monitored = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
     gone = Curves(np.zeros(1), {})
     for error, outcome in (
         (BadModel("why"), "needed"),
@@ -1064,7 +1064,7 @@ def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
         (TimedOut("why"), "timed out"),
     ):
         monkeypatch.setattr(measure, "isolated", cost_of([], gone, error))
-        assert diet.DietSearch(scene_with(watch, watch)).judge_changes([1, 2], Given()) == (
+        assert diet.DietSearch(scene_with(monitored, monitored)).judge_changes([1, 2], Given()) == (
             outcome,
             {"a": {"probe": 0.0}},
             "why",
@@ -1072,12 +1072,12 @@ def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
 
 
 class Cuts(list):
-    """A draft that knows what was cut from it."""
+    """An edited model that knows what was cut from it."""
 
     def without(self, cut):
-        draft = Cuts(self)
-        cut(draft)
-        return draft
+        edited = Cuts(self)
+        cut(edited)
+        return edited
 
     def compiled(self, rods):
         if "fatal" in self:
@@ -1089,10 +1089,10 @@ class Cuts(list):
 
 
 def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
-    def cut(draft):
+    def cut(edited):
         if name == "wrong":
             raise ValueError("Error: it is named")
-        draft.append(name)
+        edited.append(name)
 
     return Feature(kind, name, cut, parts)
 
@@ -1100,10 +1100,10 @@ def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
 class Outcomes(diet.DietSearch):
     """Answers by what was cut: that without a harmful feature is harmless."""
 
-    def judge_changes(self, models, draft):
-        self.store.asked.append(list(draft))
+    def judge_changes(self, models, edited):
+        self.store.asked.append(list(edited))
         self.store.models.append(models)
-        return "matters" if "bad" in " ".join(draft) else "harmless", {"a": {"y": 0.5}}, "said"
+        return "matters" if "bad" in " ".join(edited) else "harmless", {"a": {"y": 0.5}}, "said"
 
 
 class Asked(DietStore):
@@ -1123,25 +1123,25 @@ def search(scene: DietScene, **how) -> Outcomes:
 
 
 def test_a_feature_is_tried_without_what_went_before():
-    watch = watch_of({"y": 0.5}, {"y": [1.0]})
-    watch = replace(watch, name="a", run=replace(watch.run, rods=("rod",)))
+    monitored = watch_of({"y": 0.5}, {"y": [1.0]})
+    monitored = replace(monitored, name="a", run=replace(monitored.run, rods=("rod",)))
     said: list[str] = []
-    own = search(scene_with(watch, watch), progress=said.append)
-    draft, found = own.tried(Cuts(["old"]), feature("new"))
-    assert draft == ["old", "new"]
+    own = search(scene_with(monitored, monitored), progress=said.append)
+    edited, found = own.tried(Cuts(["old"]), feature("new"))
+    assert edited == ["old", "new"]
     assert found == Entry("geom", "new", "harmless", {"a": {"y": 0.5}}, "said")
     assert said == ["geom new"]
     assert own.store.models == [[("model", "old", "new", "rod")] * 2]
     assert own.store.keys == [
         (
             [("model", "old", "new", "rod")] * 2,
-            [("a", watch.run, watch.allowed, watch.before.channels)] * 2,
+            [("a", monitored.run, monitored.allowed, monitored.before.channels)] * 2,
         )
     ]
     for name, words in (("wrong", "it is named"), ("fatal", "two words")):
         now = Cuts(["old"])
-        draft, found = own.tried(now, feature(name))
-        assert draft is now
+        edited, found = own.tried(now, feature(name))
+        assert edited is now
         assert found == Entry("geom", name, "needed", message=words)
 
 
@@ -1181,7 +1181,11 @@ def test_as_many_go_together_as_can(monkeypatch):
     monkeypatch.setattr(
         Outcomes,
         "judge_changes",
-        lambda self, models, draft: ("matters" if {"a", "b"} <= set(draft) else "harmless", {}, ""),
+        lambda self, models, edited: (
+            "matters" if {"a", "b"} <= set(edited) else "harmless",
+            {},
+            "",
+        ),
     )
     assert own.together(Cuts(["old"]), [a, b, c]) == ["old", "a", "c"]
 
@@ -1189,17 +1193,17 @@ def test_as_many_go_together_as_can(monkeypatch):
 def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
     """A second feature can go when the first has gone; one that matters is tried once."""
 
-    def there(slim, scene):
+    def there(reduced, scene):
         yield feature("bad")
-        if "a" not in slim:
+        if "a" not in reduced:
             yield feature("a")
-        elif "b" not in slim:
+        elif "b" not in reduced:
             yield feature("b")
 
     monkeypatch.setattr(diet, "features", there)
-    own = search(scene_with(draft=Cuts()), workers="workers")
+    own = search(scene_with(edited=Cuts()), workers="workers")
     found = own.run()
-    assert found.slim == ["a", "b"]
+    assert found.reduced == ["a", "b"]
     assert [(e.name, e.outcome) for e in found.entries] == [
         ("bad", "matters"),
         ("a", "harmless"),
@@ -1211,13 +1215,13 @@ def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
 
 
 def test_what_is_timed_is_the_model_before_and_after(monkeypatch):
-    own = search(scene_with(draft=Cuts(["all"])), workers="workers")
+    own = search(scene_with(edited=Cuts(["all"])), workers="workers")
     monkeypatch.setattr(
-        Outcomes, "timed", lambda self, now, draft, entry, tuned=False: (now, draft)
+        Outcomes, "timed", lambda self, now, edited, entry, tuned=False: (now, edited)
     )
     assert own.explored(Cuts(["old"]), feature("new"))[0][1] == (["old"], ["old", "new"])
 
-    def none(slim, scene):
+    def none(reduced, scene):
         assert scene is own.scene
         return iter(())
 
@@ -1231,14 +1235,14 @@ def test_workers_of_its_own_are_there_while_a_search_runs(monkeypatch):
         yield "workers"
 
     monkeypatch.setattr(diet, "pool", opened)
-    monkeypatch.setattr(diet, "features", lambda slim, scene: iter(()))
+    monkeypatch.setattr(diet, "features", lambda reduced, scene: iter(()))
     seen = []
     monkeypatch.setattr(
         Outcomes,
         "tried",
         lambda self, now, feature, tuned: seen.append(self.workers) or (now, entry("needed")),
     )
-    assert search(scene_with(draft=Cuts())).run().whole.outcome == "needed"
+    assert search(scene_with(edited=Cuts())).run().whole.outcome == "needed"
     assert set(seen) == {"workers"}
 
 
@@ -1257,20 +1261,20 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
 
     monkeypatch.setattr(diet, "paced", raced)
     own = diet.DietSearch(scene_with(short, long), rounds=3, store=Asked())
-    now, draft = Cuts(["old"]), Cuts(["old", "new"])
+    now, edited = Cuts(["old"]), Cuts(["old", "new"])
     for outcome in ("harmless", "drawn", "matters"):
-        assert own.timed(now, draft, entry(outcome)) == entry(
+        assert own.timed(now, edited, entry(outcome)) == entry(
             outcome, costs=(Cost(2.0, 3), Cost(1.0, 2)), saved=(0.4, 0.5, 0.6)
         )
-    assert own.timed(now, draft, entry("needed")) == entry("needed")
-    assert replace(own, rounds=0).timed(now, draft, entry("drawn")) == entry("drawn")
+    assert own.timed(now, edited, entry("needed")) == entry("needed")
+    assert replace(own, rounds=0).timed(now, edited, entry("drawn")) == entry("drawn")
     models = ("model", "old", "rod"), ("model", "old", "new", "rod")
     # two samples are more than are timed; a limit of 20 times as long, 3 times over
     assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
     kept_as, (run, rounds) = own.store.keys[0]
     assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)
     quick = diet.DietSearch(scene_with(short), rounds=1, store=Asked())
-    quick.timed(now, draft, entry("drawn"))
+    quick.timed(now, edited, entry("drawn"))
     assert asked[-1][-1] == 20 * 30.0
 
 
@@ -1285,9 +1289,9 @@ def test_work_goes_to_the_workers():
 
 def test_many_features_are_one():
     whole = diet.all_of([feature("a"), feature("b")])
-    draft = Cuts()
-    whole.cut(draft)
-    assert (whole.kind, whole.name, draft) == ("all of these", "", ["a", "b"])
+    edited = Cuts()
+    whole.cut(edited)
+    assert (whole.kind, whole.name, edited) == ("all of these", "", ["a", "b"])
 
 
 BOB = """<mujoco><option timestep="{step}"/><worldbody><body><joint name="hinge"/>
@@ -1333,15 +1337,15 @@ def test_a_model_is_let_go_in_five_hundred_samples_or_so(
     seconds, step, stride, n, tmp_path, monkeypatch
 ):
     file = bob(tmp_path, step)
-    watch, asked = let_go(file, seconds, monkeypatch, hinge=2.0)
-    assert watch.name == "let go"
+    monitored, asked = let_go(file, seconds, monkeypatch, hinge=2.0)
+    assert monitored.name == "let go"
     assert [(f, nq, nudge) for f, nq, _, nudge in asked] == [(file, 1, 0.0), (file, 1, 1e-12)]
     run = asked[0][2]
     assert (run.kind, run.start, run.channels, run.drives) == ("passive", "start", (), ())
     assert run.x == pytest.approx(step * stride * np.arange(n), abs=1e-12)
-    assert watch.run.x.tolist() == run.x.tolist()
-    assert watch.before.channels["hinge"].tolist() == [2.0] * n
-    assert watch.allowed["hinge"] == pytest.approx(np.full(n, 2e-9))  # rounding, of its size
+    assert monitored.run.x.tolist() == run.x.tolist()
+    assert monitored.before.channels["hinge"].tolist() == [2.0] * n
+    assert monitored.allowed["hinge"] == pytest.approx(np.full(n, 2e-9))  # rounding, of its size
 
 
 @pytest.mark.parametrize(
@@ -1358,7 +1362,7 @@ def test_a_model_is_let_go_from_its_start_or_its_first_key(keys, start, tmp_path
 
 def test_a_motion_is_followed_until_a_nudge_has_grown_to_a_tenth_of_it(tmp_path, monkeypatch):
     """A channel may move by the most that the nudge has moved it so far."""
-    watch, _ = let_go(
+    monitored, _ = let_go(
         bob(tmp_path),
         1.0,
         monkeypatch,
@@ -1366,8 +1370,8 @@ def test_a_motion_is_followed_until_a_nudge_has_grown_to_a_tenth_of_it(tmp_path,
         hinge=2.0,
         other=9.0,
     )
-    assert watch.run.x.size == 51
-    allowed = watch.allowed["hinge"]
+    assert monitored.run.x.size == 51
+    allowed = monitored.allowed["hinge"]
     assert allowed[:20] == pytest.approx(np.full(20, 2e-9))
     assert allowed[25:] == pytest.approx(np.full(26, 2e-3))
     whole, _ = let_go(bob(tmp_path), 1.0, monkeypatch, lambda x: 0.199 * (x > 0.5), hinge=2.0)
@@ -1412,21 +1416,23 @@ def test_what_keeps_a_scene_from_running_is_bad_input(monkeypatch):
 def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch):
     asked = []
 
-    def watched(case, run, solver, draft):
-        asked.append((case.name, run.kind, solver, draft.file, draft.probes))
+    def monitored_run(case, run, solver, edited):
+        asked.append((case.name, run.kind, solver, edited.file, edited.probes))
         return replace(watch_of({"y": 1.0}, {"y": [0.0]}), name=case.name)
 
-    monkeypatch.setattr(scene, "watched", watched)
+    monkeypatch.setattr(scene, "monitored_run", monitored_run)
     monkeypatch.setattr(
         scene,
         "let_go",
-        lambda file, draft, seconds: replace(
+        lambda file, edited, seconds: replace(
             watch_of({"y": 1.0}, {"y": [0.0]}),
             run=Run("passive", np.zeros(1), (), start="key"),
-            name=f"{seconds} s of {file.name}, {sorted(draft.probes)}",
+            name=f"{seconds} s of {file.name}, {sorted(edited.probes)}",
         ),
     )
-    monkeypatch.setattr(scene, "with_fine_solution", lambda file, draft, watch, error: (watch, ""))
+    monkeypatch.setattr(
+        scene, "with_fine_solution", lambda file, edited, monitored, error: (monitored, "")
+    )
     file = models / "pendulum.xml"
     file.write_text(file.read_text().replace("<keyframe>", '<keyframe>\n    <key name="other"/>'))
     (models / "broken.toml").write_text("model =")
@@ -1438,7 +1444,7 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
     )
     (models / "another.toml").write_text(other)
     found = scene.scene_of(file, 3.0)
-    assert [w.name for w in found.watches] == ["another", "pendulum"]
+    assert [w.name for w in found.monitored_runs] == ["another", "pendulum"]
     assert asked == [(name, "dynamics", "mujoco", file, set()) for name in ("another", "pendulum")]
     assert found.read == {"angle", "rate", "acceleration", "kinetic", "potential"}
     assert found.keys == {"start", "other"}
@@ -1460,21 +1466,23 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
         )
     )
     loose = scene.scene_of(file, 3.0)
-    assert [w.name for w in loose.watches] == ["3.0 s of pendulum.xml, []"]
+    assert [w.name for w in loose.monitored_runs] == ["3.0 s of pendulum.xml, []"]
     assert (loose.read, loose.keys) == (None, {"key", "start"})
     lone = scene.scene_of(bob(models), 3.0)
     assert lone.keys == {"key"}
-    assert lone.watches[0].name.startswith("3.0 s of bob.xml, ['")  # read by probes
+    assert lone.monitored_runs[0].name.startswith("3.0 s of bob.xml, ['")  # read by probes
     with pytest.raises(InputError, match="no such model"):
         scene.scene_of(models / "none.xml", 3.0)
 
 
 def test_a_watch_and_a_scene_are_timed_by_the_longest_run():
-    watch = watch_of({"y": 1.0}, {"y": [0.0] * 2000})
+    monitored = watch_of({"y": 1.0}, {"y": [0.0] * 2000})
     for steps, n in ((2000, 500), (2000 * 250, 2), (2000 * 600, 2), (0, 500)):
-        assert replace(watch, before=replace(watch.before, steps=steps)).brief.x.size == n
+        assert replace(monitored, before=replace(monitored.before, steps=steps)).brief.x.size == n
     rest = replace(
-        watch, run=replace(watch.run, kind="equilibrium"), before=replace(watch.before, seconds=9.0)
+        monitored,
+        run=replace(monitored.run, kind="equilibrium"),
+        before=replace(monitored.before, seconds=9.0),
     )
-    assert scene_with(rest, watch).longest is watch
-    assert scene_with(watch, rest).longest is watch
+    assert scene_with(rest, monitored).longest is monitored
+    assert scene_with(monitored, rest).longest is monitored

@@ -30,7 +30,7 @@ def run_diet(
     model: Path,
     output: Path | None,
     seconds: float,
-    watch: list[str] | None,
+    monitored: list[str] | None,
     error: float | None,
     keep_options: bool,
     blind: bool,
@@ -46,7 +46,7 @@ def run_diet(
             raise InputError(file, "--output", "is the model itself; give another file")
         if (table := file.with_suffix(".csv")).exists():
             read_entries(table)  # what is no table of a diet is not replaced by one
-        scene = scene_of(model, seconds, tuple(dict.fromkeys(watch or ())), error)
+        scene = scene_of(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
         with pool(jobs, dask) as workers, errors.status("starting") as status:
             found = DietSearch(
                 scene,
@@ -65,24 +65,26 @@ def run_diet(
 
 
 def finish(scene: DietScene, found: Diet, file: Path) -> None:
-    """Write the slim model and the table, and try the model as it was written."""
+    """Write the reduced model and the table, and try the model as it was written."""
     file.parent.mkdir(parents=True, exist_ok=True)
     half = file.with_name(f"{file.stem}.part.xml")
     try:
-        write(found.slim, half, dressed=True)
-        written = read(half, found.slim.rods)
-        models = [written.compiled(found.slim.segmented(w.run.rods)) for w in scene.watches]
+        write(found.reduced, half, dressed=True)
+        written = read(half, found.reduced.rods)
+        models = [
+            written.compiled(found.reduced.segmented(w.run.rods)) for w in scene.monitored_runs
+        ]
         search = DietSearch(scene)
         outcome, _, message = (search.judge_errors if found.tuned else search.judge_changes)(
-            models, found.slim
+            models, found.reduced
         )
         if outcome != "harmless":
             raise InputError(
-                scene.draft.file,
+                scene.edited.file,
                 "",
-                f"cannot be written with all its digits: its slim model {message or outcome}",
+                f"cannot be written with all its digits: its reduced model {message or outcome}",
             )
-        write(found.slim, half)
+        write(found.reduced, half)
         half.replace(file)
     finally:
         half.unlink(missing_ok=True)

@@ -23,7 +23,7 @@ import mujoco
 from proofmass.fingerprint import saved
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import Curves, Run
-from proofmass.studies.diet.edits import Draft
+from proofmass.studies.diet.edits import EditedModel
 from proofmass.studies.diet.options import (
     CLOCKED,
     COUNTED,
@@ -37,7 +37,7 @@ from proofmass.studies.diet.options import (
     steps,
     work,
 )
-from proofmass.studies.diet.scene import TIMED, DietScene, Watch, moved, strayed
+from proofmass.studies.diet.scene import TIMED, DietScene, MonitoredRun, moved, strayed
 from proofmass.studies.diet.table import NO_GAIN, SAID, WHOLE, Displacements, Entry
 from proofmass.studies.diet.trial import Cost, Pace, attempt, failure_word, paced
 from proofmass.studies.measure import Measurement, measure
@@ -88,9 +88,9 @@ SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
 T = TypeVar("T")
 ASKING = 8  # features that wait for workers at a time
 TriedFeature = tuple[Feature, Entry]
-Judge = Callable[[list[mujoco.MjModel], Draft], tuple[str, Displacements, str]]
-Changed = tuple[Draft, Draft, Entry]
-"""A draft, the same with an option changed, and what came of it."""
+Judge = Callable[[list[mujoco.MjModel], EditedModel], tuple[str, Displacements, str]]
+Changed = tuple[EditedModel, EditedModel, Entry]
+"""An edited model, the same with an option changed, and what came of it."""
 
 
 @dataclass(frozen=True)
@@ -101,18 +101,18 @@ class Diet:
     ----------
     entries : list of Entry
         Its features.
-    slim : Draft
+    reduced : EditedModel
         Without all that is harmless.
     whole : Entry
         All of that together, as one feature.
     tuned : bool
-        Whether the slim model has other options, so that it is held against what is true.
+        Whether the reduced model has other options, so that it is held against what is true.
     said : list of Entry
-        What was watched, and what options were held against.
+        What was monitored, and what options were held against.
     """
 
     entries: list[Entry]
-    slim: Draft
+    reduced: EditedModel
     whole: Entry
     tuned: bool = False
     said: list[Entry] = field(default_factory=list)
@@ -163,30 +163,30 @@ class DietSearch:
         if self.workers is None:
             with pool() as local:
                 return replace(self, workers=local).run()
-        slim, left = self.scene.draft, True
+        reduced, left = self.scene.edited, True
         while left:
-            there = list(features(slim, self.scene))
+            there = list(features(reduced, self.scene))
             with ThreadPoolExecutor(ASKING) as threads:
                 fresh = [
                     one
-                    for each in threads.map(lambda f, d=slim: self.explored(d, f), there)
+                    for each in threads.map(lambda f, d=reduced: self.explored(d, f), there)
                     for one in each
                 ]
             self.found |= {(e.kind, e.name): e for _, e in fresh}
             wanted = [feature for feature, e in fresh if e.outcome == "harmless"]
             if left := bool(wanted):
-                slim = self.together(slim, wanted)
+                reduced = self.together(reduced, wanted)
         tune = self.tune and bool(stepped(self.scene))
-        lean, changed = self.optioned(slim) if tune else (slim, [])
+        lean, changed = self.optioned(reduced) if tune else (reduced, [])
         self.found |= {(e.kind, e.name): e for e in changed}
-        tuned = lean is not slim
-        whole = self.timed(self.scene.draft, *self.tried(lean, all_of([]), tuned), tuned)
+        tuned = lean is not reduced
+        whole = self.timed(self.scene.edited, *self.tried(lean, all_of([]), tuned), tuned)
         said = [Entry(SAID, "", SAID, message=text) for text in self.scene.said]
         return Diet(list(self.found.values()), lean, whole, tuned, said)
 
-    def optioned(self, slim: Draft) -> tuple[Draft, list[Entry]]:
-        """The draft with cheaper options, and what came of each that was tried."""
-        now, changed = self.changed(slim, COUNTED)
+    def optioned(self, reduced: EditedModel) -> tuple[EditedModel, list[Entry]]:
+        """The edited model with cheaper options, and what came of each that was tried."""
+        now, changed = self.changed(reduced, COUNTED)
         orders = ORDERS if integrators(now, self.scene) else ORDERS[:1]
         now, more = min(
             (self.changed(now, order) for order in orders), key=lambda way: work(way[0])
@@ -194,65 +194,71 @@ class DietSearch:
         entries = [self.timed(old, new, entry, True) for old, new, entry in (*changed, *more)]
         for make in CLOCKED if self.rounds else ():
             for rung in make(now, self.scene):
-                draft, entry = self.tried(now, rung, True)
-                entry = self.timed(now, draft, entry, True)
+                edited, entry = self.tried(now, rung, True)
+                entry = self.timed(now, edited, entry, True)
                 if entry.outcome == "harmless" and not (entry.saved and entry.saved[0] > 0):
                     entry = replace(entry, outcome=NO_GAIN)
                 entries.append(entry)
                 if entry.outcome == "harmless":
-                    now = draft
+                    now = edited
                     break
         return now, entries
 
-    def changed(self, now: Draft, makers: tuple[Rungs, ...]) -> tuple[Draft, list[Changed]]:
-        """The draft with the first option of each kind that holds, or the last that does not."""
+    def changed(
+        self, now: EditedModel, makers: tuple[Rungs, ...]
+    ) -> tuple[EditedModel, list[Changed]]:
+        """The model with the first option of each kind that holds, or the last that does not."""
         found: list[Changed] = []
         for make in makers:
             again = True
             while again:
                 again = False
                 for rung in (rungs := make(now, self.scene)):
-                    draft, entry = self.tried(now, rung, True)
+                    edited, entry = self.tried(now, rung, True)
                     holds = entry.outcome == "harmless"
                     if holds or rung is rungs[-1]:
-                        found.append((now, draft, entry))
+                        found.append((now, edited, entry))
                     if holds:
-                        now, again = draft, make is steps  # which may be longer still
+                        now, again = edited, make is steps  # which may be longer still
                         break
         return now, found
 
-    def explored(self, now: Draft, feature: Feature) -> list[TriedFeature]:
+    def explored(self, now: EditedModel, feature: Feature) -> list[TriedFeature]:
         """What becomes of a feature, or of its parts where it cannot go as a whole."""
         last = self.found.get((feature.kind, feature.name))
         if last and last.outcome in SETTLED:
             return []
-        draft, entry = self.tried(now, feature)
+        edited, entry = self.tried(now, feature)
         if entry.outcome != "harmless" and feature.parts:
             return [one for part in feature.parts for one in self.explored(now, part)]
         if entry.outcome == "harmless" and feature.kind == DRAWN and not self.blind:
             entry = replace(entry, outcome="drawn")
-        return [(feature, self.timed(now, draft, entry))]
+        return [(feature, self.timed(now, edited, entry))]
 
-    def together(self, now: Draft, wanted: list[Feature]) -> Draft:
-        """A draft without as many of the features as can go together."""
-        draft, entry = self.tried(now, all_of(wanted))
+    def together(self, now: EditedModel, wanted: list[Feature]) -> EditedModel:
+        """An edited model without as many of the features as can go together."""
+        edited, entry = self.tried(now, all_of(wanted))
         if entry.outcome == "harmless":
-            return draft
+            return edited
         for feature in wanted:
-            draft, entry = self.tried(now, feature)
+            edited, entry = self.tried(now, feature)
             if entry.outcome == "harmless":
-                now = draft
+                now = edited
         return now
 
-    def tried(self, now: Draft, feature: Feature, tuned: bool = False) -> tuple[Draft, Entry]:
-        """A draft without a feature, and what comes of it in the runs of the scene.
+    def tried(
+        self, now: EditedModel, feature: Feature, tuned: bool = False
+    ) -> tuple[EditedModel, Entry]:
+        """An edited model without a feature, and what comes of it in the runs of the scene.
 
         One that is `tuned` has other options, and is held against what is true.
         """
         self.progress(f"{feature.kind} {feature.name}")
         try:
-            draft = now.without(feature.cut)
-            models = [draft.compiled(watch.run.rods) for watch in self.scene.watches]
+            edited = now.without(feature.cut)
+            models = [
+                edited.compiled(monitored.run.rods) for monitored in self.scene.monitored_runs
+            ]
         except (ValueError, mujoco.FatalError) as error:
             return now, Entry(
                 feature.kind,
@@ -261,73 +267,85 @@ class DietSearch:
                 message=" ".join(str(error).removeprefix("Error: ").split()),
                 edit=feature.edit,
             )
-        watches = [(w.name, w.run, w.allowed, w.before.channels) for w in self.scene.watches]
+        monitored_runs = [
+            (w.name, w.run, w.allowed, w.before.channels) for w in self.scene.monitored_runs
+        ]
         judge: Judge = self.judge_errors if tuned else self.judge_changes
-        runs = [*watches, *map(key_of, self.scene.watches)] if tuned else watches
-        outcome, shares, message = self.store.once(models, runs, lambda: judge(models, draft))
-        return draft, Entry(feature.kind, feature.name, outcome, shares, message, edit=feature.edit)
+        runs = (
+            [*monitored_runs, *map(key_of, self.scene.monitored_runs)] if tuned else monitored_runs
+        )
+        outcome, shares, message = self.store.once(models, runs, lambda: judge(models, edited))
+        return edited, Entry(
+            feature.kind, feature.name, outcome, shares, message, edit=feature.edit
+        )
 
     def judge_changes(
-        self, models: list[mujoco.MjModel], draft: Draft
+        self, models: list[mujoco.MjModel], edited: EditedModel
     ) -> tuple[str, Displacements, str]:
-        """Outcome, changes and message of a draft's models in the runs of the scene."""
-        optional = set() if draft.watch else draft.probes
+        """Outcome, changes and message of an edited model's models in the runs of the scene."""
+        optional = set() if edited.monitored else edited.probes
         return self.judged(
             models,
-            draft,
+            edited,
             SLOWER,
-            lambda watch: watch.run,
-            lambda watch, curves: moved(watch, curves, optional),
+            lambda monitored: monitored.run,
+            lambda monitored, curves: moved(monitored, curves, optional),
         )
 
     def judge_errors(
-        self, models: list[mujoco.MjModel], draft: Draft
+        self, models: list[mujoco.MjModel], edited: EditedModel
     ) -> tuple[str, Displacements, str]:
         """The same of errors; of changes where there is nothing to hold a run against."""
-        optional = set() if draft.watch else draft.probes
+        optional = set() if edited.monitored else edited.probes
         return self.judged(
             models,
-            draft,
+            edited,
             NOT_CHEAPER,
-            lambda watch: watch.bound.run if watch.bound else watch.run,
-            lambda watch, curves: (
-                strayed(watch, curves) if watch.bound else moved(watch, curves, optional)
+            lambda monitored: monitored.bound.run if monitored.bound else monitored.run,
+            lambda monitored, curves: (
+                strayed(monitored, curves)
+                if monitored.bound
+                else moved(monitored, curves, optional)
             ),
         )
 
     def judged(
         self,
         models: list[mujoco.MjModel],
-        draft: Draft,
+        edited: EditedModel,
         slower: float,
-        run_of: Callable[[Watch], Run],
-        shares_of: Callable[[Watch, Curves], dict[str, float]],
+        run_of: Callable[[MonitoredRun], Run],
+        shares_of: Callable[[MonitoredRun, Curves], dict[str, float]],
     ) -> tuple[str, Displacements, str]:
-        """Outcome, shares of what is allowed, and message of a draft's models in some runs."""
+        """Outcome, shares of what is allowed, and message of an edited model in some runs."""
         shares: Displacements = {}
-        for watch, model in zip(self.scene.watches, models, strict=True):
+        for monitored, model in zip(self.scene.monitored_runs, models, strict=True):
             curves = self.worked(
                 measure,
                 attempt,
                 model,
-                rodded(run_of(watch), draft),
-                timeout=max(LEAST, slower * watch.before.seconds),
+                rodded(run_of(monitored), edited),
+                timeout=max(LEAST, slower * monitored.before.seconds),
             )
             if isinstance(curves, Measurement):
                 return failure_word(curves), shares, curves.message
-            shares[watch.name] = shares_of(watch, curves)
+            shares[monitored.name] = shares_of(monitored, curves)
         same = all(share <= 1 for each in shares.values() for share in each.values())
         return "harmless" if same else "matters", shares, ""
 
-    def timed(self, now: Draft, draft: Draft, entry: Entry, tuned: bool = False) -> Entry:
+    def timed(
+        self, now: EditedModel, edited: EditedModel, entry: Entry, tuned: bool = False
+    ) -> Entry:
         """The same with what a step and the memory cost, before and after, if the model runs."""
         if entry.outcome not in ("harmless", *SETTLED) or not self.rounds:
             return entry
-        watch = self.scene.longest
-        run = watch.shortened(watch.bound.run if tuned and watch.bound else watch.run, TIMED)
-        run = replace(run, rods=draft.segmented(watch.run.rods))
-        models = [d.compiled(watch.run.rods) for d in (now, draft)]
-        limit = self.rounds * SLOWER * max(LEAST, watch.before.seconds)
+        monitored = self.scene.longest
+        run = monitored.shortened(
+            monitored.bound.run if tuned and monitored.bound else monitored.run, TIMED
+        )
+        run = replace(run, rods=edited.segmented(monitored.run.rods))
+        models = [d.compiled(monitored.run.rods) for d in (now, edited)]
+        limit = self.rounds * SLOWER * max(LEAST, monitored.before.seconds)
         found = self.store.once(
             models,
             (run, self.rounds),
@@ -348,21 +366,21 @@ class DietSearch:
 def all_of(wanted: list[Feature]) -> Feature:
     """Many features as one."""
 
-    def cut(draft: Draft) -> None:
+    def cut(edited: EditedModel) -> None:
         for feature in wanted:
-            feature.cut(draft)
+            feature.cut(edited)
 
     return Feature(WHOLE, "", cut)
 
 
-def rodded(run: Run, draft: Draft) -> Run:
-    """A run with the rods of a draft."""
-    return replace(run, rods=draft.segmented(run.rods))
+def rodded(run: Run, edited: EditedModel) -> Run:
+    """A run with the rods of an edited model."""
+    return replace(run, rods=edited.segmented(run.rods))
 
 
-def key_of(watch: Watch) -> object:
+def key_of(monitored: MonitoredRun) -> object:
     """All that a run's errors depend on beside its model, such that it pickles the same again."""
-    if (bound := watch.bound) is None:
+    if (bound := monitored.bound) is None:
         return None
     case = bound.case and (
         bound.case.reference,

@@ -2,10 +2,10 @@
 
 Every element without a name gets one while it is studied, such as ``geom 3 of crank``, and loses it
 when the model is written.  A model without sensors gets sensors at every joint, or at those
-elements that are to be watched.
+elements that are to be monitored.
 
-The edits are functions of a draft and of names; they change the draft in place.  An element that is
-gone already, with another feature, stays gone.  A written model has all its digits, and nothing
+The edits are functions of an edited model and of names; they change it in place.  An element that
+is gone already, with another feature, stays gone.  A written model has all its digits, and nothing
 that was added for the study.
 """
 
@@ -30,7 +30,7 @@ from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
-Cut = Callable[["Draft"], None]
+Cut = Callable[["EditedModel"], None]
 NAMED = (
     "bodies",
     "joints",
@@ -63,12 +63,12 @@ PROBES = {  # of each kind of joint: what is read, of the joint or of its body
 
 
 FRAME = PROBES[JOINT.mjJNT_FREE]
-WATCHED = {"joints": "joint", "bodies": "body", "sites": "site", "sensors": "sensor"}
-"""Lists of what can be watched by name, and what one of them is called."""
+MONITORED = {"joints": "joint", "bodies": "body", "sites": "site", "sensors": "sensor"}
+"""Lists of what can be monitored by name, and what one of them is called."""
 READ_AS = {"joints": OBJ.mjOBJ_JOINT, "bodies": OBJ.mjOBJ_XBODY, "sites": OBJ.mjOBJ_SITE}
 
 
-class Draft:
+class EditedModel:
     """An MJCF file, and what was cut from it.
 
     Parameters
@@ -81,8 +81,8 @@ class Draft:
     probing : bool
         Whether a model without sensors gets one for everything that moves.
     cuts : tuple of callable
-        Functions that change the draft in place; they are called with it, one after the other.
-    watch : tuple of str
+        Functions that change the edited model in place; they are called one after the other.
+    monitored : tuple of str
         Names of joints, bodies, sites and sensors: these alone are read, and nothing else is
         probed.
 
@@ -97,7 +97,7 @@ class Draft:
     probes : set of str
         Sensors that were added.
     cuts : tuple of callable
-        Functions that changed the draft so far.
+        Functions that changed the edited model so far.
     """
 
     def __init__(
@@ -106,16 +106,16 @@ class Draft:
         rods: tuple[Rod, ...] = (),
         probing: bool = False,
         cuts: tuple[Cut, ...] = (),
-        watch: tuple[str, ...] = (),
+        monitored: tuple[str, ...] = (),
     ):
         self.file, self.rods, self.share = file, rods, 1
-        self.source, self.watch = (file, rods, probing), watch
+        self.source, self.monitored = (file, rods, probing), monitored
         self.alone = Lock()  # two threads that compile one spec crash
         self.spec = mujoco.MjSpec.from_file(str(file))
         self.given = {(kind, name) for kind in NAMED for name in unnamed(self.spec, kind)}
         self.probes = set[str]()
-        if watch:
-            self.probes = set(probes_of(self.spec, watch)) if probing else set()
+        if monitored:
+            self.probes = set(probes_of(self.spec, monitored)) if probing else set()
         elif probing and not self.spec.sensors:
             self.probes = set(probes(self.spec))
         if not rods:
@@ -125,7 +125,7 @@ class Draft:
             cut(self)
             self.cuts += (cut,)
 
-    def without(self, cut: Cut) -> "Draft":
+    def without(self, cut: Cut) -> "EditedModel":
         """The same with one more cut; made anew, since a spec that waits for rods cannot be copied.
 
         Raises
@@ -133,11 +133,11 @@ class Draft:
         ValueError
             It cannot be made.
         """
-        return Draft(*self.source, (*self.cuts, cut), self.watch)
+        return EditedModel(*self.source, (*self.cuts, cut), self.monitored)
 
-    def again(self) -> "Draft":
+    def again(self) -> "EditedModel":
         """The same, to be used up."""
-        return Draft(*self.source, self.cuts, self.watch)
+        return EditedModel(*self.source, self.cuts, self.monitored)
 
     def compiled(self, rods: tuple[Rod, ...] = ()) -> mujoco.MjModel:
         """The model, with these rods or its own.
@@ -174,39 +174,39 @@ class Draft:
 
 
 def read(
-    file: Path, rods: tuple[Rod, ...] = (), probing: bool = False, watch: tuple[str, ...] = ()
-) -> Draft:
-    """A draft of a file as it is.
+    file: Path, rods: tuple[Rod, ...] = (), probing: bool = False, monitored: tuple[str, ...] = ()
+) -> EditedModel:
+    """An edited model of a file as it is.
 
     Raises
     ------
     InputError
-        No such file, it does not compile, or nothing in it has a name that is to be watched.
+        No such file, it does not compile, or nothing in it has a name that is to be monitored.
     """
     if not file.is_file() or file.suffix != ".xml":
         raise InputError(file, "", "no such model; give an MJCF file, NAME.xml")
     try:
         compile_model(file, rods)
-        draft = Draft(file, rods, probing, (), watch)
+        edited = EditedModel(file, rods, probing, (), monitored)
     except BadModel as error:
         raise in_model(file, error) from None
-    there = names(draft.spec)
-    for name in watch:
+    there = names(edited.spec)
+    for name in monitored:
         if name not in there:
             raise InputError(
                 file,
                 "--watch",
                 f"no joint, body, site or sensor is called {name!r}; {suggest(name, there)}",
             )
-    return draft
+    return edited
 
 
 def names(spec: mujoco.MjSpec) -> list[str]:
-    """The names of all that can be watched."""
+    """The names of all that can be monitored."""
     return list(
         dict.fromkeys(
             e.name
-            for kind in WATCHED
+            for kind in MONITORED
             for e in getattr(spec, kind)
             if (kind, e.name) != ("bodies", "world")
         )
@@ -242,14 +242,14 @@ def probes(spec: mujoco.MjSpec) -> Iterator[str]:
             yield name
 
 
-def probes_of(spec: mujoco.MjSpec, watch: tuple[str, ...]) -> Iterator[str]:
+def probes_of(spec: mujoco.MjSpec, monitored: tuple[str, ...]) -> Iterator[str]:
     """Add sensors for the joints, bodies and sites that are called so, and tell their names.
 
     The sensors of a joint read its value and its rate, those of a body or a site its place, its
     attitude and both velocities.
     """
-    for kind, word in WATCHED.items():
-        for element in [e for e in getattr(spec, kind) if e.name in watch and kind in READ_AS]:
+    for kind, word in MONITORED.items():
+        for element in [e for e in getattr(spec, kind) if e.name in monitored and kind in READ_AS]:
             read, what, name = READ_AS[kind], FRAME, element.name
             if kind == "joints":
                 what = PROBES[element.type]
@@ -266,29 +266,29 @@ AUTO = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO  # where a body has none
 ROUNDING = 1e-9
 
 
-def switch_off(draft: Draft, bit: int) -> None:
+def switch_off(edited: EditedModel, bit: int) -> None:
     """Set a disable flag."""
-    draft.spec.option.disableflags |= bit
+    edited.spec.option.disableflags |= bit
 
 
-def set_option(draft: Draft, name: str, value: float) -> None:
+def set_option(edited: EditedModel, name: str, value: float) -> None:
     """Set one of the engine's options."""
-    setattr(draft.spec.option, name, value)
+    setattr(edited.spec.option, name, value)
 
 
-def masks_off(draft: Draft, name: str) -> None:
+def masks_off(edited: EditedModel, name: str) -> None:
     """Let a geom collide with nothing."""
-    if geom := draft.find("geoms", name):
+    if geom := edited.find("geoms", name):
         geom.contype = geom.conaffinity = 0
 
 
-def unlimit(draft: Draft, name: str) -> None:
+def unlimit(edited: EditedModel, name: str) -> None:
     """Take the limits off a joint."""
-    if joint := draft.find("joints", name):
+    if joint := edited.find("joints", name):
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
-def flatten(draft: Draft, name: str) -> None:
+def flatten(edited: EditedModel, name: str) -> None:
     """Delete a material; elements that are made of it keep their colour.
 
     Raises
@@ -296,50 +296,50 @@ def flatten(draft: Draft, name: str) -> None:
     ValueError
         A tendon is made of it: MuJoCo does not let a tendon's material be taken off.
     """
-    material = draft.find("materials", name)
+    material = edited.find("materials", name)
     if material is None:
         return
-    for tendon in draft.spec.tendons:
+    for tendon in edited.spec.tendons:
         if tendon.material == name:
             raise ValueError(f"tendon {tendon.name!r} is made of it, which cannot be undone")
     for kind in ("geom", "site"):
-        for element in getattr(draft.spec, f"{kind}s"):
+        for element in getattr(edited.spec, f"{kind}s"):
             if element.material == name:
                 element.material, element.rgba = "", material.rgba
             usual = getattr(element.classname, kind)
             if usual.material == name:
                 usual.material = ""
-    draft.spec.delete(material)
+    edited.spec.delete(material)
 
 
-def undraw(draft: Draft, name: str) -> None:
+def undraw(edited: EditedModel, name: str) -> None:
     """Delete a geom that collides with nothing; its body keeps the inertia that it gave."""
-    if geom := draft.find("geoms", name):
-        weigh(draft, geom.parent)
-        draft.spec.delete(geom)
+    if geom := edited.find("geoms", name):
+        weigh(edited, geom.parent)
+        edited.spec.delete(geom)
 
 
-def enclose(draft: Draft, name: str) -> None:
+def enclose(edited: EditedModel, name: str) -> None:
     """Replace a mesh by the box of the same inertia, which the compiler fits to it."""
-    geom = draft.find("geoms", name)
+    geom = edited.find("geoms", name)
     if geom is None or geom.type != GEOM.mjGEOM_MESH:
         return
-    weigh(draft, geom.parent)
+    weigh(edited, geom.parent)
     geom.type = GEOM.mjGEOM_BOX
-    fitted = draft.compiled().geom(name)
+    fitted = edited.compiled().geom(name)
     geom.meshname, geom.fromto = "", [np.nan] * 6
     geom.size, geom.pos, geom.quat = fitted.size, fitted.pos, fitted.quat
     geom.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
 
 
-def weigh(draft: Draft, body: mujoco._specs.MjsBody) -> None:
+def weigh(edited: EditedModel, body: mujoco._specs.MjsBody) -> None:
     """Write down the inertia that the compiler finds for a body in its geoms.
 
     Where it finds it in spite of an inertia that is given, all bodies get what it finds.
     """
-    compiler, model = draft.spec.compiler, draft.compiled()
+    compiler, model = edited.spec.compiler, edited.compiled()
     by_rule = compiler.inertiafromgeom != AUTO or compiler.settotalmass > 0
-    for one in draft.spec.bodies[1:] if by_rule else [body]:
+    for one in edited.spec.bodies[1:] if by_rule else [body]:
         if one.name == "world" or (one.explicitinertial and not by_rule):
             continue
         found = model.body(one.name)
@@ -348,12 +348,12 @@ def weigh(draft: Draft, body: mujoco._specs.MjsBody) -> None:
     compiler.inertiafromgeom, compiler.settotalmass = AUTO, -1
 
 
-def coarser(draft: Draft, share: int) -> None:
+def coarser(edited: EditedModel, share: int) -> None:
     """Cut every rod into so many times fewer segments."""
-    draft.share = share
+    edited.share = share
 
 
-def planar(draft: Draft, name: str, normal: Array) -> None:
+def planar(edited: EditedModel, name: str, normal: Array) -> None:
     """Replace a free joint by two slides and a hinge, or a ball by a hinge, about `normal`.
 
     The normal is that of the world.  In every key the joint must be in that plane.
@@ -363,10 +363,10 @@ def planar(draft: Draft, name: str, normal: Array) -> None:
     ValueError
         A key leaves the plane.
     """
-    joint = draft.find("joints", name)
+    joint = edited.find("joints", name)
     if joint is None:
         return
-    before, body, free = draft.compiled(), joint.parent, joint.type == JOINT.mjJNT_FREE
+    before, body, free = edited.compiled(), joint.parent, joint.type == JOINT.mjJNT_FREE
     data = mujoco.MjData(before)
     mujoco.mj_kinematics(before, data)
     turn = data.body(body.name).xmat.reshape(3, 3)
@@ -374,14 +374,14 @@ def planar(draft: Draft, name: str, normal: Array) -> None:
     one = turn.T @ np.roll(normal, 1)
     across = [one, np.cross(axis, one)] if free else []
     poses = [flat_pose(before, key, joint, np.array([*across, axis])) for key in range(before.nkey)]
-    draft.drop("joints", name)
+    edited.drop("joints", name)
     added = []
     for k, way in enumerate(across):
         body.add_joint(name=f"{name} {k + 1}", type=JOINT.mjJNT_SLIDE, axis=way)
         added.append(f"{name} {k + 1}")
     body.add_joint(name=f"{name} 0", type=JOINT.mjJNT_HINGE, axis=axis)
     added.append(f"{name} 0")
-    fill(draft, added, poses)
+    fill(edited, added, poses)
 
 
 def flat_pose(model: mujoco.MjModel, key: int, joint: object, axes: Array) -> tuple[Array, Array]:
@@ -408,10 +408,10 @@ def flat_pose(model: mujoco.MjModel, key: int, joint: object, axes: Array) -> tu
     return np.array([*(ways @ place), angle]), np.array([*(ways @ pace), spin @ axis])
 
 
-def fill(draft: Draft, joints: list[str], poses: list[tuple[Array, Array]]) -> None:
+def fill(edited: EditedModel, joints: list[str], poses: list[tuple[Array, Array]]) -> None:
     """Put values and rates of new joints into all keys."""
-    model = draft.compiled()
-    for key, (values, rates) in zip(draft.spec.keys, poses, strict=True):
+    model = edited.compiled()
+    for key, (values, rates) in zip(edited.spec.keys, poses, strict=True):
         pose, speed = model.key(key.name).qpos.copy(), model.key(key.name).qvel.copy()
         for joint, value, rate in zip(joints, values, rates, strict=True):
             pose[model.joint(joint).qposadr[0]] = value
@@ -424,30 +424,30 @@ FLOATS = ("rgba",)  # attributes in single precision
 NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
 
 
-def write(draft: Draft, file: Path, dressed: bool = False) -> None:
+def write(edited: EditedModel, file: Path, dressed: bool = False) -> None:
     """Write a model; files that it names are found from there as they were from its source.
 
     One that is `dressed` keeps its probes and the names that it was given.
     """
-    spec = draft.again().spec
+    spec = edited.again().spec
     keys = {key.name: (list(key.qpos), list(key.qvel)) for key in spec.keys}
     if not dressed:
-        undress(draft, spec)
-    compile_with_rods(spec, draft.rods) if draft.rods else spec.compile()
+        undress(edited, spec)
+    compile_with_rods(spec, edited.rods) if edited.rods else spec.compile()
     for folder in ("meshdir", "texturedir") if spec.meshes or spec.textures else ():
-        place = os.path.relpath(draft.file.parent / getattr(spec, folder), file.parent)
+        place = os.path.relpath(edited.file.parent / getattr(spec, folder), file.parent)
         setattr(spec, folder, place)
     with all_digits():
         text = shortest(spec.to_xml())
-    write_whole(file, bare(text, draft.rods, keys) if draft.rods else text)
+    write_whole(file, bare(text, edited.rods, keys) if edited.rods else text)
 
 
-def undress(draft: Draft, spec: mujoco.MjSpec) -> None:
-    """Take off what a draft was given to be studied."""
+def undress(edited: EditedModel, spec: mujoco.MjSpec) -> None:
+    """Take off what an edited model was given to be studied."""
     for sensor in list(spec.sensors):
-        if sensor.name in draft.probes:
+        if sensor.name in edited.probes:
             spec.delete(sensor)
-    for kind, name in draft.given:
+    for kind, name in edited.given:
         for element in getattr(spec, kind):
             if element.name == name:
                 element.name = ""

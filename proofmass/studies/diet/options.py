@@ -4,7 +4,7 @@ A feature may have parts, which are tried where it cannot go as a whole; one hal
 example.  So all features that are not needed go at once, and those that matter are found in a few
 runs.
 
-For each engine option a function gives, for a draft as it is, what to try in its place: the
+For each engine option a function gives, for an edited model as it is, what to try in its place: the
 cheapest first, until one holds.  A longer step, an integrator with fewer evaluations of the forces
 and fewer iterations are cheaper by counting.  Another solver, Jacobian or cone may be cheaper or
 not: it is taken only where the measured time is less.
@@ -22,7 +22,7 @@ import numpy as np
 from proofmass.sim.protocol import whole_steps
 from proofmass.studies.diet.edits import (
     Cut,
-    Draft,
+    EditedModel,
     coarser,
     enclose,
     flatten,
@@ -33,7 +33,7 @@ from proofmass.studies.diet.edits import (
     undraw,
     unlimit,
 )
-from proofmass.studies.diet.scene import DietScene, Watch
+from proofmass.studies.diet.scene import DietScene, MonitoredRun
 from proofmass.studies.diet.table import OPTION
 from proofmass.studies.diet.trial import STEPPED, by_steps, most_iterations
 from proofmass.studies.measure import Measurement, measure
@@ -72,7 +72,7 @@ class Feature:
     kind, name : str
         What it is, and which.
     cut : callable
-        Takes it out of a draft, in place; may raise ValueError.
+        Takes it out of an edited model, in place; may raise ValueError.
     parts : tuple of Feature
         To try if it cannot go as a whole.
     edit : str
@@ -86,14 +86,16 @@ class Feature:
     edit: str = ""
 
 
-def bundle(kind: str, names: list[str], cut: Callable[[Draft, str], None]) -> Iterator[Feature]:
+def bundle(
+    kind: str, names: list[str], cut: Callable[[EditedModel, str], None]
+) -> Iterator[Feature]:
     """A feature of many, whose parts are its halves; none of none."""
     if not names:
         return
 
-    def all_of(draft: Draft) -> None:
+    def all_of(edited: EditedModel) -> None:
         for name in names:
-            cut(draft, name)
+            cut(edited, name)
 
     half = len(names) // 2
     halves = [*bundle(kind, names[:half], cut), *bundle(kind, names[half:], cut)] if half else []
@@ -113,17 +115,17 @@ def ladder(kind: str, rungs: Iterable[tuple[str, Cut]]) -> Iterator[Feature]:
     yield from below
 
 
-def features(draft: Draft, scene: DietScene) -> Iterator[Feature]:
-    """All that may go from a draft of a scene, in the order in which it is tried."""
+def features(edited: EditedModel, scene: DietScene) -> Iterator[Feature]:
+    """All that may go from an edited model of a scene, in the order in which it is tried."""
     read, keys = scene.read, scene.keys
-    spec = draft.spec
+    spec = edited.spec
     sensors = [s.name for s in spec.sensors if read is not None and s.name not in read]
     yield from bundle("sensor nobody reads", sensors, dropper("sensors"))
     yield from bundle("key", [k.name for k in spec.keys if k.name not in keys], dropper("keys"))
-    yield from contacts(draft)
-    yield from solver(draft, scene.longest)
+    yield from contacts(edited)
+    yield from solver(edited, scene.longest)
     yield from (subtree(body) for body in spec.worldbody.bodies)
-    yield from flat(draft)
+    yield from flat(edited)
     for kind, word in WHOLE.items():
         yield from bundle(word, [e.name for e in getattr(spec, kind)], dropper(kind))
     limited = [j.name for j in spec.joints if limits(j)]
@@ -131,29 +133,29 @@ def features(draft: Draft, scene: DietScene) -> Iterator[Feature]:
     yield from bundle("material", [m.name for m in spec.materials], flatten)
     meshes = [g.name for g in spec.geoms if g.type == MESH]
     yield from bundle("mesh, as a box", meshes, enclose)
-    bare = [g.name for g in spec.geoms if g.type != MESH and not collides(draft, g)]
+    bare = [g.name for g in spec.geoms if g.type != MESH and not collides(edited, g)]
     yield from bundle(DRAWN, bare, undraw)
     yield from ladder(
         "segments of rods",
-        [(f"{k} times fewer", partial(coarser, share=k)) for k in (8, 4, 2) if fit(draft, k)],
+        [(f"{k} times fewer", partial(coarser, share=k)) for k in (8, 4, 2) if fit(edited, k)],
     )
 
 
-def dropper(kind: str) -> Callable[[Draft, str], None]:
+def dropper(kind: str) -> Callable[[EditedModel, str], None]:
     """Deletes an element of one of the spec's lists."""
-    return lambda draft, name: draft.drop(kind, name)
+    return lambda edited, name: edited.drop(kind, name)
 
 
-def collides(draft: Draft, geom: object) -> bool:
+def collides(edited: EditedModel, geom: object) -> bool:
     """Whether a geom can touch anything."""
-    off = draft.spec.option.disableflags & CONTACT
+    off = edited.spec.option.disableflags & CONTACT
     return not off and bool(geom.contype or geom.conaffinity)  # type: ignore[attr-defined]
 
 
-def contacts(draft: Draft) -> Iterator[Feature]:
+def contacts(edited: EditedModel) -> Iterator[Feature]:
     """All contacts at once, by the flag; else geoms that touch nothing."""
-    masked = [g.name for g in draft.spec.geoms if collides(draft, g)]
-    if masked or (draft.spec.pairs and not draft.spec.option.disableflags & CONTACT):
+    masked = [g.name for g in edited.spec.geoms if collides(edited, g)]
+    if masked or (edited.spec.pairs and not edited.spec.option.disableflags & CONTACT):
         yield Feature(
             "contact",
             "all",
@@ -163,11 +165,11 @@ def contacts(draft: Draft) -> Iterator[Feature]:
         )
 
 
-def solver(draft: Draft, watch: Watch) -> Iterator[Feature]:
+def solver(edited: EditedModel, monitored: MonitoredRun) -> Iterator[Feature]:
     """What the solver does beside its task; see `tolerances` and `solvers` for its options."""
-    if not by_steps(watch.run):
+    if not by_steps(monitored.run):
         return
-    option = draft.spec.option
+    option = edited.spec.option
     if option.noslip_iterations:
         yield Feature(
             "solver",
@@ -195,14 +197,14 @@ def subtree(body: mujoco._specs.MjsBody) -> Feature:
     return Feature(
         "body",
         name,
-        lambda draft: draft.drop("bodies", name),
+        lambda edited: edited.drop("bodies", name),
         tuple(subtree(child) for child in body.bodies),
     )
 
 
-def flat(draft: Draft) -> Iterator[Feature]:
+def flat(edited: EditedModel) -> Iterator[Feature]:
     """Free joints and balls of bodies that stay in a plane across one of the world's axes."""
-    for joint in draft.spec.joints:
+    for joint in edited.spec.joints:
         if joint.type in (JOINT.mjJNT_FREE, JOINT.mjJNT_BALL):
             kind = "free joint" if joint.type == JOINT.mjJNT_FREE else "ball"
             yield from ladder(
@@ -223,14 +225,14 @@ def limits(joint: mujoco._specs.MjsJoint) -> bool:
     )
 
 
-def fit(draft: Draft, share: int) -> bool:
+def fit(edited: EditedModel, share: int) -> bool:
     """Whether all rods can be cut into so many times fewer segments."""
-    return bool(draft.rods) and all(
-        rod.segments // share >= 2 and rod.segments % share == 0 for rod in draft.rods
+    return bool(edited.rods) and all(
+        rod.segments // share >= 2 and rod.segments % share == 0 for rod in edited.rods
     )
 
 
-Rungs = Callable[[Draft, DietScene], list[Feature]]
+Rungs = Callable[[EditedModel, DietScene], list[Feature]]
 FEWER = (1, 2, 3, 5, 10, 20, 50)  # iterations that are tried
 USUAL = {"iterations": 100, "ls_iterations": 50}  # MuJoCo's defaults
 LOOSER = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)  # where the solver may stop, not lower
@@ -246,14 +248,14 @@ CHEAPER = {  # of each integrator: with fewer evaluations, or fewer derivatives 
 }
 
 
-def stepped(scene: DietScene) -> list[Watch]:
+def stepped(scene: DietScene) -> list[MonitoredRun]:
     """The runs of a scene that go by time steps."""
-    return [watch for watch in scene.watches if by_steps(watch.run)]
+    return [monitored for monitored in scene.monitored_runs if by_steps(monitored.run)]
 
 
-def following(scene: DietScene, option: str) -> list[Watch]:
+def following(scene: DietScene, option: str) -> list[MonitoredRun]:
     """Those of them that take an option from the model, and not from the sidecar."""
-    return [watch for watch in stepped(scene) if option not in watch.run.settings]
+    return [monitored for monitored in stepped(scene) if option not in monitored.run.settings]
 
 
 def rung(option: str, words: str, value: float, name: str = "") -> Feature:
@@ -268,19 +270,19 @@ def exchanged(option: str, now: SupportsInt, other: SupportsInt) -> Feature:
     return rung(option, f"{option} {before} to {after}", int(other), after)
 
 
-def work(draft: Draft) -> float:
+def work(edited: EditedModel) -> float:
     """Evaluations of the forces in a second."""
-    option = draft.spec.option
+    option = edited.spec.option
     return EVALUATIONS.get(INTEGRATOR(option.integrator), 1) / float(option.timestep)
 
 
-def tolerances(draft: Draft, scene: DietScene) -> list[Feature]:
+def tolerances(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """A solver that may stop earlier, or after so few iterations that it never gets there."""
-    watches, option = following(scene, "tolerance"), draft.spec.option
-    if not watches:
+    monitored_runs, option = following(scene, "tolerance"), edited.spec.option
+    if not monitored_runs:
         return []
-    watch = max(watches, key=lambda w: w.before.seconds)
-    used = taken(draft, watch, option.tolerance)
+    monitored = max(monitored_runs, key=lambda w: w.before.seconds)
+    used = taken(edited, monitored, option.tolerance)
     found = [
         rung("tolerance", f"tolerance {number(option.tolerance)} to {number(t)}", t)
         for t in LOOSER
@@ -295,28 +297,30 @@ def tolerances(draft: Draft, scene: DietScene) -> list[Feature]:
     return found
 
 
-def caps(draft: Draft, scene: DietScene) -> list[Feature]:
+def caps(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """Iterations beyond the usual number, which are allowed and not taken."""
-    now, most = draft.spec.option.iterations, USUAL["iterations"]
+    now, most = edited.spec.option.iterations, USUAL["iterations"]
     if now <= most or not following(scene, "iterations"):
         return []
     return [rung("iterations", f"iterations {now} to {most}", most)]
 
 
-def searches(draft: Draft, scene: DietScene) -> list[Feature]:
+def searches(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """Iterations of the line search beyond the usual number."""
-    now, most = draft.spec.option.ls_iterations, USUAL["ls_iterations"]
+    now, most = edited.spec.option.ls_iterations, USUAL["ls_iterations"]
     if now <= most or not stepped(scene):
         return []
     return [rung("ls_iterations", f"ls_iterations {now} to {most}", most)]
 
 
-def steps(draft: Draft, scene: DietScene) -> list[Feature]:
+def steps(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """Longer steps; in runs through time at most one from sample to sample."""
-    if not (watches := following(scene, "timestep")):
+    if not (monitored_runs := following(scene, "timestep")):
         return []
-    now = float(draft.spec.option.timestep)
-    runs = [watch.bound.run if watch.bound else watch.run for watch in watches]
+    now = float(edited.spec.option.timestep)
+    runs = [
+        monitored.bound.run if monitored.bound else monitored.run for monitored in monitored_runs
+    ]
     widths = [float(np.ptp(run.x)) / (run.x.size - 1) for run in runs if run.kind in STEPPED]
     values = [times * now for times in LONGER]
     if widths:  # a sweep that settles at each pose has no time between its samples
@@ -329,9 +333,9 @@ def steps(draft: Draft, scene: DietScene) -> list[Feature]:
     ]
 
 
-def integrators(draft: Draft, scene: DietScene) -> list[Feature]:
+def integrators(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """Integrators that evaluate less in a step."""
-    now = INTEGRATOR(draft.spec.option.integrator)
+    now = INTEGRATOR(edited.spec.option.integrator)
     return [
         exchanged("integrator", now, other)
         for other in CHEAPER.get(now, ())
@@ -339,10 +343,10 @@ def integrators(draft: Draft, scene: DietScene) -> list[Feature]:
     ]
 
 
-def solvers(draft: Draft, scene: DietScene) -> list[Feature]:
+def solvers(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """The other solvers, where there is something to solve."""
-    watches, now = following(scene, "solver"), SOLVER(draft.spec.option.solver)
-    if not watches or not taken(draft, watches[0], draft.spec.option.tolerance):
+    monitored_runs, now = following(scene, "solver"), SOLVER(edited.spec.option.solver)
+    if not monitored_runs or not taken(edited, monitored_runs[0], edited.spec.option.tolerance):
         return []
     return [
         exchanged("solver", now, other)
@@ -351,19 +355,19 @@ def solvers(draft: Draft, scene: DietScene) -> list[Feature]:
     ]
 
 
-def jacobians(draft: Draft, scene: DietScene) -> list[Feature]:
+def jacobians(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """The other way to keep Jacobian and inertia, sparse or dense."""
-    now, watches = JACOBIAN(draft.spec.option.jacobian), stepped(scene)
-    if not watches:
+    now, monitored_runs = JACOBIAN(edited.spec.option.jacobian), stepped(scene)
+    if not monitored_runs:
         return []
-    sparse = mujoco.mj_isSparse(draft.compiled(watches[0].run.rods))
+    sparse = mujoco.mj_isSparse(edited.compiled(monitored_runs[0].run.rods))
     other = JACOBIAN.mjJAC_DENSE if sparse else JACOBIAN.mjJAC_SPARSE
     return [exchanged("jacobian", now, other)]
 
 
-def cones(draft: Draft, scene: DietScene) -> list[Feature]:
+def cones(edited: EditedModel, scene: DietScene) -> list[Feature]:
     """Pyramids for elliptic friction cones."""
-    if draft.spec.option.cone != ELLIPTIC or not stepped(scene):
+    if edited.spec.option.cone != ELLIPTIC or not stepped(scene):
         return []
     return [rung("cone", "cone elliptic to pyramidal", int(PYRAMIDAL), "pyramidal")]
 
@@ -385,11 +389,11 @@ def format_option(value: object) -> str:
     )
 
 
-def taken(draft: Draft, watch: Watch, tolerance: float) -> int:
+def taken(edited: EditedModel, monitored: MonitoredRun, tolerance: float) -> int:
     """Iterations that a run takes with a tolerance; all that it may, if it fails."""
-    model = draft.compiled(watch.run.rods)
-    found = measure(most_iterations, model, watch.brief, tolerance, timeout=LATEST)
-    return int(draft.spec.option.iterations) if isinstance(found, Measurement) else found
+    model = edited.compiled(monitored.run.rods)
+    found = measure(most_iterations, model, monitored.brief, tolerance, timeout=LATEST)
+    return int(edited.spec.option.iterations) if isinstance(found, Measurement) else found
 
 
 COUNTED: tuple[Rungs, ...] = (tolerances, caps, searches)

@@ -93,7 +93,7 @@ def part(
     """All that the page shows of one model."""
     stem = f"{slug(file.stem)}-diet"
     shown = ranked(entries)
-    watched = [e.message for e in entries if e.kind == SAID]
+    monitored = [e.message for e in entries if e.kind == SAID]
     with rc_context(RC):
         save(diet_sheet([e for e in shown if e.outcome in LOOKS]), folder / stem)
     most = {
@@ -105,8 +105,8 @@ def part(
         "stem": stem,
         "table": file.name,
         "model": f"{file.stem}.xml",
-        "words": [text for text in sentences(entries) if text not in watched],
-        "watched": watched,
+        "words": [text for text in sentences(entries) if text not in monitored],
+        "monitored": monitored,
         "goes": any(e.outcome == "harmless" for e in entries if e.kind != WHOLE),
         "zero": ZERO,
         "short": in_short(entries[-1]),

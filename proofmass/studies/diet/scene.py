@@ -31,7 +31,7 @@ from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.studies.bounded import bounded
-from proofmass.studies.diet.edits import WATCHED, Draft, read
+from proofmass.studies.diet.edits import MONITORED, EditedModel, read
 from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, failure_word, groups
 from proofmass.studies.measure import Measurement, measure
 from proofmass.wording import format_list, number
@@ -98,7 +98,7 @@ class Bound:
 
 
 @dataclass(frozen=True)
-class Watch:
+class MonitoredRun:
     """A run that must come out the same.
 
     Attributes
@@ -145,31 +145,31 @@ class DietScene:
 
     Attributes
     ----------
-    draft : Draft
+    edited : EditedModel
         The model as it is.
-    watches : tuple of Watch
+    monitored_runs : tuple of MonitoredRun
     read : set of str, or None
         Sensors that the sidecars read; None: without them, all.
     keys : set of str
         Keys that runs start from.
     said : tuple of str
-        What is watched, and what options are held against, in sentences.
+        What is monitored, and what options are held against, in sentences.
     """
 
-    draft: Draft
-    watches: tuple[Watch, ...]
+    edited: EditedModel
+    monitored_runs: tuple[MonitoredRun, ...]
     read: set[str] | None
     keys: set[str]
     said: tuple[str, ...] = ()
 
     @property
-    def longest(self) -> Watch:
+    def longest(self) -> MonitoredRun:
         """The run that takes longest, of those that go by time steps if there are any."""
-        return max(self.watches, key=lambda w: (by_steps(w.run), w.before.seconds))
+        return max(self.monitored_runs, key=lambda w: (by_steps(w.run), w.before.seconds))
 
 
 def scene_of(
-    file: Path, seconds: float, watch: tuple[str, ...] = (), error: float | None = None
+    file: Path, seconds: float, monitored: tuple[str, ...] = (), error: float | None = None
 ) -> DietScene:
     """A model with the sidecars beside it that speak of it.
 
@@ -179,7 +179,7 @@ def scene_of(
         The MJCF file.
     seconds : float
         Length of the run of a model without sidecars [s].
-    watch : tuple of str
+    monitored : tuple of str
         Joints, bodies, sites and sensors that alone matter; all that is measured, or moves, if
         empty.
     error : float, optional
@@ -190,7 +190,7 @@ def scene_of(
     ------
     InputError
         The model or a sidecar cannot be used, the model as it is does not run, or a name that is
-        watched is not there.
+        monitored is not there.
     """
     if error is not None and not 0 <= error < np.inf:
         raise InputError(
@@ -205,13 +205,13 @@ def scene_of(
         for kind in case.run
         for solver in solvers_of(case, kind)
     ]
-    draft = read(file, next((case.rods for case in cases), ()), not runs, watch)
+    edited = read(file, next((case.rods for case in cases), ()), not runs, monitored)
     if not runs:
-        let = let_go(file, draft, seconds)
+        let = let_go(file, edited, seconds)
         keys = {let.run.start, *(case.start for case in cases)} - {""}
-        held, why = with_fine_solution(file, draft, let, error)
+        held, why = with_fine_solution(file, edited, let, error)
         return DietScene(
-            draft, (held,), own_sensors(draft), keys, (*watched_words(draft, let), why)
+            edited, (held,), own_sensors(edited), keys, (*watched_words(edited, let), why)
         )
     if error is not None:
         raise InputError(
@@ -219,30 +219,30 @@ def scene_of(
             "--error",
             "its sidecar states what an error may be; change its tolerances, or leave --error out",
         )
-    watches = [
-        watched(case, plan(case, kind, solver), solver, draft) for case, kind, solver in runs
+    monitored_runs = [
+        monitored_run(case, plan(case, kind, solver), solver, edited) for case, kind, solver in runs
     ]
     sensors = {name.partition(".")[0] for case in cases for name in case.channels}
-    words = "Watched: the channels of the sidecars, in their runs."
-    if watch:
-        read_by = sensors_of(draft, watch)
-        watches = [only(w, read_by) for w in watches if reads(w, read_by)]
-        if not watches:
+    words = "Monitored: the channels of the sidecars, in their runs."
+    if monitored:
+        read_by = sensors_of(edited, monitored)
+        monitored_runs = [only(w, read_by) for w in monitored_runs if reads(w, read_by)]
+        if not monitored_runs:
             there = dict.fromkeys(n for w in runs for n in w[0].channels)
             raise InputError(
                 file,
                 "--watch",
-                f"no channel of the sidecars reads {format_list(watch)}; "
-                f"{suggest(watch[0], there, 'their channels')}",
+                f"no channel of the sidecars reads {format_list(monitored)}; "
+                f"{suggest(monitored[0], there, 'their channels')}",
             )
         sensors &= read_by
         words = (
-            f"Watched: {format_list(dict.fromkeys(n for w in watches for n in w.allowed))}, in the "
-            "runs of the sidecars."
+            f"Monitored: {format_list(dict.fromkeys(n for w in monitored_runs for n in w.allowed))}"
+            ", in the runs of the sidecars."
         )
     return DietScene(
-        draft,
-        tuple(watches),
+        edited,
+        tuple(monitored_runs),
         sensors,
         {case.start for case in cases},
         (
@@ -253,75 +253,77 @@ def scene_of(
     )
 
 
-def sensors_of(draft: Draft, watch: Collection[str]) -> set[str]:
+def sensors_of(edited: EditedModel, monitored: Collection[str]) -> set[str]:
     """The sensors, and rods, with these names, and those that read something with these names."""
-    return {*watch, *(s.name for s in draft.spec.sensors if s.objname in watch)}
+    return {*monitored, *(s.name for s in edited.spec.sensors if s.objname in monitored)}
 
 
-def own_sensors(draft: Draft) -> set[str] | None:
-    """The sensors that are watched; None if all are."""
-    if not draft.watch:
+def own_sensors(edited: EditedModel) -> set[str] | None:
+    """The sensors that are monitored; None if all are."""
+    if not edited.monitored:
         return None
-    return {s.name for s in draft.spec.sensors if s.name in draft.watch or s.name in draft.probes}
+    return {
+        s.name for s in edited.spec.sensors if s.name in edited.monitored or s.name in edited.probes
+    }
 
 
-def reads(watch: Watch, sensors: set[str]) -> list[str]:
+def reads(monitored: MonitoredRun, sensors: set[str]) -> list[str]:
     """The channels of a run that these sensors show."""
-    return [name for name in watch.allowed if name.partition(".")[0] in sensors]
+    return [name for name in monitored.allowed if name.partition(".")[0] in sensors]
 
 
-def only(watch: Watch, sensors: set[str]) -> Watch:
+def only(monitored: MonitoredRun, sensors: set[str]) -> MonitoredRun:
     """A run of which nothing but the channels of these sensors is looked at."""
-    names = reads(watch, sensors)
-    run = replace(watch.run, channels=tuple(names))
-    bound = watch.bound and replace(
-        watch.bound, run=run, allowed={n: watch.bound.allowed[n] for n in names}
+    names = reads(monitored, sensors)
+    run = replace(monitored.run, channels=tuple(names))
+    bound = monitored.bound and replace(
+        monitored.bound, run=run, allowed={n: monitored.bound.allowed[n] for n in names}
     )
     return replace(
-        watch,
+        monitored,
         run=run,
-        allowed={n: watch.allowed[n] for n in names},
+        allowed={n: monitored.allowed[n] for n in names},
         bound=bound,
-        before=replace(watch.before, channels={n: watch.before.channels[n] for n in names}),
+        before=replace(monitored.before, channels={n: monitored.before.channels[n] for n in names}),
     )
 
 
-def watched_words(draft: Draft, watch: Watch) -> Iterator[str]:
-    """What is watched of a model without a sidecar, and what does not act on it."""
+def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]:
+    """What is monitored of a model without a sidecar, and what does not act on it."""
     named = [
         f"{word} {e.name}"
-        for kind, word in WATCHED.items()
-        for e in getattr(draft.spec, kind)
-        if e.name in draft.watch and e.name not in draft.probes
+        for kind, word in MONITORED.items()
+        for e in getattr(edited.spec, kind)
+        if e.name in edited.monitored and e.name not in edited.probes
     ]
-    sensors = [s.name for s in draft.spec.sensors if s.name not in draft.probes]
-    if draft.watch:
-        yield f"Watched: {format_list(named)}, and nothing else."
+    sensors = [s.name for s in edited.spec.sensors if s.name not in edited.probes]
+    if edited.monitored:
+        yield f"Monitored: {format_list(named)}, and nothing else."
     elif sensors:
         yield (
-            f"Watched, since no sidecar and no --watch says what matters: all sensors of the "
+            f"Monitored, since no sidecar and no --watch says what matters: all sensors of the "
             f"model, {format_list(sensors)}."
         )
     else:
         yield (
-            "Watched, since no sidecar, no sensor and no --watch says what matters: everything "
+            "Monitored, since no sidecar, no sensor and no --watch says what matters: everything "
             "that moves."
         )
-    if watch.level:
+    if monitored.level:
         yield (
-            f"{format_list(sorted(watch.level))}: a potential energy is known up to a constant, so "
-            "only its change counts; what does not move adds nothing to it."
+            f"{format_list(sorted(monitored.level))}: a potential energy is known up to a constant,"
+            " so only its change counts; what does not move adds nothing to it."
         )
     try:
-        found = isolated(groups, draft.compiled(), watch.run, timeout=LATEST)
+        found = isolated(groups, edited.compiled(), monitored.run, timeout=LATEST)
     except Exception:  # then nothing is said of it
         return
-    if len(found) < 2 or draft.watch:
+    if len(found) < 2 or edited.monitored:
         return
     told = "; ".join(", ".join(group) for group in found)
     yield (
         f"{len(found)} groups of bodies move without acting on each other in this run, through "
-        f"no contact, equality, tendon or actuator: {told}. All of what is watched of them is "
+        f"no contact, equality, tendon or actuator: {told}. All of what is monitored of them is "
         f"kept. --watch NAME, with a joint, body, site or sensor of the group that matters, "
         f"leaves the others out."
     )
@@ -380,12 +382,12 @@ def compiles(file: Path) -> bool:
         return False
 
 
-def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
+def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> MonitoredRun:
     """A run of a case; a channel may move by a share of what its error leaves of its tolerance.
 
     One without a tolerance, or beyond it already, may move by rounding.
     """
-    before = done(case.model_path, draft.compiled(run.rods), run)
+    before = done(case.model_path, edited.compiled(run.rods), run)
     kind = cast(Kind, run.kind)
     truth = bounded(case, kind, reference_for, case, kind, before).channels
     allowed, largest = dict[str, Array](), dict[str, float]()
@@ -399,7 +401,7 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
             max(left, 1e-3 * rounding) if most is not None else max(WORSE * error, rounding)
         )
     setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
-    return Watch(
+    return MonitoredRun(
         f"{case.name} {run.kind}{setting}",
         run,
         allowed,
@@ -408,12 +410,12 @@ def watched(case: Case, run: Run, solver: str, draft: Draft) -> Watch:
     )
 
 
-def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
+def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
     """The model as it is for some seconds, or until a nudge of the start pose has grown too much.
 
     A channel may move by what the nudge moves it, and by rounding.
     """
-    model = draft.compiled()
+    model = edited.compiled()
     names = [model.key(k).name for k in range(model.nkey)]
     start = "start" if "start" in names else next(iter(names), "")
     steps = max(1, round(seconds / model.opt.timestep))
@@ -426,7 +428,7 @@ def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
         if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_E_POTENTIAL
     )
     before, beside = (
-        levelled(seen(draft, done(file, model, run, *nudge)), level) for nudge in ((), (NUDGE,))
+        levelled(seen(edited, done(file, model, run, *nudge)), level) for nudge in ((), (NUDGE,))
     )
     if not before.channels:
         raise InputError(file, "", "nothing in it moves and nothing is measured; give it a <joint>")
@@ -448,12 +450,14 @@ def let_go(file: Path, draft: Draft, seconds: float) -> Watch:
         name: np.maximum(ROUNDING, np.maximum.accumulate(part[:n])) * scale(before, name)
         for name, part in grown.items()
     }
-    return Watch("let go", replace(run, x=x[:n]), allowed, before, level & before.channels.keys())
+    return MonitoredRun(
+        "let go", replace(run, x=x[:n]), allowed, before, level & before.channels.keys()
+    )
 
 
-def seen(draft: Draft, curves: Curves) -> Curves:
-    """The curves of the sensors that are watched."""
-    if (sensors := own_sensors(draft)) is None:
+def seen(edited: EditedModel, curves: Curves) -> Curves:
+    """The curves of the sensors that are monitored."""
+    if (sensors := own_sensors(edited)) is None:
         return curves
     return replace(
         curves,
@@ -479,8 +483,8 @@ def levelled(curves: Curves, names: Collection[str]) -> Curves:
 
 
 def with_fine_solution(
-    file: Path, draft: Draft, watch: Watch, error: float | None = None
-) -> tuple[Watch, str]:
+    file: Path, edited: EditedModel, monitored: MonitoredRun, error: float | None = None
+) -> tuple[MonitoredRun, str]:
     """A free motion with what other options of the engine are held against, and that in words.
 
     The truth is the fine solution of the same model: steps that are 8 times shorter, constraints
@@ -489,14 +493,14 @@ def with_fine_solution(
     are held to.  A channel may be off it by a tenth more than as it is, by rounding, or by a share
     `error` of its range.
     """
-    model = draft.compiled()
-    step, x = model.opt.timestep, watch.run.x
+    model = edited.compiled()
+    step, x = model.opt.timestep, monitored.run.x
     stride = max(1, round((x[1] - x[0]) / step))
     thin = 1
     while 2 * thin * stride <= LONGER and x.size // (2 * thin) >= SPARSE:
         thin *= 2
-    run = replace(watch.run, x=x[::thin])
-    own = {name: curve[: x.size : thin] for name, curve in watch.before.channels.items()}
+    run = replace(monitored.run, x=x[::thin])
+    own = {name: curve[: x.size : thin] for name, curve in monitored.before.channels.items()}
     strict = {
         **FINE,
         "tolerance": min(1e-14, model.opt.tolerance),
@@ -507,22 +511,22 @@ def with_fine_solution(
         coarse, fine = (
             levelled(
                 seen(
-                    draft,
+                    edited,
                     done(file, model, replace(run, settings={**strict, "timestep": step / k})),
                 ),
-                watch.level,
+                monitored.level,
             ).channels
             for k in FINER
         )
     except InputError as wrong:
-        return watch, f"{no}to hold them against: {wrong.wrong}."
-    sizes = {name: scale(watch.before, name) for name in own}
+        return monitored, f"{no}to hold them against: {wrong.wrong}."
+    sizes = {name: scale(monitored.before, name) for name in own}
     off = {name: np.abs(curve - fine[name]) / sizes[name] for name, curve in own.items()}
     lost = np.max(list(off.values()), axis=0) > LOST
     if lost.any():
         k = int(np.argmax(lost))
         name = max(off, key=lambda name: float(off[name][k]))
-        return watch, (
+        return monitored, (
             f"{no}to hold them against: {name} is off it by a tenth of its size after "
             f"{number(float(run.x[k]))} s; --seconds ends the run before that."
         )
@@ -538,12 +542,12 @@ def with_fine_solution(
     for name, size in sizes.items():
         most = max((1 + WORSE) * float(off[name].max()), ROUNDING, free * ranges[name] / size)
         if float(np.abs(coarse[name] - fine[name]).max()) / size > most / 2:
-            return watch, (
+            return monitored, (
                 f"{no}to hold them against: {name} still changes between steps of "
                 f"{number(step / FINER[0])} s and {number(step / FINER[1])} s."
             )
         allowed[name] = most * size
-    return replace(watch, bound=Bound(run, allowed, fine)), (
+    return replace(monitored, bound=Bound(run, allowed, fine)), (
         f"Options are held against the fine solution of the same model, with steps of "
         f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
         f"first {number(float(run.x[-1]))} s: no channel may be off it by more than 1.1 times "
@@ -576,15 +580,15 @@ def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Cur
     raise InputError(file, "", f"as it is, its run {word}: {found.message}; give a model that runs")
 
 
-def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
+def moved(monitored: MonitoredRun, curves: Curves, optional: set[str]) -> dict[str, float]:
     """How far each channel moved, over what it may: up to 1 is no change.
 
     A channel that is gone has moved without bound, unless it is `optional` and never moved.
     """
     found = {}
-    curves = levelled(curves, watch.level)
-    for name, before in watch.before.channels.items():
-        allowed, after = watch.allowed[name], curves.channels.get(name)
+    curves = levelled(curves, monitored.level)
+    for name, before in monitored.before.channels.items():
+        allowed, after = monitored.allowed[name], curves.channels.get(name)
         if after is None and name.partition("[")[0] in optional:
             after = np.full(allowed.size, before[0])
         found[name] = (
@@ -595,7 +599,7 @@ def moved(watch: Watch, curves: Curves, optional: set[str]) -> dict[str, float]:
     return found
 
 
-def strayed(watch: Watch, curves: Curves) -> dict[str, float]:
+def strayed(monitored: MonitoredRun, curves: Curves) -> dict[str, float]:
     """How far each channel is off what is true, over what it may be."""
-    assert watch.bound is not None
-    return watch.bound.errors(levelled(curves, watch.level))
+    assert monitored.bound is not None
+    return monitored.bound.errors(levelled(curves, monitored.level))

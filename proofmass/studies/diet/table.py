@@ -17,7 +17,7 @@ from proofmass.wording import number
 Displacements = dict[str, dict[str, float]]
 EMPTY = ("",) * 7
 SAID = "said"
-"""The kind of an entry that is a sentence: what is watched, what options are held against."""
+"""The kind of an entry that is a sentence: what is monitored, what options are held against."""
 OPTION = "option"
 """The kind of an entry that changes an option of the engine."""
 NO_GAIN = "no gain"
@@ -26,7 +26,7 @@ WHOLE = "all of these"
 """The kind of the last entry: all that goes, taken out together."""
 COLUMNS = {
     "kind": f"what was taken out; option: what was changed; {SAID}: the message is a sentence on "
-    f"what is watched; the last rows, {WHOLE}: all that is harmless at once",
+    f"what is monitored; the last rows, {WHOLE}: all that is harmless at once",
     "feature": "which",
     "outcome": "harmless: it goes; drawn: it could, but a picture needs it; no gain: it could, and "
     "saves no time that is measured; matters: it changes a channel; needed: something "

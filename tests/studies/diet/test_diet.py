@@ -16,8 +16,8 @@ from proofmass.compare import compare
 from proofmass.sidecar import load_case
 from proofmass.solve import plan
 from proofmass.studies.diet.diet import Diet, DietSearch
-from proofmass.studies.diet.edits import Draft, all_digits, flatten, read, shortest, write
-from proofmass.studies.diet.scene import DietScene, scene_of, watched
+from proofmass.studies.diet.edits import EditedModel, all_digits, flatten, read, shortest, write
+from proofmass.studies.diet.scene import DietScene, monitored_run, scene_of
 from proofmass.studies.diet.trial import most_iterations
 from tests.shipped import shipped
 
@@ -121,7 +121,7 @@ def stripped(tmp_path_factory) -> tuple[DietScene, Diet]:
 
 
 def test_ballast_goes_and_the_core_stays(stripped, tmp_path):
-    spec, core = stripped[1].slim.spec, names(mujoco.MjSpec.from_file(str(model(tmp_path))))
+    spec, core = stripped[1].reduced.spec, names(mujoco.MjSpec.from_file(str(model(tmp_path))))
     core["geoms"] -= {"arm", "brace"}  # drawn, and blind
     assert names(spec) == core
     assert spec.option.tolerance == 1e-8
@@ -130,9 +130,12 @@ def test_ballast_goes_and_the_core_stays(stripped, tmp_path):
 
 def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
     # nothing of the core is known to the diet: its own motion is the independent truth
-    slim, core = stripped[1].slim.compiled(), mujoco.MjModel.from_xml_path(str(model(tmp_path)))
+    reduced, core = (
+        stripped[1].reduced.compiled(),
+        mujoco.MjModel.from_xml_path(str(model(tmp_path))),
+    )
     poses = []
-    for m in (slim, core):
+    for m in (reduced, core):
         data = mujoco.MjData(m)
         mujoco.mj_resetDataKeyframe(m, data, 0)
         mujoco.mj_step(m, data, 150)
@@ -158,8 +161,8 @@ def test_what_matters_is_kept(stripped, kind, name):
 
 
 def test_nothing_is_left_to_remove(stripped, tmp_path):
-    file = tmp_path / "slim.xml"
-    write(stripped[1].slim, file)
+    file = tmp_path / "reduced.xml"
+    write(stripped[1].reduced, file)
     _, again = searched(file, blind=True)
     assert not [e for e in again.entries if e.outcome == "harmless"]
 
@@ -167,44 +170,44 @@ def test_nothing_is_left_to_remove(stripped, tmp_path):
 def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
     _, found = searched(model(tmp_path))
     assert {e.name for e in found.entries if e.outcome == "drawn"} == {"2: arm, brace"}
-    assert names(found.slim.spec)["geoms"] == {"table", "ball", "arm", "brace"}
+    assert names(found.reduced.spec)["geoms"] == {"table", "ball", "arm", "brace"}
 
 
 def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance():
     case = load_case(shipped("fourbar.toml"))
     run = plan(case, "dynamics", "mujoco")
-    watch = watched(case, run, "mujoco", read(case.model_path))
-    found = [c for c in compare(case, "dynamics", "mujoco", watch.before) if c.allowed > 0]
+    monitored = monitored_run(case, run, "mujoco", read(case.model_path))
+    found = [c for c in compare(case, "dynamics", "mujoco", monitored.before) if c.allowed > 0]
     assert len(found) > 5
     for c in found:
-        rounding = 1e-9 * max(float(np.abs(v).max()) for v in watch.before.channels.values())
+        rounding = 1e-9 * max(float(np.abs(v).max()) for v in monitored.before.channels.values())
         left = (c.allowed - c.error_max) / 10
         assert left > rounding  # which every channel may move by as well
-        assert watch.allowed[c.channel] == pytest.approx(np.full(run.x.size, left), rel=1e-9)
+        assert monitored.allowed[c.channel] == pytest.approx(np.full(run.x.size, left), rel=1e-9)
 
 
 def test_a_diet_that_allows_too_much_is_noticed(tmp_path, monkeypatch):
     # a mutation: with a loose tolerance the ball loses its table
     monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING", 1e6)
     _, found = searched(model(tmp_path))
-    assert "pin" not in names(found.slim.spec)["equalities"]
+    assert "pin" not in names(found.reduced.spec)["equalities"]
 
 
 def test_a_diet_that_ignores_channels_is_noticed(tmp_path):
     file = model(tmp_path)
     file.write_text(re.sub(r"<framepos.*?/>", "", file.read_text()))
     _, found = searched(file)
-    assert "ball" not in names(found.slim.spec)["bodies"]
-    assert "pin" in names(found.slim.spec)["equalities"]
+    assert "ball" not in names(found.reduced.spec)["bodies"]
+    assert "pin" in names(found.reduced.spec)["equalities"]
 
 
 def test_without_sensors_everything_that_moves_is_watched(tmp_path):
     file = padded(tmp_path)
     file.write_text(re.sub(r"<sensor>.*</sensor>", "", file.read_text(), flags=re.DOTALL))
     _, found = searched(file, blind=True)
-    assert names(found.slim.spec)["joints"] == {"ball", "arm", "slide", "brace"}
-    written = tmp_path / "slim.xml"
-    write(found.slim, written)
+    assert names(found.reduced.spec)["joints"] == {"ball", "arm", "slide", "brace"}
+    written = tmp_path / "reduced.xml"
+    write(found.reduced, written)
     assert mujoco.MjModel.from_xml_path(str(written)).nsensor == 0
 
 
@@ -224,16 +227,16 @@ def test_a_free_joint_becomes_planar_where_the_motion_is(tmp_path, speed, planar
     file = tmp_path / "disc.xml"
     file.write_text(FLYING.format(speed=speed, wind=""))
     scene, found = searched(file, 1.0)
-    slim = found.slim.compiled()
-    assert slim.nv == (3 if planar else 6)
-    data = mujoco.MjData(slim)
-    mujoco.mj_resetDataKeyframe(slim, data, 0)
-    steps = scene.watches[0].before.steps
-    mujoco.mj_step(slim, data, steps)
-    mujoco.mj_kinematics(slim, data)
+    reduced = found.reduced.compiled()
+    assert reduced.nv == (3 if planar else 6)
+    data = mujoco.MjData(reduced)
+    mujoco.mj_resetDataKeyframe(reduced, data, 0)
+    steps = scene.monitored_runs[0].before.steps
+    mujoco.mj_step(reduced, data, steps)
+    mujoco.mj_kinematics(reduced, data)
     # free flight: straight on, and turning at its own rate; integrated exactly by any first order
     x, y, z = map(float, speed.split())
-    t = steps * slim.opt.timestep
+    t = steps * reduced.opt.timestep
     assert data.xpos[1] == pytest.approx([1.5 + x * t, 2.5 + y * t, 3 + z * t], abs=1e-12)
     assert data.xmat[1][:2] == pytest.approx(
         [np.cos(np.pi + 2 * t), -np.sin(np.pi + 2 * t)], abs=1e-12
@@ -245,9 +248,9 @@ def test_a_model_is_written_with_all_its_digits(tmp_path, name):
     from proofmass.sidecar import load_case
 
     rods = load_case(shipped(f"{name}.toml")).rods
-    draft, file = Draft(shipped(f"{name}.xml"), rods), tmp_path / f"{name}.xml"
-    write(draft, file)
-    before, after = draft.compiled(), Draft(file, rods).compiled()
+    edited, file = EditedModel(shipped(f"{name}.xml"), rods), tmp_path / f"{name}.xml"
+    write(edited, file)
+    before, after = edited.compiled(), EditedModel(file, rods).compiled()
     for field in (
         "qpos0",
         "key_qpos",
@@ -280,29 +283,31 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
     )
     edit("pendulum.xml", r"<keyframe>", '<keyframe><key name="other" qpos="1"/><key name="third"/>')
     scene, found = searched(models / "pendulum.xml")
-    assert {w.name for w in scene.watches} == {"pendulum dynamics", "other dynamics"}
-    left = names(found.slim.spec)
+    assert {w.name for w in scene.monitored_runs} == {"pendulum dynamics", "other dynamics"}
+    left = names(found.reduced.spec)
     assert left["keys"] == {"start", "other"}
     assert "kinetic" not in left["sensors"]
     assert "potential" in left["sensors"]
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_command_writes_the_slim_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
+def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
     # timings are not looked at
     monkeypatch.setattr("proofmass.studies.diet.trial.own_core", nullcontext)
     monkeypatch.setattr("proofmass.studies.diet.trial.SPAN", 0.0)
-    file, slim = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "slim.xml"
+    file, reduced = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "reduced.xml"
     for _ in range(2):
-        answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(slim), "--seconds", "0.1"])
+        answer = CliRunner().invoke(
+            app, ["diet", str(file), "-o", str(reduced), "--seconds", "0.1"]
+        )
         assert answer.exit_code == 0, answer.output
         monkeypatch.setattr(
             DietSearch, "judge_changes", None
         )  # the second time nothing is run again
         monkeypatch.setattr("proofmass.studies.diet.command.finish", lambda *_: None)
-    assert "sun" not in slim.read_text()
-    assert not list(slim.parent.glob("*.part*"))
-    rows = list(csv.DictReader(slim.with_suffix(".csv").read_text().splitlines()))
+    assert "sun" not in reduced.read_text()
+    assert not list(reduced.parent.glob("*.part*"))
+    rows = list(csv.DictReader(reduced.with_suffix(".csv").read_text().splitlines()))
     light = [row for row in rows if row["kind"] == "light"]
     assert {row["channel"] for row in light} >= {"angle", "rate", "ball[2]"}
     assert all(float(row["moved_over_allowed"]) == 0 for row in light)
@@ -320,10 +325,10 @@ def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
         )
     )
     _, found = searched(file)
-    write(found.slim, tmp_path / "slim.xml")
-    slim = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
-    assert slim.nmat == 0
-    assert slim.geom_rgba[0] == pytest.approx([0.5, 0.5, 0.5, 1])
+    write(found.reduced, tmp_path / "reduced.xml")
+    reduced = mujoco.MjModel.from_xml_path(str(tmp_path / "reduced.xml"))
+    assert reduced.nmat == 0
+    assert reduced.geom_rgba[0] == pytest.approx([0.5, 0.5, 0.5, 1])
 
 
 @pytest.mark.parametrize(
@@ -339,14 +344,14 @@ def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
       <geom size=".1" pos="0 .5 0"/><site name="low" pos="0 .5 0"/></body></worldbody>
       <tendon><spatial name="rope" {own} stiffness="5"><site site="top"/><site site="low"/>
       </spatial></tendon></mujoco>""")
-    slim = read(file).without(partial(flatten, name="steel"))
+    reduced = read(file).without(partial(flatten, name="steel"))
     if usual:
         with pytest.raises(ValueError, match="tendon 'rope' is made of it"):
-            slim.without(partial(flatten, name="red"))
+            reduced.without(partial(flatten, name="red"))
     else:
-        slim = slim.without(partial(flatten, name="red"))
-    write(slim, tmp_path / "slim.xml")
-    found = mujoco.MjModel.from_xml_path(str(tmp_path / "slim.xml"))
+        reduced = reduced.without(partial(flatten, name="red"))
+    write(reduced, tmp_path / "reduced.xml")
+    found = mujoco.MjModel.from_xml_path(str(tmp_path / "reduced.xml"))
     assert [found.material(k).name for k in range(found.nmat)] == ["red"] * bool(usual)
     assert found.tendon_matid[0] == (0 if usual else -1)
 
@@ -361,8 +366,8 @@ def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations)
     text = text.replace("0 3 0.1 1 0 0 0 ", "")
     (tmp_path / "bars.xml").write_text(text if loops else re.sub("<connect.*?/>", "", text))
     scene = scene_of(tmp_path / "bars.xml", 0.1)
-    watch = scene.watches[0]
-    assert most_iterations(scene.draft.compiled(), watch.brief, 1e-8) == iterations
+    monitored = scene.monitored_runs[0]
+    assert most_iterations(scene.edited.compiled(), monitored.brief, 1e-8) == iterations
 
 
 WRONG = {
@@ -383,10 +388,10 @@ def test_bad_input_is_one_line(tmp_path, wrong):
     file = tmp_path / "scene.xml"
     if text:
         file.write_text(text)
-    answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(tmp_path / "slim.xml")])
+    answer = CliRunner().invoke(app, ["diet", str(file), "-o", str(tmp_path / "reduced.xml")])
     assert answer.exit_code == 2
     assert word in answer.output
     assert "scene.xml" in answer.output
     assert "Traceback" not in answer.output
     assert len(answer.output.strip().splitlines()) == 1
-    assert not (tmp_path / "slim.xml").exists()
+    assert not (tmp_path / "reduced.xml").exists()

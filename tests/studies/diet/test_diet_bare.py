@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from proofmass.studies.diet.diet import Diet, DietSearch
-from proofmass.studies.diet.edits import Draft, set_option, write
+from proofmass.studies.diet.edits import EditedModel, set_option, write
 from proofmass.studies.diet.scene import scene_of
 from tests.studies.diet.test_diet import BALLAST, model
 
@@ -50,15 +50,15 @@ def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str,
     return json.loads(done.stdout)
 
 
-def slimmed(file: Path, folder: Path, seconds: float, **more: object) -> tuple[Diet, Path]:
+def dieted(file: Path, folder: Path, seconds: float, **more: object) -> tuple[Diet, Path]:
     """A diet, and the file that it wrote."""
     found = DietSearch(scene_of(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
-    return found, written(found.slim, folder)
+    return found, written(found.reduced, folder)
 
 
-def written(draft: Draft, folder: Path, name: str = "slim") -> Path:
-    """The file of a draft."""
-    write(draft, folder / f"{name}.xml")
+def written(edited: EditedModel, folder: Path, name: str = "reduced") -> Path:
+    """The file of an edited model."""
+    write(edited, folder / f"{name}.xml")
     return folder / f"{name}.xml"
 
 
@@ -69,15 +69,15 @@ def changed(found: Diet) -> list[str]:
 
 def test_a_scene_without_its_ballast_moves_to_rounding(tmp_path):
     file = model(tmp_path, **{**BALLAST, "option": ""})
-    found, slim = slimmed(file, tmp_path, 0.3)
+    found, reduced = dieted(file, tmp_path, 0.3)
     assert sum(e.outcome == "harmless" for e in found.entries) >= 10
     assert changed(found) == []
-    shown = bare(file, slim, 0.3, joints=["arm", "brace"], bodies=["ball"])
+    shown = bare(file, reduced, 0.3, joints=["arm", "brace"], bodies=["ball"])
     for name, part in shown.items():  # of a ball's y and x nothing but rounding is there
         assert part["moved"] <= 1e-9 * max(part["size"], 1e-3), name
     assert shown["arm"]["range"] > 0.1
     # a mutation: the loop is cut as well
-    wrong = written(found.slim.without(lambda d: d.drop("equalities", "pin")), tmp_path, "wrong")
+    wrong = written(found.reduced.without(lambda d: d.drop("equalities", "pin")), tmp_path, "wrong")
     assert bare(file, wrong, 0.3, joints=["arm"])["arm"]["moved"] > 0.01
 
 
@@ -85,27 +85,27 @@ def test_what_was_allowed_too_much_shows_in_the_bare_engine(tmp_path, monkeypatc
     # a mutation of the diet itself: changes up to all of a channel's size are called rounding
     monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING", 1.0)
     file = model(tmp_path, **{**BALLAST, "option": ""})
-    _, slim = slimmed(file, tmp_path, 0.3)
-    assert bare(file, slim, 0.3, joints=["arm"])["arm"]["moved"] > 0.01
+    _, reduced = dieted(file, tmp_path, 0.3)
+    assert bare(file, reduced, 0.3, joints=["arm"])["arm"]["moved"] > 0.01
 
 
 @pytest.mark.slow
 def test_a_fat_four_bar_of_which_the_crank_is_watched(tmp_path):
-    found, slim = slimmed(FAT, tmp_path, 1.0, watch=("crank",))
-    left = mujoco.MjModel.from_xml_path(str(slim))
+    found, reduced = dieted(FAT, tmp_path, 1.0, monitored=("crank",))
+    left = mujoco.MjModel.from_xml_path(str(reduced))
     assert [left.body(b).name for b in range(1, left.nbody)] == ["crank", "coupler", "rocker"]
     assert (left.opt.tolerance, left.opt.iterations) == (1e-8, 100)
-    shown = bare(FAT, slim, 1.0, joints=["crank"])["crank"]
+    shown = bare(FAT, reduced, 1.0, joints=["crank"])["crank"]
     # the promise: off the fine solution by no more than 1.1 times what the fat model is
     assert shown["after"] <= 1.1 * shown["before"]
     assert shown["moved"] <= 1e-6 * shown["size"]
     assert shown["range"] > 0.1
     # mutations: a step that the diet refused, and the pin
     longer = written(
-        found.slim.without(partial(set_option, name="timestep", value=0.002)), tmp_path, "longer"
+        found.reduced.without(partial(set_option, name="timestep", value=0.002)), tmp_path, "longer"
     )
     assert bare(FAT, longer, 1.0, joints=["crank"])["crank"]["after"] > 1.5 * shown["before"]
-    loose = written(found.slim.without(lambda d: d.drop("equalities", "pin")), tmp_path, "loose")
+    loose = written(found.reduced.without(lambda d: d.drop("equalities", "pin")), tmp_path, "loose")
     assert bare(FAT, loose, 1.0, joints=["crank"])["crank"]["moved"] > 0.01
 
 
@@ -113,8 +113,8 @@ def test_a_step_as_long_as_the_error_allows(tmp_path):
     file = tmp_path / "double.xml"
     file.write_text(DOUBLE)
     allowed = 1e-5
-    found, slim = slimmed(file, tmp_path, 2.0, watch=("upper", "lower"), error=allowed)
-    left = mujoco.MjModel.from_xml_path(str(slim))
+    found, reduced = dieted(file, tmp_path, 2.0, monitored=("upper", "lower"), error=allowed)
+    left = mujoco.MjModel.from_xml_path(str(reduced))
     assert left.nq == 2
     assert left.opt.timestep >= 0.004
     assert left.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4  # others are of first order
@@ -122,7 +122,7 @@ def test_a_step_as_long_as_the_error_allows(tmp_path):
     span = 2.0 - 2.0 % (16 * left.opt.timestep)
     shown = bare(
         file,
-        slim,
+        reduced,
         span,
         joints=["upper", "lower"],
         samples=round(span / (16 * left.opt.timestep)) + 1,
@@ -132,7 +132,7 @@ def test_a_step_as_long_as_the_error_allows(tmp_path):
     # a mutation: four times the step that was found, 256 times the error of RK4
     step = 4 * left.opt.timestep
     wrong = written(
-        found.slim.without(partial(set_option, name="timestep", value=step)), tmp_path, "wrong"
+        found.reduced.without(partial(set_option, name="timestep", value=step)), tmp_path, "wrong"
     )
     worse = bare(
         file,
@@ -148,13 +148,13 @@ def test_nothing_is_coarser_than_it_was_unless_that_is_allowed(tmp_path):
     """Without --error a step is as long as the model's own error is not exceeded."""
     file = tmp_path / "double.xml"
     file.write_text(DOUBLE.replace('integrator="RK4"', 'integrator="implicitfast"'))
-    found, slim = slimmed(file, tmp_path, 0.5, watch=("upper",))
-    assert mujoco.MjModel.from_xml_path(str(slim)).opt.timestep == 0.0005
+    found, reduced = dieted(file, tmp_path, 0.5, monitored=("upper",))
+    assert mujoco.MjModel.from_xml_path(str(reduced)).opt.timestep == 0.0005
     refused = [e for e in found.entries if e.name.startswith("time step")]
     assert [e.outcome for e in refused] == ["matters"]
     # implicitfast is of first order: twice the step has twice the error, of 1.1 that is allowed
     assert refused[0].worst[2] == pytest.approx(2 / 1.1, rel=0.1)
-    shown = bare(file, slim, 0.5, joints=["upper"])["upper"]
+    shown = bare(file, reduced, 0.5, joints=["upper"])["upper"]
     assert shown["after"] <= 1.1 * shown["before"]
     assert np.isfinite(shown["before"])
     assert shown["before"] > 0

@@ -12,7 +12,7 @@ from proofmass.errors import InputError
 from proofmass.sim.protocol import Curves, Run
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.edits import read
-from proofmass.studies.diet.scene import Watch, with_fine_solution
+from proofmass.studies.diet.scene import MonitoredRun, with_fine_solution
 from tests.studies.diet.test_diet_options import falling
 from tests.studies.test_study_verdicts import bob, let_go
 
@@ -45,8 +45,8 @@ class Fine:
     def held(self, x, error=None, level=frozenset()):
         run = Run("passive", x, (), start="key")
         before = curves(x, self.own)
-        self.watch = Watch("let go", run, {}, before, level)
-        return with_fine_solution(self.file, read(self.file, probing=True), self.watch, error)
+        self.monitored = MonitoredRun("let go", run, {}, before, level)
+        return with_fine_solution(self.file, read(self.file, probing=True), self.monitored, error)
 
 
 def curves(x, functions) -> Curves:
@@ -82,7 +82,7 @@ def test_the_truth_of_a_free_motion_is_its_fine_solution(tmp_path, monkeypatch):
         "a": pytest.approx(1.1 * 2e-3, rel=1e-9),
         "b": pytest.approx(1e-9 * 3.0, rel=1e-9),
     }
-    assert held == replace(fine.watch, bound=held.bound)
+    assert held == replace(fine.monitored, bound=held.bound)
     assert words == (
         "Options are held against the fine solution of the same model, with steps of 1.25e-4 s and "
         "constraints solved by Newton's method to 1e-14, over the first 1 s: no channel may be off "
@@ -151,8 +151,8 @@ def test_longer_steps_have_room_between_samples(steps, n, thin, tmp_path, monkey
 def test_a_motion_that_ended_early_is_held_as_far_as_it_was_followed(tmp_path, monkeypatch):
     """Its curves go on where a nudge has grown too much already, and nothing counts there."""
     fine = Fine(tmp_path, monkeypatch, {"a": lambda x: x + 9.0 * (x > 0.505)}, {"a": line(1.0)})
-    watch = Watch("let go", Run("passive", X[:51], ()), {}, curves(X, fine.own))
-    held, _ = with_fine_solution(fine.file, read(fine.file, probing=True), watch)
+    monitored = MonitoredRun("let go", Run("passive", X[:51], ()), {}, curves(X, fine.own))
+    held, _ = with_fine_solution(fine.file, read(fine.file, probing=True), monitored)
     assert held.bound.allowed["a"] == pytest.approx(1e-9 * 10.0)
 
 
@@ -173,7 +173,7 @@ def test_where_a_model_leaves_its_fine_solution_nothing_is_held_against_it(tmp_p
     true = {"z": line(0.0, 1.0), "a": off(0.0, 0.0), "b": off(0.0, 0.0)}
     fine = Fine(tmp_path, monkeypatch, own, true)
     held, words = fine.held(X)
-    assert held is fine.watch
+    assert held is fine.monitored
     assert words == (
         f"{NONE}to hold them against: a is off it by a tenth of its size after 0.5 s; "
         "--seconds ends the run before that."
@@ -189,7 +189,7 @@ def test_a_fine_solution_that_does_not_run_is_none(tmp_path, monkeypatch):
     fine = Fine(tmp_path, monkeypatch, {"a": line(1.0)}, {})
     monkeypatch.setattr(scene, "done", done)
     held, words = fine.held(X)
-    assert held is fine.watch
+    assert held is fine.monitored
     assert words == f"{NONE}to hold them against: as it is, its run diverged."
 
 
@@ -206,7 +206,7 @@ def test_a_fine_solution_has_converged_to_half_of_what_is_allowed(tmp_path, monk
         held, words = fine.held(X)
         assert (held.bound is not None) == holds
         if not holds:
-            assert held is fine.watch
+            assert held is fine.monitored
             assert words == (
                 f"{NONE}to hold them against: a still changes between steps of "
                 "2.5e-4 s and 1.25e-4 s."
@@ -228,17 +228,17 @@ def test_a_potential_energy_is_let_go_as_its_change(tmp_path, monkeypatch):
       </sensor><keyframe>""",
         )
     )
-    watch, _ = let_go(file, 1.0, monkeypatch, potential=5.0, kinetic=5.0)
-    assert watch.level == {"potential"}  # of what is there
-    assert (watch.before.channels["potential"] == 0.0).all()
-    assert (watch.before.channels["kinetic"] == 5.0).all()
+    monitored, _ = let_go(file, 1.0, monkeypatch, potential=5.0, kinetic=5.0)
+    assert monitored.level == {"potential"}  # of what is there
+    assert (monitored.before.channels["potential"] == 0.0).all()
+    assert (monitored.before.channels["kinetic"] == 5.0).all()
 
 
 def test_up_to_a_tenth_a_nudge_may_grow_and_the_channel_that_grows_most_is_named(
     tmp_path, monkeypatch
 ):
-    watch, _ = let_go(bob(tmp_path), 1.0, monkeypatch, lambda x: 0.25 * (x > 0.0), hinge=2.5)
-    assert watch.run.x.size == 101
+    monitored, _ = let_go(bob(tmp_path), 1.0, monkeypatch, lambda x: 0.25 * (x > 0.0), hinge=2.5)
+    assert monitored.run.x.size == 101
     with pytest.raises(InputError, match="cannot be followed: most is lost") as error:
         let_go(bob(tmp_path), 1.0, monkeypatch, lambda x: 1.0 * (x > 0.05), a=2.0, most=1.0, z=4.0)
     assert error.value.key == ""
@@ -250,8 +250,8 @@ def test_up_to_a_tenth_a_nudge_may_grow_and_the_channel_that_grows_most_is_named
 def test_a_model_is_let_go_in_fewer_than_a_thousand_samples(tmp_path, monkeypatch):
     """Of 999 steps every one, of 1000 every other one."""
     for seconds, n in ((9.99, 1000), (10.0, 501)):
-        watch, _ = let_go(bob(tmp_path), seconds, monkeypatch, hinge=1.0)
-        assert watch.run.x.size == n
+        monitored, _ = let_go(bob(tmp_path), seconds, monkeypatch, hinge=1.0)
+        assert monitored.run.x.size == n
 
 
 X_LONG = 0.01 * np.arange(1001)
@@ -266,9 +266,9 @@ def test_a_shortened_run_has_few_steps_whatever_its_samples_are(part, steps, sec
     """500, or as many as take 0.05 s; also of a run with fewer samples, or of less of it."""
     whole = Run("passive", X_LONG, ())
     run = replace(whole, x=X_LONG[part])
-    watch = Watch("", whole, {}, Curves(X_LONG, {}, seconds=seconds, steps=steps))
+    monitored = MonitoredRun("", whole, {}, Curves(X_LONG, {}, seconds=seconds, steps=steps))
     per = round(steps / 1000 * (run.x[1] - run.x[0]) / 0.01)  # steps from sample to sample
     samples = min(max(2, wanted // per), run.x.size)
-    assert watch.shortened(run).x.tolist() == run.x[:samples].tolist()
-    assert watch.brief.x.tolist() == watch.shortened(whole).x.tolist()
-    assert watch.shortened(run, 50).x.size == min(max(2, min(wanted, 50) // per), run.x.size)
+    assert monitored.shortened(run).x.tolist() == run.x[:samples].tolist()
+    assert monitored.brief.x.tolist() == monitored.shortened(whole).x.tolist()
+    assert monitored.shortened(run, 50).x.size == min(max(2, min(wanted, 50) // per), run.x.size)

@@ -51,13 +51,13 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
     scene = scene_of(file, 1.0)
     found = DietSearch(scene, rounds=0).run()
     step = mujoco.MjModel.from_xml_path(str(file)).opt.timestep
-    longer = found.slim.compiled().opt.timestep
+    longer = found.reduced.compiled().opt.timestep
     assert longer >= 2 * step
-    write(found.slim, file)
+    write(found.reduced, file)
     run = plan(case, "dynamics", "mujoco")
     for c in compare(case, "dynamics", "mujoco", simulate("mujoco", file, run)):
-        before = scene.watches[0].before.channels[c.channel]
-        truth = reference_for(case, "dynamics", scene.watches[0].before).channels[c.channel]
+        before = scene.monitored_runs[0].before.channels[c.channel]
+        truth = reference_for(case, "dynamics", scene.monitored_runs[0].before).channels[c.channel]
         error = float(np.abs(before - truth).max())
         assert c.outcome == "agrees"
         # by a tenth of what is left of the tolerance, or by rounding of a number where it is 1e-10
@@ -72,9 +72,9 @@ def test_what_a_sidecar_sets_itself_is_not_tried(models, edit):
     with (models / "pendulum.toml").open("a") as sidecar:
         sidecar.write('\n[settings.mujoco]\ntimestep = 1e-3\nintegrator = "RK4"\n')
     scene = scene_of(models / "pendulum.xml", 1.0)
-    assert not steps(scene.draft, scene)
-    assert not integrators(scene.draft, scene)
-    assert tolerances(scene.draft.without(partial(set_option, name="tolerance", value=0.0)), scene)
+    assert not steps(scene.edited, scene)
+    assert not integrators(scene.edited, scene)
+    assert tolerances(scene.edited.without(partial(set_option, name="tolerance", value=0.0)), scene)
 
 
 def test_every_setting_of_a_case_is_watched(models, edit):
@@ -82,6 +82,9 @@ def test_every_setting_of_a_case_is_watched(models, edit):
     with (models / "pendulum.toml").open("a") as sidecar:
         sidecar.write('\n[settings."mujoco:fine"]\ntimestep = 5e-4\n')
     scene = scene_of(models / "pendulum.xml", 1.0)
-    assert [w.name for w in scene.watches] == ["pendulum dynamics", "pendulum dynamics, fine"]
-    steps = [w.before.steps for w in scene.watches]
+    assert [w.name for w in scene.monitored_runs] == [
+        "pendulum dynamics",
+        "pendulum dynamics, fine",
+    ]
+    steps = [w.before.steps for w in scene.monitored_runs]
     assert steps[1] > 1.5 * steps[0]

@@ -10,7 +10,7 @@ import pytest
 
 from proofmass.studies.diet import diet, options
 from proofmass.studies.diet.diet import DietSearch
-from proofmass.studies.diet.edits import Draft, set_option
+from proofmass.studies.diet.edits import EditedModel, set_option
 from proofmass.studies.diet.scene import DietScene, scene_of
 from proofmass.studies.diet.trial import Cost, Pace
 from tests.studies.diet.test_diet import model
@@ -28,21 +28,21 @@ def falling(folder: Path, step: float = 1e-3, integrator: str = "RK4", more: str
     return file
 
 
-def set_to(draft: Draft, **values: float) -> Draft:
-    """A draft with other options."""
+def set_to(edited: EditedModel, **values: float) -> EditedModel:
+    """An edited model with other options."""
     for name, value in values.items():
-        draft = draft.without(partial(set_option, name=name, value=value))
-    return draft
+        edited = edited.without(partial(set_option, name=name, value=value))
+    return edited
 
 
-def names(rungs: options.Rungs, draft: Draft, scene: DietScene) -> list[str]:
+def names(rungs: options.Rungs, edited: EditedModel, scene: DietScene) -> list[str]:
     """What is tried, in words."""
-    return [rung.name for rung in rungs(draft, scene)]
+    return [rung.name for rung in rungs(edited, scene)]
 
 
 def test_the_cheapest_value_is_tried_first(tmp_path):
     scene = scene_of(falling(tmp_path, more='tolerance="1e-14" iterations="200"'), 1.0)
-    own = scene.draft
+    own = scene.edited
     assert names(options.tolerances, own, scene) == [
         "tolerance 1e-14 to 1e-8",
         "tolerance 1e-14 to 1e-10",
@@ -65,7 +65,7 @@ def test_the_cheapest_value_is_tried_first(tmp_path):
     assert names(options.jacobians, own, scene) == ["jacobian auto to sparse"]
     assert (options.work(own), options.work(euler)) == (4000.0, 1000.0)
     loops = scene_of(model(tmp_path), 0.1)
-    assert names(options.solvers, loops.draft, loops) == [
+    assert names(options.solvers, loops.edited, loops) == [
         "solver Newton to CG",
         "solver Newton to PGS",
     ]
@@ -98,9 +98,9 @@ def test_what_is_pasted_is_what_was_tried(tmp_path):
         *options.ORDERS[0],
         options.cones,
         options.jacobians,
-        lambda draft, _: options.features(draft, scene),
+        lambda edited, _: options.features(edited, scene),
     )
-    tried = [one for make in makers for one in make(scene.draft, scene) if one.edit]
+    tried = [one for make in makers for one in make(scene.edited, scene) if one.edit]
     assert {one.edit.split("=")[0] for one in tried} == {
         f"<option {name}" for name in ("tolerance", "iterations", "ls_iterations", "timestep")
     } | {f"<option {name}" for name in ("integrator", "cone", "jacobian", "noslip_iterations")} | {
@@ -108,11 +108,11 @@ def test_what_is_pasted_is_what_was_tried(tmp_path):
         "<option><flag energy",
     }
     for one in tried:
-        cut, own = scene.draft.without(one.cut).compiled().opt, pasted(file, one.edit).opt
+        cut, own = scene.edited.without(one.cut).compiled().opt, pasted(file, one.edit).opt
         for name in NUMBERS:
             assert getattr(cut, name) == getattr(own, name), (one.edit, name)
     loops = scene_of(model(tmp_path), 0.1)
-    assert [one.edit for one in options.solvers(loops.draft, loops)] == [
+    assert [one.edit for one in options.solvers(loops.edited, loops)] == [
         '<option solver="CG"/>',
         '<option solver="PGS"/>',
     ]
@@ -126,11 +126,11 @@ NUMBERS = (
 
 def test_steps_fit_between_samples(tmp_path):
     scene = scene_of(falling(tmp_path, step=1e-3), 5.0)
-    width = float(scene.watches[0].bound.run.x[1])
+    width = float(scene.monitored_runs[0].bound.run.x[1])
     assert width == pytest.approx(0.04)  # 40 steps, of 126 samples
-    found = [rung.cut.keywords["value"] for rung in options.steps(scene.draft, scene)]
+    found = [rung.cut.keywords["value"] for rung in options.steps(scene.edited, scene)]
     assert found == pytest.approx([0.04, 0.02, 0.04 / 3, 0.008, 0.004, 0.002])
-    longest = set_to(scene.draft, timestep=0.04)
+    longest = set_to(scene.edited, timestep=0.04)
     assert options.steps(longest, scene) == []
 
 
@@ -140,13 +140,13 @@ def test_the_way_with_less_work_is_taken(tmp_path):
     for error, integrator in ((1e-6, "RK4"), (0.05, "EULER")):
         scene = scene_of(file, 1.0, (), error)
         found = DietSearch(scene, rounds=0).run()
-        slim = found.slim.compiled()
-        assert mujoco.mjtIntegrator(slim.opt.integrator).name == f"mjINT_{integrator}"
-        assert options.work(found.slim) < 4000.0
+        reduced = found.reduced.compiled()
+        assert mujoco.mjtIntegrator(reduced.opt.integrator).name == f"mjINT_{integrator}"
+        assert options.work(found.reduced) < 4000.0
         assert found.tuned
         assert found.whole.worst[2] <= 1
     kept = DietSearch(scene, rounds=0, tune=False).run()
-    assert kept.slim.compiled().opt.timestep == 1e-3
+    assert kept.reduced.compiled().opt.timestep == 1e-3
     assert not kept.tuned
     assert not [e for e in kept.entries if e.kind == "option"]
 
@@ -161,7 +161,7 @@ def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, save
         diet, "paced", lambda models, run, rounds, limit: Pace((Cost(2.0, 3), Cost(1.0, 2)), saved)
     )
     scene = scene_of(falling(tmp_path), 0.2)
-    now, entries = DietSearch(scene, rounds=9).optioned(scene.draft)
+    now, entries = DietSearch(scene, rounds=9).optioned(scene.edited)
     entry = entries[-1]
     assert (entry.name, entry.outcome) == ("jacobian auto to sparse", outcome)
     assert entry.saved == saved
@@ -176,23 +176,24 @@ def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_
       <geom type="plane" size="9 9 .1"/><body pos="0 0 0.3"><freejoint/>
       <geom size=".1" solref="-20000 0"/></body></worldbody></mujoco>""")
     scene = scene_of(file, 1.0)
-    assert scene.watches[0].bound is None
+    assert scene.monitored_runs[0].bound is None
     assert "Options may move a channel by no more than a feature may" in scene.said[-1]
     found = DietSearch(scene, rounds=0).run()
-    assert found.slim.compiled().opt.timestep == 0.004
-    assert found.slim.compiled().opt.tolerance == 1e-8
+    assert found.reduced.compiled().opt.timestep == 0.004
+    assert found.reduced.compiled().opt.tolerance == 1e-8
 
 
 def test_a_bound_that_allows_anything_is_noticed(tmp_path):
     """A mutation: with a loose bound the step is as long as there is room for."""
     scene = scene_of(falling(tmp_path), 1.0)
-    watch = scene.watches[0]
+    monitored = scene.monitored_runs[0]
     loose = replace(
-        watch, bound=replace(watch.bound, allowed=dict.fromkeys(watch.bound.allowed, 1e9))
+        monitored,
+        bound=replace(monitored.bound, allowed=dict.fromkeys(monitored.bound.allowed, 1e9)),
     )
-    strict = DietSearch(scene, rounds=0).run().slim.compiled().opt.timestep
-    found = DietSearch(replace(scene, watches=(loose,)), rounds=0).run().slim.compiled()
-    assert found.opt.timestep == pytest.approx(float(watch.bound.run.x[1]))
+    strict = DietSearch(scene, rounds=0).run().reduced.compiled().opt.timestep
+    found = DietSearch(replace(scene, monitored_runs=(loose,)), rounds=0).run().reduced.compiled()
+    assert found.opt.timestep == pytest.approx(float(monitored.bound.run.x[1]))
     assert found.opt.timestep > strict
 
 

@@ -1,4 +1,4 @@
-"""What a scene is for, without a process: what is watched, how far it may move, and in which words.
+"""What a scene is for, without a process: what is monitored, how far it may move, in which words.
 
 Runs are done in the test's own process, or their curves are given.
 """
@@ -16,7 +16,7 @@ from proofmass.sim.protocol import Curves, Run
 from proofmass.solve import plan
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.edits import read
-from proofmass.studies.diet.scene import Bound, Watch, moved, strayed, watched
+from proofmass.studies.diet.scene import Bound, MonitoredRun, monitored_run, moved, strayed
 from proofmass.worker import OutOfMemory, TimedOut
 from tests.shipped import shipped
 from tests.studies.diet.test_diet_options import falling
@@ -32,7 +32,7 @@ def watched_with(
     monkeypatch.setattr(scene, "done", lambda file, model, run: curves)
     monkeypatch.setattr(scene, "bounded", lambda case, kind, function, *told: function(*told))
     monkeypatch.setattr(scene, "reference_for", lambda case, kind, curves: Curves(curves.x, truth))
-    return watched(case, plan(case, "dynamics", solver), solver, read(case.model_path))
+    return monitored_run(case, plan(case, "dynamics", solver), solver, read(case.model_path))
 
 
 def allowing(channel: dict[str, object], **tolerance: object):
@@ -71,10 +71,10 @@ def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
     """In the channel's own unit, and of its size where the reference does not move."""
     curves = Curves(np.linspace(0.0, 1.0, 3), {"angle": np.array(truth) + 0.01})
     case = allowing(channel, **tolerance)
-    watch = watched_with(curves, {"angle": np.array(truth)}, monkeypatch, case)
+    monitored = watched_with(curves, {"angle": np.array(truth)}, monkeypatch, case)
     left = 0.1 * (most - 0.01)
-    assert watch.allowed["angle"] == pytest.approx(np.full(3, left), rel=1e-12)
-    assert watch.bound.allowed["angle"] == pytest.approx(0.01 + left, rel=1e-12)
+    assert monitored.allowed["angle"] == pytest.approx(np.full(3, left), rel=1e-12)
+    assert monitored.bound.allowed["angle"] == pytest.approx(0.01 + left, rel=1e-12)
     compared = one(case, "dynamics", "mujoco", "angle", curves, np.array(truth), {})
     assert compared.allowed * case.channels["angle"].factor == pytest.approx(most, rel=1e-12)
 
@@ -84,20 +84,20 @@ def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
     x, truth = np.linspace(0.0, 1.0, 3), np.array([0.0, 1.0, 2.0])
     curves = Curves(x, {"angle": truth + 0.01})
     for most, larger in ((0.11, 0.01), (0.005, 1e-3 * 1e-9 * 2.01)):
-        watch = watched_with(curves, {"angle": truth}, monkeypatch, allowing({}, abs=most))
-        assert watch.bound.allowed["angle"] - 0.01 == pytest.approx(larger, rel=1e-3)
-    run = watch.run
-    assert (watch.bound.run, watch.bound.case) == (run, allowing({}, abs=most))
+        monitored = watched_with(curves, {"angle": truth}, monkeypatch, allowing({}, abs=most))
+        assert monitored.bound.allowed["angle"] - 0.01 == pytest.approx(larger, rel=1e-3)
+    run = monitored.run
+    assert (monitored.bound.run, monitored.bound.case) == (run, allowing({}, abs=most))
     free = allowing({}, abs=0.11, solver=("pymunk",))  # no tolerance: a tenth more, or rounding
-    watch = watched_with(curves, {"angle": truth}, monkeypatch, free)
-    assert watch.bound.allowed["angle"] == pytest.approx(0.011, rel=1e-12)
-    watch = watched_with(curves, {"angle": truth + 0.01}, monkeypatch, free)
-    assert watch.bound.allowed["angle"] == pytest.approx(2.01e-9, rel=1e-12)
+    monitored = watched_with(curves, {"angle": truth}, monkeypatch, free)
+    assert monitored.bound.allowed["angle"] == pytest.approx(0.011, rel=1e-12)
+    monitored = watched_with(curves, {"angle": truth + 0.01}, monkeypatch, free)
+    assert monitored.bound.allowed["angle"] == pytest.approx(2.01e-9, rel=1e-12)
     for kind, most in (("sweep", 0.011), ("dynamics", 0.02)):  # of another run: it covers nothing
-        watch = watched_with(
+        monitored = watched_with(
             curves, {"angle": truth}, monkeypatch, allowing({}, abs=0.11, run=kind)
         )
-        assert watch.bound.allowed["angle"] == pytest.approx(most, rel=1e-12)
+        assert monitored.bound.allowed["angle"] == pytest.approx(most, rel=1e-12)
 
 
 def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeypatch):
@@ -106,8 +106,8 @@ def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeyp
     curves = Curves(run.x, {name: np.ones(run.x.size) for name in case.channels_of("equilibrium")})
     monkeypatch.setattr(scene, "done", lambda file, model, run: asked.append(model) or curves)
     monkeypatch.setattr(scene, "bounded", lambda *told: asked.append(told) or curves)
-    draft = SimpleNamespace(compiled=lambda rods: ("model with", rods))
-    assert watched(case, run, "mujoco", draft).name == "rod_cantilever equilibrium"
+    edited = SimpleNamespace(compiled=lambda rods: ("model with", rods))
+    assert monitored_run(case, run, "mujoco", edited).name == "rod_cantilever equilibrium"
     assert run.rods
     assert asked == [
         ("model with", run.rods),
@@ -153,7 +153,7 @@ def test_of_a_potential_energy_the_change_counts():
     x, energy = np.arange(3.0), np.array([0.0, 1.0, 3.0])
     before = Curves(x, {"energy": energy, "other": energy})
     run, one = Run("passive", x, ()), np.ones(3)
-    watch = Watch(
+    monitored = MonitoredRun(
         "",
         run,
         {"energy": one, "other": one},
@@ -162,7 +162,7 @@ def test_of_a_potential_energy_the_change_counts():
         Bound(run, {"energy": 1.0, "other": 1.0}, before.channels),
     )
     shifted = Curves(x, {"energy": energy + 7.0, "other": energy + 7.0})
-    for how in (moved(watch, shifted, set()), strayed(watch, shifted)):
+    for how in (moved(monitored, shifted, set()), strayed(monitored, shifted)):
         assert how == {"energy": 0.0, "other": 7.0}
     assert scene.levelled(shifted, set()) is shifted
 
@@ -178,15 +178,17 @@ SENSORS = [
 ]
 
 
-def draft_of(watch: tuple[str, ...] = (), probes: tuple[str, ...] = (), sensors=SENSORS):
-    """A draft with four sensors, one of which may have been added."""
+def draft_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (), sensors=SENSORS):
+    """An edited model with four sensors, one of which may have been added."""
     spec = SimpleNamespace(
         joints=[SimpleNamespace(name="crank")],
         sensors=sensors,
         bodies=[],
         sites=[SimpleNamespace(name="tip")],
     )
-    return SimpleNamespace(watch=watch, probes=set(probes), spec=spec, compiled=lambda: "model")
+    return SimpleNamespace(
+        monitored=monitored, probes=set(probes), spec=spec, compiled=lambda: "model"
+    )
 
 
 def test_what_is_watched_is_read_by_the_sensors_of_its_name_and_those_on_it():
@@ -206,59 +208,59 @@ def test_what_is_watched_is_read_by_the_sensors_of_its_name_and_those_on_it():
 
 
 def test_a_run_of_which_some_sensors_are_watched_has_their_channels_alone():
-    watch = watch_of(
+    monitored = watch_of(
         {"pin.x": 1.0, "pin.y": 2.0, "point.x": 3.0, "pin": 4.0},
         {"pin.x": [1.0], "pin.y": [2.0], "point.x": [3.0], "pin": [4.0]},
     )
-    watch = replace(watch, name="run", level=frozenset({"pin"}))
-    assert scene.reads(watch, {"pin"}) == ["pin.x", "pin.y", "pin"]
-    assert scene.reads(watch, {"x"}) == []
+    monitored = replace(monitored, name="run", level=frozenset({"pin"}))
+    assert scene.reads(monitored, {"pin"}) == ["pin.x", "pin.y", "pin"]
+    assert scene.reads(monitored, {"x"}) == []
     bound = Bound(
-        replace(watch.run, settings={"timestep": 1.0}),
+        replace(monitored.run, settings={"timestep": 1.0}),
         {"pin.x": 0.1, "pin.y": 0.2, "point.x": 0.3, "pin": 0.4},
         case=PENDULUM,
     )
-    for each in (watch, replace(watch, bound=bound)):
+    for each in (monitored, replace(monitored, bound=bound)):
         left = scene.only(each, {"pin"})
         assert (left.name, left.level, left.run) == (
             "run",
             {"pin"},
-            replace(watch.run, channels=("pin.x", "pin.y", "pin")),
+            replace(monitored.run, channels=("pin.x", "pin.y", "pin")),
         )
         assert left.allowed == {"pin.x": 1.0, "pin.y": 2.0, "pin": 4.0}
         assert left.before.channels == {"pin.x": 1.0, "pin.y": 2.0, "pin": 4.0}
-        assert left.before.x is watch.before.x
+        assert left.before.x is monitored.before.x
     assert left.bound == Bound(left.run, {"pin.x": 0.1, "pin.y": 0.2, "pin": 0.4}, case=PENDULUM)
-    assert scene.only(watch, {"pin"}).bound is None
+    assert scene.only(monitored, {"pin"}).bound is None
 
 
 ONE = watch_of({"y": 1.0}, {"y": [0.0]})
 
 
 @pytest.mark.parametrize(
-    ("draft", "words"),
+    ("edited", "words"),
     [
         (
             draft_of(("crank", "angle", "probe of tip"), ("probe of tip",)),
-            "Watched: joint crank and sensor angle, and nothing else.",
+            "Monitored: joint crank and sensor angle, and nothing else.",
         ),
         (
             draft_of((), ("probe of tip",)),
-            "Watched, since no sidecar and no --watch says what matters: all sensors of the model, "
-            "angle, place and rate.",
+            "Monitored, since no sidecar and no --watch says what matters: all sensors of the "
+            "model, angle, place and rate.",
         ),
         (
             draft_of((), ("probe of tip",), SENSORS[2:3]),
-            "Watched, since no sidecar, no sensor and no --watch says what matters: everything "
+            "Monitored, since no sidecar, no sensor and no --watch says what matters: everything "
             "that moves.",
         ),
     ],
 )
-def test_it_is_said_what_is_watched_and_why(draft, words, monkeypatch):
+def test_it_is_said_what_is_watched_and_why(edited, words, monkeypatch):
     """Sensors that a study adds are not named; where groups cannot be told, nothing is said."""
     for answer in (lambda *_, **__: [["a"]], fails(TimedOut("late")), fails(ValueError("other"))):
         monkeypatch.setattr(scene, "isolated", answer)
-        assert list(scene.watched_words(draft, ONE)) == [words]
+        assert list(scene.watched_words(edited, ONE)) == [words]
 
 
 def test_it_is_said_how_potential_energies_are_read(monkeypatch):
@@ -283,7 +285,7 @@ def test_groups_that_do_not_act_on_each_other_are_named_where_all_are_watched(mo
     assert asked == [("groups", "model", ONE.run, 600.0)]
     assert groups == (
         "2 groups of bodies move without acting on each other in this run, through no contact, "
-        "equality, tendon or actuator: a, b; c. All of what is watched of them is kept. --watch "
+        "equality, tendon or actuator: a, b; c. All of what is monitored of them is kept. --watch "
         "NAME, with a joint, body, site or sensor of the group that matters, leaves the others "
         "out."
     )

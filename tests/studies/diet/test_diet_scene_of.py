@@ -23,14 +23,14 @@ def beside(monkeypatch) -> list[tuple]:
     """Sidecars that are read in the test's own process, and runs that are only asked for."""
     asked = []
 
-    def watched(case, run, solver, draft):
-        asked.append((case.name, run.kind, solver, draft))
+    def monitored_run(case, run, solver, edited):
+        asked.append((case.name, run.kind, solver, edited))
         names = case.channels_of(run.kind)
         return watch_of(dict.fromkeys(names, 1.0), {name: [0.0] for name in names})
 
     monkeypatch.setattr(scene, "isolated", lambda function, *args, timeout: function(*args))
     monkeypatch.setattr(scene, "load", lambda path, strict: load_case(path))
-    monkeypatch.setattr(scene, "watched", watched)
+    monkeypatch.setattr(scene, "monitored_run", monitored_run)
     monkeypatch.setattr(scene, "compile_elsewhere", fails(AssertionError()))
     return asked
 
@@ -43,18 +43,18 @@ def alone(monkeypatch) -> list[tuple]:
     monkeypatch.setattr(
         scene,
         "let_go",
-        lambda file, draft, seconds: (
-            asked.append((file, draft, seconds)) or watch_of({"y": 1.0}, {"y": [0.0]})
+        lambda file, edited, seconds: (
+            asked.append((file, edited, seconds)) or watch_of({"y": 1.0}, {"y": [0.0]})
         ),
     )
     monkeypatch.setattr(
         scene,
         "with_fine_solution",
-        lambda file, draft, watch, error: (
-            asked.append((file, draft, watch, error)) or ("held", "why")
+        lambda file, edited, monitored, error: (
+            asked.append((file, edited, monitored, error)) or ("held", "why")
         ),
     )
-    monkeypatch.setattr(scene, "watched_words", lambda draft, watch: iter(("one", "two")))
+    monkeypatch.setattr(scene, "watched_words", lambda edited, monitored: iter(("one", "two")))
     return asked
 
 
@@ -78,12 +78,16 @@ def test_a_model_without_sidecars_is_let_go_and_held_against_its_fine_solution(
     file = falling(tmp_path)
     found = scene_of(file, 3.0, ("bob",), error)
     compiled, let, fine = alone
-    draft = let[1]
+    edited = let[1]
     assert compiled == ("compiled", file)  # in a worker, before it is compiled here
     assert (let[0], let[2]) == (file, 3.0)
-    assert (fine[:2], fine[3]) == ((file, draft), error)
-    assert (draft.watch, draft.rods) == (("bob",), ())
-    assert (found.draft, found.watches, found.said) == (draft, ("held",), ("one", "two", "why"))
+    assert (fine[:2], fine[3]) == ((file, edited), error)
+    assert (edited.monitored, edited.rods) == (("bob",), ())
+    assert (found.edited, found.monitored_runs, found.said) == (
+        edited,
+        ("held",),
+        ("one", "two", "why"),
+    )
     # a joint and a body of that name
     assert found.read == {
         f"{kind} bob {what}"
@@ -98,9 +102,9 @@ def test_a_model_without_sidecars_is_let_go_and_held_against_its_fine_solution(
 
 def test_a_model_without_a_key_keeps_none(tmp_path, alone, monkeypatch):
     """The run starts from no key, which is none to keep."""
-    watch = watch_of({"y": 1.0}, {"y": [0.0]})
-    watch = replace(watch, run=replace(watch.run, start=""))
-    monkeypatch.setattr(scene, "let_go", lambda *_: watch)
+    monitored = watch_of({"y": 1.0}, {"y": [0.0]})
+    monitored = replace(monitored, run=replace(monitored.run, start=""))
+    monkeypatch.setattr(scene, "let_go", lambda *_: monitored)
     found = scene_of(falling(tmp_path), 3.0)
     assert (found.keys, found.read) == (set(), None)
 
@@ -126,33 +130,38 @@ def test_runs_of_the_sidecars_are_watched_with_all_their_channels(models, beside
     found = scene_of(lone(models, "fourbar"), 1.0)
     case = load_case(models / "fourbar.toml")
     kinds = ["sweep", "dynamics"]
-    assert [list(w.allowed) for w in found.watches] == [list(case.channels_of(k)) for k in kinds]
-    assert beside == [("fourbar", kind, "mujoco", found.draft) for kind in kinds]
-    assert (found.draft.watch, found.draft.probes) == ((), set())
+    assert [list(w.allowed) for w in found.monitored_runs] == [
+        list(case.channels_of(k)) for k in kinds
+    ]
+    assert beside == [("fourbar", kind, "mujoco", found.edited) for kind in kinds]
+    assert (found.edited.monitored, found.edited.probes) == ((), set())
     assert found.read == {name.partition(".")[0] for name in case.channels}
     assert found.keys == {"start"}
-    assert found.said == ("Watched: the channels of the sidecars, in their runs.", HELD)
+    assert found.said == ("Monitored: the channels of the sidecars, in their runs.", HELD)
 
 
 def test_a_draft_is_completed_with_the_rods_of_its_sidecar(models, beside):
     found = scene_of(lone(models, "rod_cantilever"), 1.0)
-    assert found.draft.rods == load_case(models / "rod_cantilever.toml").rods
-    assert found.draft.rods
+    assert found.edited.rods == load_case(models / "rod_cantilever.toml").rods
+    assert found.edited.rods
 
 
 def test_what_is_watched_of_sidecars_are_the_channels_that_read_it(models, beside):
-    """Those of the sensors on a site; a run that has none of them is not watched at all."""
+    """Those of the sensors on a site; a run that has none of them is not monitored at all."""
     file = lone(models, "fourbar")
     found = scene_of(file, 1.0, ("rocker_end",))
     wanted = ["pin.x", "pin.y", "pin_velocity.x", "pin_velocity.y"]
-    assert [list(w.allowed) for w in found.watches] == [wanted, wanted]
+    assert [list(w.allowed) for w in found.monitored_runs] == [wanted, wanted]
     assert found.read == {"pin", "pin_velocity"}
     assert found.said == (
-        "Watched: pin.x, pin.y, pin_velocity.x and pin_velocity.y, in the runs of the sidecars.",
+        "Monitored: pin.x, pin.y, pin_velocity.x and pin_velocity.y, in the runs of the sidecars.",
         HELD,
     )
     moment = scene_of(file, 1.0, ("holding_moment",))
-    assert [list(w.allowed) for w in moment.watches] == [["holding_moment"], ["holding_moment"]]
+    assert [list(w.allowed) for w in moment.monitored_runs] == [
+        ["holding_moment"],
+        ["holding_moment"],
+    ]
 
 
 def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):

@@ -16,7 +16,7 @@ from proofmass.studies import measure
 from proofmass.studies.diet import diet
 from proofmass.studies.diet.diet import DietSearch, DietStore, key_of
 from proofmass.studies.diet.options import Feature
-from proofmass.studies.diet.scene import Bound, DietScene, Watch
+from proofmass.studies.diet.scene import Bound, DietScene, MonitoredRun
 from proofmass.studies.diet.table import Entry
 from proofmass.studies.diet.trial import Cost, Pace
 from tests.studies.test_study_verdicts import (
@@ -62,24 +62,24 @@ def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources
     assert len(list(tmp_path.rglob("*.json"))) == 6
 
 
-def stepping(**how) -> Watch:
+def stepping(**how) -> MonitoredRun:
     """A run that goes by time steps."""
     return replace(watch_of({"y": 0.5}, {"y": [0.0] * 9}), **how)
 
 
 class Options(DietSearch):
-    """Tries drafts that are lists of cuts: one with a "bad" cut matters; what is asked is noted."""
+    """Tries lists of cuts as edited models: one with a "bad" cut matters; what is asked is kept."""
 
     saving: ClassVar[dict[str, tuple]] = {}
 
-    def judge_errors(self, models, draft):
-        return "matters" if "bad" in " ".join(draft) else "harmless", {}, "held"
+    def judge_errors(self, models, edited):
+        return "matters" if "bad" in " ".join(edited) else "harmless", {}, "held"
 
-    def judge_changes(self, models, draft):
+    def judge_changes(self, models, edited):
         raise AssertionError("options are held against what is true")
 
-    def timed(self, now, draft, entry, tuned=False):
-        self.store.asked.append((list(now), list(draft), entry.name, tuned))
+    def timed(self, now, edited, entry, tuned=False):
+        self.store.asked.append((list(now), list(edited), entry.name, tuned))
         return replace(entry, saved=self.saving.get(entry.name, ()))
 
 
@@ -88,7 +88,7 @@ def options(rounds: int = 0) -> Options:
 
 
 def making(*names: str, asked: list | None = None):
-    """Rungs of these names, whatever the draft is; `asked` is told the drafts."""
+    """Rungs of these names, whatever the edited model is; `asked` is told the edited models."""
 
     def make(now, scene) -> list[Feature]:
         assert isinstance(scene, DietScene)
@@ -130,11 +130,11 @@ def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
 
 
 def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
-    """Both begin where what is counted has led; what was tried is timed from draft to draft."""
+    """Both begin where what is counted has led; what was tried is timed from one to the next."""
     monkeypatch.setattr(diet, "COUNTED", (making("counted"),))
     monkeypatch.setattr(diet, "ORDERS", ((making("first"), making("bad")), (making("second"),)))
     monkeypatch.setattr(diet, "CLOCKED", (making("clocked"),))
-    monkeypatch.setattr(diet, "work", lambda draft: {"first": 2.0}.get(draft[-1], 1.0))
+    monkeypatch.setattr(diet, "work", lambda edited: {"first": 2.0}.get(edited[-1], 1.0))
     seen = []
 
     def integrators(now, scene):
@@ -171,7 +171,7 @@ def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome,
         monkeypatch.setattr(diet, name, ((),) * (name == "ORDERS"))
     monkeypatch.setattr(diet, "integrators", lambda now, scene: [])
     monkeypatch.setattr(diet, "CLOCKED", (making("bad", "one", "two"), making("x", asked=asked)))
-    monkeypatch.setattr(diet, "work", lambda draft: 1.0)
+    monkeypatch.setattr(diet, "work", lambda edited: 1.0)
     own = options(rounds=3)
     monkeypatch.setattr(
         Options,
@@ -223,9 +223,9 @@ def test_a_key_of_what_is_true_is_the_same_for_the_same():
 
 
 class Named(Given):
-    """A draft of which something is watched by name."""
+    """An edited model of which something is monitored by name."""
 
-    watch = ("probe",)
+    monitored = ("probe",)
 
 
 def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monkeypatch):
@@ -236,7 +236,7 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
     one = replace(watch_of({"y": 0.5}, {"y": [1.0]}), name="held", bound=bound)
     one = replace(one, before=replace(one.before, seconds=20.0))
     two = replace(watch_of({"y": 0.5, "probe": 0.5}, {"y": [1.0], "probe": [1.0]}), name="moved")
-    for draft, shown, outcome in ((Given(), 0.0, "harmless"), (Named(), np.inf, "matters")):
+    for edited, shown, outcome in ((Given(), 0.0, "harmless"), (Named(), np.inf, "matters")):
         calls: list = []
         monkeypatch.setattr(
             measure,
@@ -247,7 +247,7 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
                 Curves(np.zeros(1), {"y": np.array([1.25])}),
             ),
         )
-        found = DietSearch(scene_with(one, two)).judge_errors(["first", "second"], draft)
+        found = DietSearch(scene_with(one, two)).judge_errors(["first", "second"], edited)
         assert found == (outcome, {"held": {"y": 0.5}, "moved": {"y": 0.5, "probe": shown}}, "")
         assert calls == [
             ("attempt", "first", replace(bound.run, rods=("cut",)), 60.0),
@@ -257,17 +257,19 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
 
 def test_a_probe_that_is_watched_by_name_is_missed(monkeypatch):
     """One that a study adds for itself is not, where it never moved."""
-    watch = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
-    for draft, outcome in ((Given(), "harmless"), (Named(), "matters")):
+    monitored = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
+    for edited, outcome in ((Given(), "harmless"), (Named(), "matters")):
         monkeypatch.setattr(measure, "isolated", cost_of([], Curves(np.zeros(1), {})))
-        assert DietSearch(scene_with(watch)).judge_changes(["model"], draft)[0] == outcome
+        assert DietSearch(scene_with(monitored)).judge_changes(["model"], edited)[0] == outcome
 
 
 def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
     """2000 steps of it; a feature in the run of the scene."""
     x = np.arange(9001.0)
     bound = Bound(Run("dynamics", x[::2], ()), {})
-    watch = Watch("a", Run("dynamics", x, ()), {}, Curves(x, {}, steps=9000), bound=bound)
+    monitored = MonitoredRun(
+        "a", Run("dynamics", x, ()), {}, Curves(x, {}, steps=9000), bound=bound
+    )
     asked = []
 
     def paced(models, run, rounds, limit):
@@ -277,13 +279,13 @@ def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
     monkeypatch.setattr(diet, "paced", paced)
     entry = Entry("option", "name", "harmless")
     for one, tuned, wanted in (
-        (watch, True, (2.0, 1000)),
-        (watch, False, (1.0, 2000)),
-        (replace(watch, bound=None), True, (1.0, 2000)),
+        (monitored, True, (2.0, 1000)),
+        (monitored, False, (1.0, 2000)),
+        (replace(monitored, bound=None), True, (1.0, 2000)),
     ):
         DietSearch(scene_with(one), rounds=3, store=Asked()).timed(Cuts(), Cuts(), entry, tuned)
         assert asked.pop() == wanted
-    DietSearch(scene_with(watch), rounds=3, store=Asked()).timed(Cuts(), Cuts(), entry)
+    DietSearch(scene_with(monitored), rounds=3, store=Asked()).timed(Cuts(), Cuts(), entry)
     assert asked == [(1.0, 2000)]
 
 
@@ -292,25 +294,25 @@ class Tuning(Outcomes):
 
     lean: ClassVar = Cuts(["lean"])
 
-    def optioned(self, slim):
-        self.store.asked.append(("optioned", slim))
-        return self.lean or slim, [Entry("option", "step", "harmless")]
+    def optioned(self, reduced):
+        self.store.asked.append(("optioned", reduced))
+        return self.lean or reduced, [Entry("option", "step", "harmless")]
 
     def tried(self, now, feature, tuned=False):
         self.store.asked.append(("tried", feature.name, tuned))
         return super().tried(now, feature, False)
 
-    def timed(self, now, draft, entry, tuned=False):
+    def timed(self, now, edited, entry, tuned=False):
         self.store.asked.append(("timed", entry.name, tuned))
         return entry
 
 
 def tuning(monkeypatch, kind: str = "dynamics", **how):
     monkeypatch.setattr(
-        diet, "features", lambda slim, scene: iter([feature("a")] if "a" not in slim else [])
+        diet, "features", lambda reduced, scene: iter([feature("a")] if "a" not in reduced else [])
     )
     run = replace(stepping().run, kind=kind)
-    scene = replace(scene_with(stepping(run=run), draft=Cuts()), said=("one", "two"))
+    scene = replace(scene_with(stepping(run=run), edited=Cuts()), said=("one", "two"))
     own = Tuning(scene, rounds=0, store=Asked(), workers="workers", **how)
     return own, own.run()
 
@@ -320,7 +322,7 @@ def test_options_are_made_cheaper_when_all_features_have_gone(monkeypatch):
     own, found = tuning(monkeypatch)
     assert ("optioned", ["a"]) in own.store.asked
     assert found.tuned is True
-    assert found.slim == ["lean"]
+    assert found.reduced == ["lean"]
     assert own.store.asked[-3:] == [("tried", "", True), ["lean"], ("timed", "", True)]
     assert [(e.kind, e.name) for e in found.entries] == [("geom", "a"), ("option", "step")]
     said = [Entry("said", "", "said", message=words) for words in ("one", "two")]
@@ -334,7 +336,7 @@ def test_options_stay_where_nothing_goes_by_steps_or_nobody_wants_them_changed(m
     for kind, tune in (("dynamics", False), ("equilibrium", True), ("sweep", True)):
         own, found = tuning(monkeypatch, kind, tune=tune)
         assert found.tuned is False
-        assert found.slim == ["a"]
+        assert found.reduced == ["a"]
         assert [e.name for e in found.entries] == ["a"]
         assert not [asked for asked in own.store.asked if asked[0] == "optioned"]
         assert own.store.asked[-1] == ("timed", "", False)

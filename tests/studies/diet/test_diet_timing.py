@@ -114,7 +114,7 @@ def compiled(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
     file = folder / "pendulum.xml"
     file.write_text(PENDULUM.format(more=more))
     scene = scene_of(file, 1.0)
-    return scene.draft.compiled(), scene.longest.run
+    return scene.edited.compiled(), scene.longest.run
 
 
 def test_the_time_of_a_run_is_that_of_the_processor(tmp_path):

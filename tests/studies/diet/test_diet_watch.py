@@ -1,4 +1,4 @@
-"""What is watched of a scene without a sidecar: all, or what is named; what does not act on it."""
+"""What is monitored of a scene without a sidecar: all, or what is named; what does not act."""
 
 import os
 from pathlib import Path
@@ -44,16 +44,16 @@ def far(folder: Path, sensors: str = "", tie: str = "") -> Path:
 
 
 def left(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
-    """The bodies that a diet leaves, and what it says of what was watched."""
+    """The bodies that a diet leaves, and what it says of what was monitored."""
     scene = scene_of(file, 0.3, **more)  # type: ignore[arg-type]
     found = DietSearch(scene, rounds=0, tune=False).run()
-    return {b.name for b in found.slim.spec.bodies} - {"world"}, scene.said
+    return {b.name for b in found.reduced.spec.bodies} - {"world"}, scene.said
 
 
 def test_all_that_moves_is_kept_and_what_does_not_act_on_it_is_named(tmp_path):
     bodies, said = left(far(tmp_path))
     assert bodies == {"crank", "far"}  # the rock weighs, and neither moves nor is touched
-    assert said[0].startswith("Watched, since no sidecar, no sensor and no --watch says")
+    assert said[0].startswith("Monitored, since no sidecar, no sensor and no --watch says")
     assert "2 groups of bodies move without acting on each other" in said[1]
     assert "crank; far." in said[1]
     assert "--watch NAME" in said[1]
@@ -79,13 +79,13 @@ def test_what_is_named_is_all_that_decides(tmp_path, name):
     file = far(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
     scene = scene_of(file, 0.3, (name,))
     found = DietSearch(scene, rounds=0, tune=False).run()
-    assert {b.name for b in found.slim.spec.bodies} == {"world", "crank"}
-    assert scene.said[0].startswith("Watched: ")
+    assert {b.name for b in found.reduced.spec.bodies} == {"world", "crank"}
+    assert scene.said[0].startswith("Monitored: ")
     assert name in scene.said[0]
-    slim = written(found.slim, tmp_path)
-    shown = bare_angle(file, slim)
+    reduced = written(found.reduced, tmp_path)
+    shown = bare_angle(file, reduced)
     assert shown <= 1e-12
-    sensors = mujoco.MjSpec.from_file(str(slim)).sensors
+    sensors = mujoco.MjSpec.from_file(str(reduced)).sensors
     assert [s.name for s in sensors] == (["angle"] if name == "angle" else [])
 
 
@@ -99,7 +99,7 @@ def bare_angle(one: Path, two: Path) -> float:
 def test_what_acts_on_what_is_named_stays(tmp_path):
     """A mutation of the scene: what is 50 m away is tied to the crank."""
     file = far(tmp_path, tie=TIE)
-    bodies, _ = left(file, watch=("crank",))
+    bodies, _ = left(file, monitored=("crank",))
     assert bodies == {"crank", "far"}
     assert len(left(file)[1]) == 2  # of groups nothing is said, for there is one
 
@@ -112,7 +112,7 @@ def test_a_name_that_is_not_there(tmp_path):
     ):
         scene_of(far(tmp_path), 0.3, ("crnk",))
     answer = CliRunner().invoke(
-        app, ["diet", str(far(tmp_path)), "--watch", "crnk", "-o", str(tmp_path / "slim.xml")]
+        app, ["diet", str(far(tmp_path)), "--watch", "crnk", "-o", str(tmp_path / "reduced.xml")]
     )
     assert answer.exit_code == 2
     assert "did you mean 'crank'?" in answer.output.replace("\n", " ")
@@ -124,10 +124,10 @@ def test_channels_of_a_sidecar_can_be_watched(models, edit):
     edit("pendulum.toml", r"n = 1001", "n = 26")
     file = models / "pendulum.xml"
     scene = scene_of(file, 1.0, ("angle",))
-    assert list(scene.watches[0].allowed) == ["angle"]
+    assert list(scene.monitored_runs[0].allowed) == ["angle"]
     assert scene.read == {"angle"}
     found = DietSearch(scene, rounds=0, tune=False).run()
-    assert [s.name for s in found.slim.spec.sensors] == ["angle"]
+    assert [s.name for s in found.reduced.spec.sensors] == ["angle"]
     with pytest.raises(InputError, match="did you mean 'rate'"):
         scene_of(file, 1.0, ("rat",))
     with pytest.raises(InputError, match=r"--error: its sidecar states what an error may be"):
