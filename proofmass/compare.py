@@ -16,6 +16,7 @@ from proofmass.chart import check_charts
 from proofmass.drive import DriveState
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
+from proofmass.plot_data import check_views
 from proofmass.recorded import Recorded
 from proofmass.reference import (
     ComparedCurves,
@@ -27,7 +28,6 @@ from proofmass.reference import (
     module_of,
     properties,
 )
-from proofmass.seen import check_views
 from proofmass.sim.contents import joints, mass, size
 from proofmass.sim.protocol import Curves, Drive, Run
 from proofmass.strict import Kind

@@ -10,8 +10,8 @@ from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.compare import reference_for
 from proofmass.errors import InputError, suggest
+from proofmass.plot_data import check_views
 from proofmass.reference import compiled
-from proofmass.seen import check_views
 from proofmass.sim.contents import channel_unit, joints, keys, sensors
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan, settings_of

@@ -198,7 +198,7 @@ def test_functions_that_a_sidecar_can_name() -> None:
         ]
         laws, marks, draw = (re.findall(r"`(\w+)`", cell) for cell in there.get(name, ["", "", ""]))
         assert draw == charts, name
-        assert marks == [key for key in functions if key == "marks"], name
+        assert marks == [key for key in functions if key == "events"], name
         assert set(laws) <= functions.keys(), name
 
 

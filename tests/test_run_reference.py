@@ -13,10 +13,10 @@ from proofmass.analytic.remember import answers, in_use
 from proofmass.check import Result
 from proofmass.compare import RunReference, compare, last_used, run_reference, with_reference
 from proofmass.errors import InputError
+from proofmass.plot_data import plot_data
 from proofmass.reference import evaluate, grid, identity, properties
 from proofmass.refined import errors, refinements
 from proofmass.report import case_page
-from proofmass.seen import seen
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
@@ -172,7 +172,7 @@ def test_views_show_the_reference_that_was_compared(monkeypatch):
     assert len(asked) == 1
     own = with_reference(case, "sweep", curves)
     for view in case.view:
-        found = seen(case, view, own, truth=Curves(x, own.reference)).values
+        found = plot_data(case, view, own, truth=Curves(x, own.reference)).values
         assert found.keys() == {view.x, *view.y, *view.stack, *view.dashed}
     assert len(asked) == 1
 

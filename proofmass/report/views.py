@@ -18,10 +18,10 @@ from matplotlib.ticker import MultipleLocator
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
+from proofmass.plot_data import PlotData, plot_data
 from proofmass.report.data import Shown, readable, thin, ways
 from proofmass.report.figures import PAPER, difference, overlay, panel, solver_handles
 from proofmass.report.style import REFERENCE, SOLID, Look
-from proofmass.seen import Seen, seen
 from proofmass.wording import format_list, number, pretty
 
 
@@ -33,15 +33,15 @@ class Viewed:
     ----------
     view : View
         The sidecar's table.
-    own, beside : Seen, dict of str to Seen
+    own, beside : PlotData, dict of str to PlotData
         The reference where a solver came farthest, and with the parameter sets beside it.
     over : Shown
         The run with the view's x in place of its own.
     """
 
     view: View
-    own: Seen
-    beside: dict[str, Seen]
+    own: PlotData
+    beside: dict[str, PlotData]
     over: Shown
 
     @property
@@ -54,12 +54,12 @@ class Viewed:
         """Whether x turns back."""
         return len(ways(self.x)) > 1
 
-    def readable(self, name: str, by: Seen | None = None) -> Array:
+    def readable(self, name: str, by: PlotData | None = None) -> Array:
         """A curve of the reference, or of parameters beside it, in the unit that people read."""
         source = by or self.own
         return source.values[name] * readable(source.units[name])[1]
 
-    def total(self, by: Seen | None = None) -> Array:
+    def total(self, by: PlotData | None = None) -> Array:
         """The sum of what is stacked."""
         return np.sum([self.readable(name, by) for name in self.view.stack], axis=0)
 
@@ -72,17 +72,17 @@ def viewed(shown: Shown, view: View) -> Viewed:
     bare = view.model_copy(update={"y": (), "stack": (), "dashed": (), "marks": {}})
     curves, truth = {}, {}
     for solver, found in shown.curves.items():
-        there = seen(case, bare, found, truth=shown.truth[solver]).values[view.x]
+        there = plot_data(case, bare, found, truth=shown.truth[solver]).values[view.x]
         truth[solver] = replace(shown.truth[solver], x=there)
         x = found.channels.get(view.x) if view.x in case.channels else there
         if x is not None:
             curves[solver] = replace(found, x=x)
-    own = seen(case, view, longest, truth=own_truth)
+    own = plot_data(case, view, longest, truth=own_truth)
     unit, scale = readable(own.units[view.x])
     return Viewed(
         view,
         own,
-        {name: seen(case, view, longest, name) for name in case.compare_with},
+        {name: plot_data(case, view, longest, name) for name in case.compare_with},
         replace(
             shown,
             curves=curves,
@@ -115,7 +115,7 @@ def unit_of(view: Viewed) -> str:
     return pretty(readable(view.own.units[view.view.stack[0]])[0])
 
 
-def spread(view: Viewed, by: Seen | None = None) -> str:
+def spread(view: Viewed, by: PlotData | None = None) -> str:
     """How flat the sum of a stack is, in words."""
     total = view.total(by)
     low, high, mean = float(np.min(total)), float(np.max(total)), float(np.mean(total))

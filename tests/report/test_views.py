@@ -11,12 +11,12 @@ from proofmass.analytic.linkages.fourbar import solve
 from proofmass.case import Case, View
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
+from proofmass.plot_data import PlotData, plot_data
 from proofmass.report import write_report
 from proofmass.report.data import shown, ways
 from proofmass.report.mechanism import sprung
 from proofmass.report.style import RC, looks
 from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread, view_sheet, viewed
-from proofmass.seen import Seen, seen
 from proofmass.sidecar import load_case
 from tests.report.test_report import case_of, curves_of, result_of
 from tests.report.whole import whole_result
@@ -153,7 +153,7 @@ def stacked(**parts: np.ndarray) -> Viewed:
     values = {"x": 0.25 * np.pi * (1 - np.cos(np.linspace(0, 2 * np.pi, 61))), **parts}
     view = View(title="t", x="x", stack=tuple(parts), unit="J", x_unit="rad")
     over = view_of(with_views(LOOP)).over
-    seen = Seen(values, {"x": "rad"} | dict.fromkeys(parts, "J"), {})
+    seen = PlotData(values, {"x": "rad"} | dict.fromkeys(parts, "J"), {})
     return Viewed(
         view,
         seen,
@@ -318,7 +318,7 @@ def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
     def fail(*_):
         pytest.fail("the reference was evaluated again")
 
-    monkeypatch.setattr("proofmass.seen.quantities", fail)
+    monkeypatch.setattr("proofmass.plot_data.quantities", fail)
     for view, known in zip(all_viewed(case, [run]), before, strict=True):
         assert view.own.values.keys() == known.own.values.keys()
         for name, values in view.own.values.items():
@@ -327,4 +327,4 @@ def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
             assert np.array_equal(truth.x, known.over.truth[solver].x)
     curves = next(iter(run.curves.values()))
     with pytest.raises(pytest.fail.Exception):
-        seen(case, case.view[0], curves)  # it would be, if nobody knew the channels
+        plot_data(case, case.view[0], curves)  # it would be, if nobody knew the channels

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer.friction import rubbed
+from proofmass.analytic.balancer.measures import events, properties, target_for
 from proofmass.analytic.balancer.measures import expected as expected_of
-from proofmass.analytic.balancer.measures import marks, properties, target_for
 from proofmass.analytic.balancer.model import NUMBERED, OTHERS, Balancer, balancer
 from proofmass.analytic.balancer.path import (
     BalancerPaths,
@@ -26,8 +26,8 @@ __all__ = [
     "Path",
     "along",
     "balancer",
+    "events",
     "follow",
-    "marks",
     "properties",
     "solve",
 ]

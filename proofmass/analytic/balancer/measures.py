@@ -442,7 +442,7 @@ STRAIGHT = 0.05  # [rad] below which an arm is called straight: errors in length
 STEP = np.radians(0.25)
 
 
-def flags(to: float = np.pi / 2, **parameters: float) -> list[str]:
+def warnings(to: float = np.pi / 2, **parameters: float) -> list[str]:
     """What a designer must know before believing a balancer's moment curve.
 
     Parameters
@@ -463,7 +463,7 @@ def flags(to: float = np.pi / 2, **parameters: float) -> list[str]:
 
     Examples
     --------
-    >>> flags(length1=0.3382, length2=0.5, length3=0.5, rest_angle=0.0152, stiffness1=0.5152,
+    >>> warnings(length1=0.3382, length2=0.5, length3=0.5, rest_angle=0.0152, stiffness1=0.5152,
     ...       stiffness2=1.5643, stiffness3=2.5515, preload2=0.944, low2=0.0)
     ['joint 2 never leaves its preload: M1 = k1 alpha as far as it is locked']
     """
@@ -565,10 +565,10 @@ def without_friction(parameters: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def marks(**parameters: Any) -> dict[str, float]:
+def events(**parameters: Any) -> dict[str, float]:
     """Pendulum angles [rad] up to 90 degrees at which a joint leaves or meets a stop, by name.
 
-    >>> found = marks(length1=0.4764, length2=0.4975, length3=0.4986, stiffness1=0.9341,
+    >>> found = events(length1=0.4764, length2=0.4975, length3=0.4986, stiffness1=0.9341,
     ...               stiffness2=0.1211, stiffness3=0.0927, preload2=0.3983, low2=0.0)
     >>> {name: round(float(np.degrees(angle)), 4) for name, angle in found.items()}
     {'joint 2 released': 46.6595}
@@ -594,7 +594,7 @@ def properties(**parameters: Any) -> dict[str, str]:
         "rest posture": ", ".join(f"{np.degrees(a):.1f}°" for a in b.rest[0])
         + " from the upright, clockwise"
     }
-    found |= {name: f"{np.degrees(angle):.2f}°" for name, angle in marks(**parameters).items()}
+    found |= {name: f"{np.degrees(angle):.2f}°" for name, angle in events(**parameters).items()}
     if not paths.why[0]:
         found |= measured(
             *whole_way(parameters, ALL + 1e-9),
@@ -603,8 +603,8 @@ def properties(**parameters: Any) -> dict[str, str]:
         )
     if "expected" in parameters:
         found |= looped(b, parameters)
-    warnings = flags(**without_friction(parameters))
-    return found | ({"mind": "; ".join(warnings)} if warnings else {})
+    told = warnings(**without_friction(parameters))
+    return found | ({"mind": "; ".join(told)} if told else {})
 
 
 def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:

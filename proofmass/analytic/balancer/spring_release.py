@@ -124,7 +124,7 @@ def slopes(k1: float, k2: float, connection: str) -> tuple[float, float]:
     return k1 + k2, k2
 
 
-def marks(
+def events(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> dict[str, float]:
     """Where the contact is released, P/k2 in series and P/k1 in parallel [m]."""
@@ -136,7 +136,7 @@ def properties(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> dict[str, str]:
     """The release and both stiffnesses, in words."""
-    (release,) = marks(stiffness1, stiffness2, preload, connection).values()
+    (release,) = events(stiffness1, stiffness2, preload, connection).values()
     before, after = slopes(stiffness1, stiffness2, connection)
     return {
         "release": f"at {release:.6g} m",

@@ -137,7 +137,7 @@ def slip_angle(*, length: float, mass: float, friction: float, gravity: float = 
     return float(np.arcsin(friction / weight))
 
 
-def marks(*, length: float, mass: float, friction: float, **others: float) -> dict[str, float]:
+def events(*, length: float, mass: float, friction: float, **others: float) -> dict[str, float]:
     """Where the pendulum slips for the first time, as a place of the shaft."""
     most = slip_angle(
         length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)

@@ -26,7 +26,7 @@ from proofmass.analytic.numerics import TURN, Array, Complex, positive
 from proofmass.analytic.rods.column import whole
 from proofmass.analytic.rods.elastica import from_inflection, rods, stiff
 
-__all__ = ["branches", "marks", "properties", "shapes", "solve"]
+__all__ = ["branches", "events", "properties", "shapes", "solve"]
 
 NEAREST, FURTHEST = 0.32, 0.99  # of the length: distances that have been tried
 STRIDE = 0.01  # of (log alpha, log q)
@@ -393,10 +393,10 @@ def drop(of: SnapFamily) -> float:
     return float(before - after)
 
 
-def marks(*, length: float = 1.0, distance: float, **_: object) -> dict[str, float]:
+def events(*, length: float = 1.0, distance: float, **_: object) -> dict[str, float]:
     """Angles of the motor [rad] at which the rod snaps.
 
-    >>> {name: round(float(np.degrees(a)), 3) for name, a in marks(distance=0.8).items()}
+    >>> {name: round(float(np.degrees(a)), 3) for name, a in events(distance=0.8).items()}
     {'snaps to the right': -54.337, 'snaps to the left': 54.337}
     """
     fold = family(length, distance).fold

@@ -181,7 +181,7 @@ def test_moments_come_in_steps(line):
     [
         line
         for line, row in THREE.items()
-        if "moments" in row.get("recomputed", {}) and not NO_PATH & set(row.get("flags", []))
+        if "moments" in row.get("recomputed", {}) and not NO_PATH & set(row.get("warnings", []))
     ],
 )
 def test_moments_are_those_of_the_path_to_one_step(line):
@@ -203,7 +203,7 @@ def test_preload_holds_the_rest_posture_until_its_load_exceeds_it(line):
     alone = p["stiffness1"] * angles + p.get("quadratic1", 0.0) * angles**2
     np.testing.assert_allclose(found["balancing_moment"][locked], alone[locked], atol=2e-15)  # eps
     assert not found["deflection2"][locked].any()
-    assert locked.all() == ("never released" in row.get("flags", []))
+    assert locked.all() == ("never released" in row.get("warnings", []))
     assert locked.all() or found["deflection2"][~locked].max() > 0.1
 
 
@@ -215,7 +215,7 @@ def test_contact_keeps_joint_two_below_its_stop(line):
     top, stop = found["deflection2"].max(), row["parameters"]["high2"]
     assert top <= stop
     # a stop is touched when the next point is beyond it: 2 pi/1000 of segment 1, 0.03 of joint 2
-    assert (top < stop - 0.03) == ("stop never touched" in row.get("flags", []))
+    assert (top < stop - 0.03) == ("stop never touched" in row.get("warnings", []))
 
 
 @pytest.mark.parametrize("line", [*OTHERS, "1747", "1818"])

@@ -1,4 +1,4 @@
-"""The thesis's 112 balancers as models: statics of the engine's own Jacobian, sweeps, and flags.
+"""The thesis's 112 balancers as models: statics of the engine's own Jacobian, sweeps, and warnings.
 
 Source: van Nes 2022 (see `tests/data/balancer.json`); rows by the line of its text.
 """
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import balancer
-from proofmass.analytic.balancer.measures import flags
+from proofmass.analytic.balancer.measures import warnings
 from proofmass.design.template import write_case
 from proofmass.sim.mujoco import engine as with_mujoco
 from proofmass.sim.protocol import BadModel, Drive, Run
@@ -26,7 +26,7 @@ LOST = {  # rows whose path does not reach 90 degrees, and why
 REGULAR = [line for line in rows() if line not in LOST]
 FEW = ["1766", "1745", "1860", "1747"]  # plain, a preload, a stop that is met, four segments
 EACH = pytest.mark.parametrize(
-    "line", [pytest.param(line, marks=() if line in FEW else pytest.mark.slow) for line in REGULAR]
+    "line", [pytest.param(line, events=() if line in FEW else pytest.mark.slow) for line in REGULAR]
 )
 FLAGS = {
     "never released": "never leaves its preload",
@@ -137,7 +137,9 @@ def test_a_sweep_of_pymunk_follows_the_path(line, model):
 def test_what_cannot_be_followed_is_said(line):
     with pytest.raises(ValueError, match=LOST[line]):
         balancer.solve(ANGLES, **parameters(rows()[line]))
-    assert any("unstable" in flag or "fold" in flag for flag in flags(**parameters(rows()[line])))
+    assert any(
+        "unstable" in flag or "fold" in flag for flag in warnings(**parameters(rows()[line]))
+    )
 
 
 @pytest.mark.parametrize("line", ["1825", "1870", "2188"])
@@ -155,9 +157,9 @@ def test_the_engine_as_well_stops_at_the_fold(model):
     assert found.x[-1] == np.radians(70.5)
 
 
-@pytest.mark.parametrize("line", [line for line, row in rows().items() if "flags" in row])
+@pytest.mark.parametrize("line", [line for line, row in rows().items() if "warnings" in row])
 def test_no_flag_passes_silently(line):
-    found = "; ".join(flags(**parameters(rows()[line])))
-    for flag in rows()[line]["flags"]:
+    found = "; ".join(warnings(**parameters(rows()[line])))
+    for flag in rows()[line]["warnings"]:
         if flag in FLAGS and not (line in LOST and "unstable" in found):
             assert FLAGS[flag] in found

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.balancer import balancer, follow, marks, solve
-from proofmass.analytic.balancer.measures import flags
+from proofmass.analytic.balancer import balancer, events, follow, solve
+from proofmass.analytic.balancer.measures import warnings
 from tests.analytic.balancer.balancer_chain import angles
 
 CHAIN = {
@@ -68,7 +68,7 @@ def test_release_where_the_load_along_segments_2_and_3_reaches_the_preload(prelo
     bar = (1j - p1) / abs(1j - p1)
     about = [(np.conj(1j - p) * bar).imag for p in (0.0, p2)]  # arms of a unit force at the tip
     alpha = abs(preload["preload3"]) / CHAIN["stiffness1"] * abs(about[0] / about[1])
-    assert marks(**CHAIN, **preload) == {"joint 3 released": pytest.approx(alpha, abs=1e-12)}
+    assert events(**CHAIN, **preload) == {"joint 3 released": pytest.approx(alpha, abs=1e-12)}
     below, above = solve(np.array([0.99, 1.01]) * alpha, **CHAIN, **preload)["deflection3"]
     assert abs(below) < 1e-14  # rounding
     assert np.sign(above) == np.sign(preload["preload3"])
@@ -124,9 +124,9 @@ def test_a_stop_on_the_side_that_the_load_presses_is_told():
     At angles below zero it leaves it: no error, since a drive may go there.
     """
     pressed = CHAIN | CLOSING | {"rest_angle": -0.5}
-    (told,) = flags(**pressed)
+    (told,) = warnings(**pressed)
     assert told.endswith("locked, and the load presses it onto its stop all the more")
-    assert set(marks(**pressed)) == set()
+    assert set(events(**pressed)) == set()
     assert np.ptp(solve(np.linspace(-1.0, 0.0, 20), **pressed)["deflection3"]) > 0.01
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.balancer.spring_release import marks, properties, solve
+from proofmass.analytic.balancer.spring_release import events, properties, solve
 from tests.independent.balancer.laws import release_angle
 from tests.verdicts import verdicts
 
@@ -28,7 +28,7 @@ def energy(gap: float, x: float, k1: float, k2: float, preload: float, connectio
 @pytest.mark.parametrize(("connection", "k1", "k2", "preload"), CASES)
 def test_the_gap_has_the_least_energy_and_the_force_is_its_slope(connection, k1, k2, preload):
     given = {"stiffness1": k1, "stiffness2": k2, "preload": preload, "connection": connection}
-    (release,) = marks(**given).values()
+    (release,) = events(**given).values()
     x = release * np.array([-0.5, 0.0, 0.4, 0.9, 1.1, 1.7, 3.0])
     found = solve(x, 2.0, **given)
     numbers = (k1, k2, preload, connection)
@@ -58,7 +58,7 @@ def test_the_gap_has_the_least_energy_and_the_force_is_its_slope(connection, k1,
 def test_stiffnesses_are_those_of_equations_1_and_2(connection, k1, k2, preload):
     """In parallel they add up, in series their reciprocals do; less stiff beyond the release."""
     given = {"stiffness1": k1, "stiffness2": k2, "preload": preload, "connection": connection}
-    (release,) = marks(**given).values()
+    (release,) = events(**given).values()
     slope = solve([0.0, 2.0 * release], **given)["slope"]
     wanted = [k2, 1.0 / (1.0 / k1 + 1.0 / k2)] if connection == "series" else [k1 + k2, k2]
     np.testing.assert_allclose(slope, wanted, rtol=1e-14)

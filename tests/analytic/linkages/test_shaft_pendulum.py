@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.linkages.shaft_pendulum import marks, properties, slip_angle, solve
+from proofmass.analytic.linkages.shaft_pendulum import events, properties, slip_angle, solve
 
 OWN = {"length": 0.2, "mass": 0.5, "friction": 0.3, "gravity": 9.81}
 WEIGHT = 0.5 * 9.81 * 0.2  # m g l [N m]
@@ -86,4 +86,4 @@ def test_bad_input(changed, shaft, message):
 
 def test_words():
     assert properties(**OWN)["slips at"] == "17.81° from straight down"
-    assert marks(**OWN) == {"first slip": slip_angle(**OWN)}
+    assert events(**OWN) == {"first slip": slip_angle(**OWN)}

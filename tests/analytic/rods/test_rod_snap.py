@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.rods.elastica import rods
 from proofmass.analytic.rods.equilibrium import flow
-from proofmass.analytic.rods.rod_snap import branches, family, marks, properties, shapes, solve
+from proofmass.analytic.rods.rod_snap import branches, events, family, properties, shapes, solve
 from proofmass.analytic.rods.shooting import integrate, stability
 
 DISTANCES = 0.35, 0.5, 0.8, 0.95
@@ -33,7 +33,7 @@ def held(angle, distance=0.8, **more):
 @pytest.mark.parametrize("distance", DISTANCES)
 def test_shapes_are_rods_from_the_clamp_to_the_pin(distance, side):
     """Shooting with Runge-Kutta: the tip on the pin without moment, the middle, the direction."""
-    fold = marks(distance=distance)["snaps to the left"]
+    fold = events(distance=distance)["snaps to the left"]
     way = {"left": 1, "right": -1}[side]
     angle = way * np.linspace(1.4, -fold + 1e-6, 12)
     found, rod = held(angle, distance, side=side)
@@ -76,7 +76,7 @@ def test_lengths_and_stiffness_only_scale():
 @pytest.mark.parametrize("distance", DISTANCES)
 def test_the_fold_is_where_shooting_is_singular(distance):
     """The Jacobian of (x, y, m) at the tip by (n_x, n_y, m0) loses its inverse at a*."""
-    fold = marks(distance=distance)["snaps to the left"]
+    fold = events(distance=distance)["snaps to the left"]
     _, rod = held(np.array([-fold, -fold + 1e-4]), distance)
     at, near = np.linalg.det(np.moveaxis(rod.slope[-1][[2, 3, 1], :3], -1, 0))
     # det goes with the root of the way to the fold: 1e-2 of a radian's at 1e-4
@@ -106,7 +106,7 @@ def test_a_shallow_rod_snaps_where_a_beam_does():
 
     least = minimize_scalar(slope, bounds=(5.0, 7.0), method="bounded", options={"xatol": 1e-12})
     off = [
-        marks(distance=1.0 - e)["snaps to the left"] / np.sqrt(2.0 * e) + least.fun
+        events(distance=1.0 - e)["snaps to the left"] / np.sqrt(2.0 * e) + least.fun
         for e in (0.2, 0.1, 0.05)
     ]
     ratios = np.divide(off[:-1], off[1:])
@@ -148,7 +148,7 @@ def every(angle: float, distance: float = 0.8, starts: int = 300):
 )
 def test_beyond_the_fold_one_rest_is_left(degrees):
     """Of all equilibria below the energy at the fold; it is the one that the rod snaps to."""
-    fold = marks(distance=0.8)["snaps to the left"]
+    fold = events(distance=0.8)["snaps to the left"]
     most = solve(-fold, distance=0.8)["energy"][0]
     m, energy, negative = every(-np.radians(degrees))
     stable = (negative == 0) & (energy < most)
@@ -160,7 +160,7 @@ def test_beyond_the_fold_one_rest_is_left(degrees):
 
 def test_between_the_folds_there_are_two():
     """The search finds both sides, and the passes between them."""
-    most = solve(-marks(distance=0.8)["snaps to the left"], distance=0.8)["energy"][0]
+    most = solve(-events(distance=0.8)["snaps to the left"], distance=0.8)["energy"][0]
     for degrees in (0.0, 30.0, 54.0):
         m, energy, negative = every(-np.radians(degrees))
         stable = np.sort(-m[(negative == 0) & (energy < most)])

@@ -20,7 +20,7 @@ from proofmass.sim.protocol import Curves
 
 
 @dataclass(frozen=True)
-class Seen:
+class PlotData:
     """Values (n,) and units of all that a view names, and where on x something happens."""
 
     values: dict[str, Array]
@@ -28,13 +28,13 @@ class Seen:
     marks: dict[str, float]
 
 
-def seen(
+def plot_data(
     case: Case,
     view: View,
     curves: Curves,
     beside: str | None = None,
     truth: Curves | None = None,
-) -> Seen:
+) -> PlotData:
     """The reference in a view, at the state that the drives really had in a run.
 
     Parameters
@@ -52,7 +52,7 @@ def seen(
 
     Returns
     -------
-    Seen
+    PlotData
 
     Raises
     ------
@@ -88,7 +88,7 @@ def seen(
                     f"{suggest(name, there, 'channels, driven joints, quantities')}",
                 )
             values[name], units[name] = there[name], unit(case, view, key, name)
-    return Seen(values, units, marks(case, view))
+    return PlotData(values, units, marks(case, view))
 
 
 def named(view: View) -> dict[str, tuple[str, ...]]:
@@ -164,7 +164,7 @@ def check_views(case: Case, run: str, curves: Curves) -> None:
     for view in case.view:
         if case.run_of(view) == run:
             for beside in (None, *case.compare_with):
-                found = seen(case, view, curves, beside)
+                found = plot_data(case, view, curves, beside)
             both = {found.units[n] for n in (*view.y, *view.stack, *view.dashed)}
             if len(both) > 1 and (view.stack or view.dashed):
                 key = "stack" if view.stack else "dashed"
