@@ -26,7 +26,7 @@ LOST = {  # rows whose path does not reach 90 degrees, and why
 REGULAR = [line for line in rows() if line not in LOST]
 FEW = ["1766", "1745", "1860", "1747"]  # plain, a preload, a stop that is met, four segments
 EACH = pytest.mark.parametrize(
-    "line", [pytest.param(line, events=() if line in FEW else pytest.mark.slow) for line in REGULAR]
+    "line", [pytest.param(line, marks=() if line in FEW else pytest.mark.slow) for line in REGULAR]
 )
 FLAGS = {
     "never released": "never leaves its preload",
