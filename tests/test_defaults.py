@@ -16,7 +16,7 @@ from proofmass.sidecar import as_toml, fill_runs, load_case, match_quantity
 from proofmass.sim.mujoco.default_tolerances import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.default_tolerances import ACCURACY as PYMUNK
 from proofmass.terminal import failures
-from tests.shipped import each_case, shipped
+from tests.shipped import each_case, loaded, shipped
 
 SHORT = """title = "t"
 source = "s"
@@ -65,7 +65,7 @@ def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
     again = tmp_path / file.name
     for other in file.parent.glob("*.[cx]*"):
         (tmp_path / other.name).write_bytes(other.read_bytes())
-    case = load_case(file)
+    case = loaded(file)
     for every in (True, False):
         again.write_text(as_toml(case, every), encoding="utf-8")
         assert load_case(again).model_copy(update={"file": file}) == case

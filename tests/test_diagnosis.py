@@ -44,15 +44,15 @@ def test_the_first_cause_of_sixty_faults_is_the_planted_one():
 
 MUJOCO = """
 [run.sweep]
-n = 37
+n = 13
 solvers = ["mujoco"]
 [run.dynamics]
-n = 21
-until = 2.0
+n = 11
+until = 0.5
 solvers = ["mujoco"]
 """
-"""Runs of the four-bar in one engine at every tenth degree, in time at 21 samples of the first
-third of a turn, of which a diagnosis is asked."""
+"""Runs of the four-bar in one engine at every thirtieth degree, in time at 11 samples of the first
+half second, of which a diagnosis is asked."""
 
 
 def edited(folder: Path, name: str, *edits: tuple[str, str], runs: str = "") -> Path:
@@ -169,8 +169,8 @@ def test_a_number_of_the_model_is_named(tmp_path, unhurried, name, old, new, wor
 
 def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried, monkeypatch):
     sidecar = edited(tmp_path, "pendulum", ('timestep="1e-3"', 'timestep="1e-2"'))
-    text = sidecar.read_text(encoding="utf-8").replace("until = 10.0", "until = 2.0")
-    sidecar.write_text(text.replace("n = 1001", "n = 101"), encoding="utf-8")
+    text = sidecar.read_text(encoding="utf-8").replace("until = 10.0", "until = 1.0")
+    sidecar.write_text(text.replace("n = 1001", "n = 51"), encoding="utf-8")
     monkeypatch.setattr("proofmass.diagnosis.MODEL_SECONDS", 1.0)
     found = unhurried(sidecar, "dynamics")
     best = found.causes[0]
@@ -204,7 +204,7 @@ def test_nothing_is_named_that_explains_nothing():
 
 def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
     monkeypatch.setattr(import_module("proofmass.check"), "CAUSES", 1e-3)
-    result = check([edited(tmp_path, "fourbar", LONGER, runs=MUJOCO)], jobs=2, detectable=False)
+    result = check([edited(tmp_path, "fourbar", LONGER, runs=MUJOCO)], jobs=1, detectable=False)
     assert any(c.outcome == "differs" for c in result.comparisons)
     assert "causes were not sought: no answer in" in next(iter(result.diagnoses.values())).lines[0]
 
@@ -242,7 +242,7 @@ def lost_case(folder: Path) -> Path:
 
 
 def test_a_lost_run_says_what_happened_until_then(tmp_path):
-    result = check([lost_case(tmp_path)], jobs=2, detectable=False)
+    result = check([lost_case(tmp_path)], jobs=1, detectable=False)
     key = ("fourbar_released", "dynamics", "mujoco")
     assert {c.outcome for c in result.comparisons if c.solver == "mujoco"} == {"diverged"}
     assert key not in result.curves

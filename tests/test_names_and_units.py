@@ -27,7 +27,7 @@ from proofmass.solve import plan, solve
 from proofmass.units import powers, same_quantity, si_unit
 from proofmass.validate import validate
 from tests.report.test_report import curves_of, result_of
-from tests.shipped import MODELS, each_case, models_like, shipped
+from tests.shipped import MODELS, each_case, loaded, models_like, shipped
 
 FOURBAR = load_case(shipped("fourbar.toml"))
 MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'
@@ -303,7 +303,7 @@ def test_own_models_are_xml_that_other_programs_read():
 
 @pytest.mark.parametrize("file", each_case())
 def test_own_cases_are_valid(file):
-    validate(load_case(file))
+    validate(loaded(file))
 
 
 def test_si_units_do_not_import_pint():

@@ -11,6 +11,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pymunk
 import pytest
 
@@ -48,7 +49,7 @@ def deep(with_dask: bool) -> None:
 
 
 def reserve(gib: float) -> int:
-    return len(bytearray(int(gib * 2**30)))
+    return np.empty(int(gib * 2**30), np.uint8).size
 
 
 def speak_and_abort(words: str) -> None:
@@ -194,7 +195,7 @@ def test_a_reference_that_takes_too_long_costs_itself_only(models, edit, pendulu
 def test_more_samples_than_memory_cost_themselves_only(models, edit, keep_solver):
     keep_solver("pendulum.toml", "mujoco")
     keep_solver("slider_crank.toml", "mujoco")
-    edit("pendulum.toml", "n = 1001", "n = 30000000\nmemory = 0.5")
+    edit("pendulum.toml", "n = 1001", "n = 100000000\nmemory = 0.5")
     result = check(
         [models / "pendulum.toml", models / "slider_crank.toml"], detectable=False, causes=False
     )

@@ -196,7 +196,7 @@ def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> 
     model = mujoco.MjModel.from_xml_path(str(folder / new.get("model", f"{name}.xml")))
     if (model.jnt_type < int(mujoco.mjtJoint.mjJNT_SLIDE)).any() or model.nq > 12:
         raise Unjudged("joints other than a few hinges and slides")
-    found = []
+    found, bares = [], dict[str, Bare]()  # of runs, whatever their solver
     recorded = table(folder / new["reference"]) if new["reference"].endswith(".csv") else None
     for run, solver in dict.fromkeys((c.run, c.solver) for c in agrees):
         mine = [c for c in agrees if (c.run, c.solver) == (run, solver)]
@@ -205,7 +205,7 @@ def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> 
         if x.shape != curves.x.shape or not np.allclose(x, curves.x, rtol=1e-9, atol=1e-12):
             found.append("x")
             continue
-        bare = Bare(model, new, run, x, drives)
+        bare = bares[run] = bares.get(run) or Bare(model, new, run, x, drives)
         for c in mine:
             factor = in_si(c.unit)[1]
             if recorded is not None:

@@ -212,12 +212,10 @@ def test_spread_keeps_apart() -> None:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows, verdicts = study()
-    other = [replace(row, case="watt") for row in rows]
+    other = [replace(row, case="watt") for row in series_rows("Euler")]
+    also = [replace(v, case="watt") for v in verdict("Euler", 1.0)]
     folder = tmp_path_factory.mktemp("study")
-    write_study(
-        Trade([*rows, *other], rows[:1], [*verdicts, *(replace(v, case="watt") for v in verdicts)]),
-        folder,
-    )
+    write_study(Trade([*rows, *other], rows[:1], [*verdicts, *also]), folder)
     return write_trade(folder, folder / "page").first
 
 

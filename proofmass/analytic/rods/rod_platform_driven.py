@@ -79,9 +79,12 @@ def constant_orientation(
 
     Examples
     --------
-    >>> turns = {f"{name}{k}": turn for name in ("theta", "guide")
-    ...          for k, turn in enumerate(np.radians([0.0, 120.0, -120.0]), 1)}
-    >>> chart = constant_orientation(side=0.5, **turns, nodes=5)
+    The start pose of annex II.4, as below.
+
+    >>> turns = 0.0, 2 * np.pi/3, -2 * np.pi/3
+    >>> chart = constant_orientation(side=0.2 * np.sqrt(3), stiffness=0.0521860264, nodes=5,
+    ...     **{f"input{k}": -0.0782049 for k in (1, 2, 3)},
+    ...     **{f"{key}{k}": turn for key in ("theta", "guide") for k, turn in enumerate(turns, 1)})
     >>> [panel.field.unit for panel in chart.panels]
     ['m/rad', 'N/m', 'm', 'm', 'm']
     """

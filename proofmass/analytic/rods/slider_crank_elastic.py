@@ -88,7 +88,7 @@ def solve(
 
     >>> links = dict(crank=0.6, coupler=1.0, stiffness=10.0, coupler_mass=1.0)
     >>> angle = np.linspace(0.0, np.pi / 2.0, 5)
-    >>> at = solve(angle, 2.0 + 0.0 * angle, 0.0 * angle, **links)
+    >>> at = solve(angle, 6.0 + 0.0 * angle, 0.0 * angle, **links)
     >>> round(float(at["slider"][-1]), 4)
     0.8
     """

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.rods import rod_pair
@@ -31,16 +32,22 @@ def equilibria(natural: Case) -> Chart:
     return chart_of(natural, natural.chart[0])
 
 
+@pytest.fixture(scope="module")
+def figure(equilibria: Chart) -> Figure:
+    with rc_context(RC):
+        drawn = chart_sheet("Title", equilibria)
+        drawn.draw_without_rendering()
+    return drawn
+
+
 def postures(chart: Chart) -> list[ChartLine]:
     return [line for line in chart.lines if not line.points]
 
 
-def test_four_of_34_are_stable_and_share_a_panel(equilibria: Chart) -> None:
+def test_four_of_34_are_stable_and_share_a_panel(equilibria: Chart, figure: Figure) -> None:
     lines = postures(equilibria)
     assert len(lines) == 34
     assert sum(line.stable for line in lines) == 4
-    with rc_context(RC):
-        figure = chart_sheet("t", equilibria)
     assert [len(bold(ax)) for ax in figure.axes] == [4] + 8 * [0]
     assert sum(len(dashed(ax)) for ax in figure.axes) == 30
     assert equilibria.caption.startswith("34 equilibria whose rods have up to 3 inflections, ")
@@ -108,10 +115,7 @@ def test_panels_hold_few_unless_there_are_too_many() -> None:
     assert [len(which) for which in sharing(np.zeros(9, int))] == [3, 3, 3]
 
 
-def test_nothing_is_cut_off_and_nothing_overlaps(equilibria: Chart) -> None:
-    with rc_context(RC):
-        figure = chart_sheet("Title", equilibria)
-        figure.draw_without_rendering()
+def test_nothing_is_cut_off_and_nothing_overlaps(figure: Figure) -> None:
     low, high = np.zeros(2), figure.get_size_inches() * figure.dpi
     boxes = [ax.get_tightbbox() for ax in figure.axes]
     boxes += [figure.legends[0].get_window_extent(), figure.texts[0].get_window_extent()]

@@ -29,6 +29,12 @@ def centre():
     return follow(s, pose=s.pose[None], load=[[0.0, 0.0]]).last
 
 
+@cache
+def over_the_fold():
+    """From there by turning motor 1, and back on the other side of the fold."""
+    return trace(centre(), inputs=[1.0, 0.0], to=(-1.0, 0.0))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_unloading(name):
     """Motors held, and the pin held."""
@@ -111,7 +117,7 @@ def test_a_fold_ends_a_path_and_keeps_what_was_reached():
 
 
 def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
-    branch = trace(centre(), inputs=[1.0, 0.0], to=(-1.0, 0.0))
+    branch = over_the_fold()
     assert not branch.why
     assert branch.at.shape == (1,)
     fold, start = branch.folds[0], derivatives(centre())
@@ -158,7 +164,7 @@ def test_a_symmetric_pair_gives_way_sideways():
 
 def test_behind_the_fold_the_platform_is_unstable():
     """Until a rod buckles between its ends as well, and the stiffness passes infinity."""
-    branch = trace(centre(), inputs=[1.0, 0.0], to=(-1.0, 0.0))
+    branch = over_the_fold()
     found = derivatives(branch.states)
     least, turn = np.linalg.eigvalsh(found.stiffness)[:, 0], branch.parameter.argmin()
     assert (least[: turn - 1] > 0.0).all()
@@ -185,10 +191,10 @@ def test_inverse_singularity_ends_a_line_of_poses():
 
 
 def test_a_sheet_of_poses_is_the_path_through_it():
-    sheet = spread(centre(), np.linspace(0.0, 0.6, 5), np.linspace(-0.5, 0.0, 6))
+    sheet = spread(centre(), np.linspace(0.0, 0.6, 4), np.linspace(-0.5, 0.0, 5))
     x, y = np.meshgrid(sheet.first, sheet.second, indexing="ij")
     kept = sheet.states[sheet.reached]
-    assert sheet.reached.sum() > 20
+    assert sheet.reached.sum() > 13
     off = kept.pose - np.stack([x, y], axis=-1)[sheet.reached]
     assert np.abs(off).max() <= 1e-15  # rounding of steps of up to 0.6 m
     assert np.abs(closure(kept)[0]).max() <= 1e-9
@@ -216,14 +222,14 @@ def test_a_sheet_of_inputs_ends_at_the_fold():
     q = centre().inputs
     sheet = spread(
         centre(),
-        q[0] + np.linspace(-0.5, 0.5, 21),
+        q[0] + np.linspace(-0.5, 0.1, 13),
         q[1] + np.array([-0.05, 0.0, 0.05]),
         name="inputs",
     )
     turns = sheet.first[sheet.reached[:, 1]] - q[0]
     # steps of 0.05 rad, fold at -0.365
     assert turns.min() == pytest.approx(-0.35, abs=1e-9)
-    assert turns.max() == pytest.approx(0.5, abs=1e-9)
+    assert turns.max() == pytest.approx(0.1, abs=1e-9)
 
 
 def test_platform_follows_a_circle_at_constant_orientation():
@@ -266,6 +272,6 @@ def test_bad_maps():
         spread(centre(), [0.0], [0.0], name="load")
     with pytest.raises(ValueError, match="the start cannot be followed to the grid's node"):
         spread(centre(), [0.65], [-0.35])  # rod 1 does not reach as far
-    sheet = spread(centre(), [0.25, 0.3], [-0.35, -0.3])
+    sheet = spread(centre(), *centre().pose[:, None])
     with pytest.raises(ValueError, match="which must be 'direct' or 'inverse'"):
         loci(sheet, "both")

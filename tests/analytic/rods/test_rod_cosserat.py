@@ -82,7 +82,10 @@ def test_a_column_buckles_where_its_strains_say(axial, shear):
 
 
 def test_potential_by_virtual_work():
-    """dV by the load is minus its place; dV by 1/EA is minus the integral of A^2/2, as of 1/GA."""
+    """dV by the load is minus its place; dV by 1/EA is minus the integral of A^2/2, as of 1/GA.
+
+    Each time along a direction in which the second of two parts counts twice.
+    """
     section, step, load = {"axial": 25.0, "shear": 15.0}, 1e-4, {"force_x": -2.0, "weight_y": -8.0}
     s, weights = np.polynomial.legendre.leggauss(30)
     rod = solve(np.append(0.5 * (1.0 + s), 1.0), **load, **section)
@@ -95,12 +98,17 @@ def test_potential_by_virtual_work():
         return (ahead - behind) / (2.0 * step)
 
     # step^2, and rounding over the step
-    assert -slope(lambda d: {"force_x": d - 2.0}) == pytest.approx(rod["x"][-1], abs=1e-7)
     place = 0.5 * weights @ rod["y"][:-1]
-    assert -slope(lambda d: {"weight_y": d - 8.0}) == pytest.approx(place, abs=1e-7)
-    for key, force in (("axial", local.real), ("shear", local.imag)):
-        own = slope(lambda d, key=key: {key: 1.0 / (1.0 / section[key] + d)})
-        assert -own == pytest.approx(0.25 * weights @ force**2, rel=1e-5, abs=1e-7)  # likewise
+    by_load = slope(lambda d: {"force_x": d - 2.0, "weight_y": 2.0 * d - 8.0})
+    assert -by_load == pytest.approx(rod["x"][-1] + 2.0 * place, abs=1e-7)
+    by_strain = slope(
+        lambda d: {
+            key: 1.0 / (1.0 / section[key] + share * d)
+            for key, share in (("axial", 1.0), ("shear", 2.0))
+        }
+    )
+    squares = 0.25 * weights @ (local.real**2 + 2.0 * local.imag**2)
+    assert -by_strain == pytest.approx(squares, rel=1e-5, abs=1e-7)  # likewise
 
 
 def test_slopes_by_differences():

@@ -70,9 +70,16 @@ def folded():
 
 
 @cache
+def filled():
+    """The rim of that sheet, and its mesh."""
+    m, rims = folded(), rim(folded())
+    return rims, meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
+
+
+@cache
 def folds():
     """Direct singularities on that sheet."""
-    return loci(folded(), "direct")
+    return filled()[1].loci
 
 
 def residual(x, inputs, load):
@@ -191,13 +198,19 @@ def test_unloaded_sheet_is_its_mirror_image():
     assert np.quantile(gap, 0.85) < 1e-6  # what is left is where the sheet lies over itself
 
 
+@cache
+def charted():
+    """Charts of the case over the motors' angles."""
+    return motor_angles(**CASE, span=0.4, nodes=5)
+
+
 def test_maps_do_not_depend_on_the_unit_of_force():
     """Twice the stiffness and twice the load: the same shapes."""
     stiff = CASE | {
         key: 2 * CASE[key]
         for key in ("force_x", "force_y", "moment1", "moment2", "push_x", "push_y", "stiffness")
     }
-    one, two = (motor_angles(**case, span=0.4, nodes=5).panels[0] for case in (CASE, stiff))
+    one, two = charted().panels[0], motor_angles(**stiff, span=0.4, nodes=5).panels[0]
     assert one.field.values == pytest.approx(two.field.values, rel=1e-6, nan_ok=True)  # Newton's
     light = motor_angles(**CASE | {"stiffness": 2 * EI}, span=0.4, nodes=5).panels[0]
     assert np.nanmax(np.abs(light.field.values / one.field.values - 1.0)) > 0.01
@@ -213,7 +226,7 @@ def test_area_converges():
 
 
 def test_motor_angles_show_the_field_at_the_case():
-    chart = motor_angles(**CASE, span=0.4, nodes=5)
+    chart = charted()
     field = chart.panels[0].field
     here = derivatives(pair("S4")).direct
     most = np.nanmax(field.values)  # four fifths are not clipped
@@ -293,10 +306,8 @@ def test_triangles_fill_the_sheet_to_its_rim():
 
 def test_a_tear_is_cut_half_way_from_both_sides():
     """An edge is taken out as if its ends did not follow from each other: nothing stays white."""
-    m = folded()
-    edges, rims = joined(m)[0], rim(m)
-    ends = rims[0]
-    mesh = meshed(m, edges, ends, loci(m, "direct", rims))
+    m, edges = folded(), joined(folded())[0]
+    (ends, _), mesh = filled()
     whole = mesh.triangles(m.reached)
     within = np.isin(edges, np.flatnonzero(eroded(m.reached))).all(axis=1)
     k = int(np.flatnonzero(within)[0])
@@ -337,9 +348,7 @@ def test_no_cell_of_a_sheet_stays_white():
 
 
 def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
-    m = folded()
-    rims = rim(m)
-    mesh = meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
+    m, (_, mesh) = folded(), filled()
     det = np.full(m.reached.shape, np.nan)
     det[m.reached] = np.linalg.det(derivatives(m.states[m.reached]).inverse)
     parts = [
@@ -365,7 +374,7 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
 
 def test_states_at_the_rim_hold_by_an_integrator_of_its_own():
     """So motor angles and places of the pin in the charts are those of an equilibrium there too."""
-    ends, _ = rim(folded())
+    (ends, _), _ = filled()
     for i in range(0, len(ends.vector), 5):
         s = ends[i]
         # RK of 41 nodes: 1e-6 of bent rods

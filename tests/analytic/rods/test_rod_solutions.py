@@ -119,7 +119,7 @@ def test_unloaded_symmetric_platform_keeps_its_symmetry():
 
 def test_symmetric_pair_has_mirrored_equilibria():
     a = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=EI)
-    f = solutions(a, inputs=np.radians([60.0, 120.0]), modes=2)
+    f = solutions(a, inputs=np.radians([60.0, 120.0]), modes=2, poses=1000)
     pose = f.state.pose
     gaps = np.abs(pose[:, None] - pose * [-1.0, 1.0]).max(axis=-1)
     assert gaps.min(axis=1).max() < 1e-9

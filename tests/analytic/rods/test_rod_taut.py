@@ -11,12 +11,13 @@ from tests.independent.rods.cosserat import pinned as collocated
 
 TAUT = {"pin_x": 1.0, "pin_y": 0.0, "length": 0.98, "stiffness": 0.05, "axial": 50.0}
 GUESS = {"force_x": 1.3, "force_y": 0.4, "moment": -0.07}
+LEANING = {"weight_x": 0.3, "weight_y": -1.0, "shear": 30.0}
 
 
 def test_collocation_in_the_frame_of_the_sections():
     s = np.linspace(0.0, 0.98, 8)
     own = collocated(s, Section(0.05, 50.0, 30.0), (1.0, 0.0), (0.3, -1.0))
-    rod = solve(s, **TAUT, **GUESS, weight_x=0.3, weight_y=-1.0, shear=30.0)
+    rod = solve(s, **TAUT, **GUESS, **LEANING)
     for name, values in own.items():
         # its tolerance for the residual, summed
         np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-8)
@@ -51,8 +52,8 @@ def test_a_small_sag_is_that_of_a_beam_in_tension(length):
 def test_the_pin_s_force_keeps_the_rod_in_balance():
     """Moments about the clamp: the pin's force, the weight at its place, and the clamp's moment."""
     s, weights = np.polynomial.legendre.leggauss(30)
-    rod = solve(0.49 * (1.0 + s), **TAUT, **GUESS, weight_y=-1.0)
-    moment = -0.49 * weights @ rod["x"] + rod["force_y"][0]
+    rod = solve(0.49 * (1.0 + s), **TAUT, **GUESS, **LEANING)
+    moment = -0.49 * weights @ (rod["x"] + 0.3 * rod["y"]) + rod["force_y"][0]
     assert moment == pytest.approx(-rod["hold"][0], abs=1e-11)  # rounding, order 8
 
 

@@ -1,5 +1,8 @@
 """`choose --creep`: how fast what friction holds creeps, beside its closed form, and slower."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -19,6 +22,12 @@ SLOPE = 0.5
 
 def run(*args: object):
     return CliRunner().invoke(app, ["choose", *map(str, args)])
+
+
+@pytest.fixture
+def brief(edit: Callable[..., Path]) -> Path:
+    """A copy of the case that ends earlier: the block is at rest after 0.28 s."""
+    return edit("block_sticks.toml", r"until = 1\.0", "until = 0.5")
 
 
 def told(impratio: float) -> float:
@@ -41,8 +50,8 @@ def told(impratio: float) -> float:
     )
 
 
-def test_the_rate_is_that_of_the_closed_form_and_as_slow_as_asked_for():
-    model, chosen = hold(load_case(STICKS), "mujoco", 1e-6, 30.0)
+def test_the_rate_is_that_of_the_closed_form_and_as_slow_as_asked_for(brief):
+    model, chosen = hold(load_case(brief), "mujoco", 1e-6, 30.0)
     assert chosen.rate <= 1e-6 < model.rate
     assert model.rate == pytest.approx(told(1.0), rel=1e-4)
     ratio = chosen.setting.parameters["impratio"]
@@ -62,18 +71,18 @@ def test_the_program_that_is_written_creeps_as_it_says(tmp_path):
     assert f"position creeps {rate:.3g} m/s".replace("e-0", "e-") in answer.output
 
 
-def test_a_rate_that_no_setting_reaches_is_said_with_what_was_tried():
-    answer = run(STICKS, "--creep", 1e-13)
+def test_a_rate_that_no_setting_reaches_is_said_with_what_was_tried(brief):
+    answer = run(brief, "--creep", 1e-13)
     assert answer.exit_code == 1
     assert answer.output.count("MuJoCo impratio") == 4
     assert "MuJoCo as in the model: position creeps 2.09e-4 m/s" in answer.output
 
 
-def test_a_proposal_that_does_not_hold_is_not_told(monkeypatch):
+def test_a_proposal_that_does_not_hold_is_not_told(brief, monkeypatch):
     monkeypatch.setattr(
         type(engine_of("mujoco")), "holding", lambda self, model, given, slower: {"impratio": 2.0}
     )
-    assert run(STICKS, "--creep", 1e-6).exit_code == 1
+    assert run(brief, "--creep", 1e-6).exit_code == 1
 
 
 def test_an_engine_that_holds_already_is_told_as_it_is():
