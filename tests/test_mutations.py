@@ -421,7 +421,7 @@ def test_a_wrong_inertia_turns_the_moment_of_a_drive(name, old, new, solver, mod
     ],
 )
 def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver, models, edit):
-    """In one second; the reference is a pendulum, which knows nothing of the model."""
+    """In one second; the reference is a closed form of a pendulum, and reads no model."""
     edit("parallelogram_chain.xml", re.escape(old), new)
     edit("parallelogram_chain.toml", r"until = 2\.5", "until = 1.0")
     edit("parallelogram_chain.toml", "n = 251", "n = 101")

@@ -5,7 +5,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.rod_snap import marks, solve
+from proofmass.analytic.rods.rod_snap import events, solve
 from proofmass.analytic.rods.shooting import integrate
 from proofmass.check import check
 from proofmass.sidecar import load_case
@@ -22,7 +22,7 @@ NAMES = "tip.angle", "holding_moment", "energy"
 @cache
 def fold():
     """The motor's angle at the rod's fold."""
-    return marks(distance=0.8)["snaps to the left"]
+    return events(distance=0.8)["snaps to the left"]
 
 
 def turned(angles, x):
