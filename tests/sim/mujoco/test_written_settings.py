@@ -19,8 +19,8 @@ from proofmass.sim.protocol import Run, Studied, leading
 from proofmass.solve import simulate
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import snippet
+from tests.programs import program_curves
 from tests.shipped import shipped
-from tests.studies.trade.test_program import bare
 
 OURS = {"settled", "flex", "defaults"}  # MuJoCo has no words for these
 SAID = sorted(MujocoSettings.model_fields.keys() - OURS)
@@ -169,7 +169,7 @@ def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Pat
     wanted = simulate("mujoco", file, run(settings)).channels
     fewer = dict(list(settings.items())[:-1])
     without = simulate("mujoco", file, run(fewer)).channels
-    found = bare(write_program(file, run(settings), "", ""), tmp_path)
+    found = program_curves(write_program(file, run(settings), "", ""), tmp_path)
     for name, curve in wanted.items():
         assert found[name].tolist() == curve.tolist()
         assert np.abs(curve - without[name]).max() > 1e-9  # the last of the settings acts
@@ -199,7 +199,7 @@ def test_a_program_closes_its_loop_as_the_product_s_own_run(
     _, run = Setting("mujoco", {**base, **changed}).applied(case, "dynamics")
     _, other = Setting("mujoco", {**base, **unchanged}).applied(case, "dynamics")
     motion = motion_source([each.law for each in run.drives], run.x)
-    found = bare(write_program(case.model_path, run, motion, ""), tmp_path)
+    found = program_curves(write_program(case.model_path, run, motion, ""), tmp_path)
     wanted = simulate("mujoco", case.model_path, run).channels
     without = simulate("mujoco", case.model_path, other).channels
     for name, curve in wanted.items():
