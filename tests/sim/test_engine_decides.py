@@ -169,12 +169,18 @@ SLOW = {
 
 
 def fewer(case: Case, kind: str) -> Case:
-    """A tenth of the places of a balancer's sweep, and its turns; three of a driven platform's."""
+    """A tenth of the places of a balancer's sweep, and its turns; three of a driven platform's.
+
+    Of a rod that is let go, the first 0.4 s, in which nothing differs but for stiffer springs.
+    """
     run = case.run[kind]
-    n = {"balancer": fewer_samples, "rod_platform_driven": lambda n: 3}.get(case.reference)
-    if n is None:
-        return case
-    return case.model_copy(update={"run": {kind: run.model_copy(update={"n": n(run.n)})}})
+    few: dict[str, dict[str, float]] = {
+        "balancer": {"n": fewer_samples(run.n)},
+        "rod_platform_driven": {"n": 3},
+        "rod_released": {"n": 21, "until": 0.4},
+    }
+    update = few.get(case.reference, {})
+    return case.model_copy(update={"run": {kind: run.model_copy(update=update)}})
 
 
 def differs(name: str, kind: str, solver: str, monkeypatch) -> None:

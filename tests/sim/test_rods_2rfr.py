@@ -129,7 +129,7 @@ def fold(n: int) -> float:
     """Turn of motor 1 from BEGIN at which chains of n links lose their stability [rad]."""
     turn, step = -0.3, -0.02
     here = own(n, turned(turn))
-    while step < -1e-9:
+    while step < -1e-7:
         there = settle(two_rods(), BEGIN - CLAMPS + [turn + step, 0.0], seed=here.angle, segments=n)
         near = np.abs(there.angle - here.angle).max() < 0.3
         if near and there.curvatures[0] > 0:
@@ -180,10 +180,10 @@ def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
 
 @pytest.mark.parametrize(("name", "seconds"), [("rfr2_circles", 8.0), ("rfr2_rectangles", 12.0)])
 def test_the_pin_begins_the_documents_circles_and_rectangles(name, seconds):
-    """Their first five places in MuJoCo, with the tolerances of the whole way."""
+    """The first, third and fifth of their places in MuJoCo, with the tolerances of all."""
     case = load_case(shipped(f"{name}.toml"))
     drives = tuple(drive.model_copy(update={"until": seconds}) for drive in case.drive)
-    runs = {"sweep": case.run["sweep"].model_copy(update={"n": 5})}
+    runs = {"sweep": case.run["sweep"].model_copy(update={"n": 3})}
     case = case.model_copy(update={"drive": drives, "run": runs})
     found = compare(case, "sweep", "mujoco", run_here(case, "sweep", "mujoco"), detectable=False)
     assert {c.outcome for c in found} == {"agrees"}

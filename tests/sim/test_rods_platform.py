@@ -2,25 +2,24 @@
 
 import json
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.rod_platform import PlatformProblem, standing
+from proofmass.analytic.rods.equilibrium import RodState, direct, state
 from proofmass.check import check
-from proofmass.compare import compare
+from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Drive, Rod
-from proofmass.solve import plan, solve
-from tests.analytic.rods.rod_assembly_cases import DATA, EI
+from proofmass.solve import plan, run_here
+from tests.analytic.rods.rod_assembly_cases import DATA, EI, three
 from tests.independent.rods.chain_assembly import settle
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES, constant, model, rest
-from tests.verdicts import verdicts
 
 CHAINS = {
     row["name"]: row
@@ -34,14 +33,14 @@ PLACE = "platform.x", "platform.y", "phi"
 HOLDS = "moment1", "moment2", "moment3"
 POSE = "0.0165 0.0206 1.2"  # of the platform, in the key
 KEYS = {
-    "S1": (POSE, (-0.53, -0.94, -1.05), 2),
-    "S2": ("0.0068 0.0111 -1.39", (-0.2, -0.61, -0.68), 1),
+    "S1": (POSE, (-0.53, -0.94, -1.05)),
+    "S2": ("0.0068 0.0111 -1.39", (-0.2, -0.61, -0.68)),
 }
 
 
 def at_rest(engine: str, name: str, segments: int, folder: Path):
     """A solution of Table 8 in an engine, from the platform's pose and the turns of its rods."""
-    case, (pose, turns, _) = load_case(shipped("rfr3.toml")), KEYS[name]
+    case, (pose, turns) = load_case(shipped("rfr3.toml")), KEYS[name]
     text, model = case.model_path.read_text(), folder / "rfr3.xml"
     assert POSE in text
     model.write_text(text.replace(POSE, pose))
@@ -54,10 +53,20 @@ def at_rest(engine: str, name: str, segments: int, folder: Path):
     return found.channels
 
 
-def chains(s, load, segments: int):
-    """The chains' own equilibrium next to one of the rods."""
-    shapes = [lambda arc, k=k: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
-    return settle(s.assembly, s.inputs, seed=shapes, segments=segments, force=load)
+@cache
+def of_rods(name: str) -> RodState:
+    """The same of rods, solved from the recomputed digits."""
+    row = DATA["rfr3"]["recomputed"][list(KEYS).index(name)]
+    return direct(
+        state(
+            three(DATA["rfr3"]["side"]),
+            inputs=MOTORS,
+            pose=[*row["pose"], np.radians(row["phi_deg"])],
+            load=DATA["rfr3"]["load"],
+            moment=row["moment"],
+            force=row["force"],
+        )
+    )
 
 
 @pytest.mark.parametrize(
@@ -74,11 +83,9 @@ def chains(s, load, segments: int):
 def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
     """Where the chains' equations have them, and where another computation has."""
     found = at_rest(engine, name, segments, tmp_path)
-    s = standing(
-        PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
-        KEYS[name][2],
-    )
-    own = chains(s, [0.0, 0.5], segments)
+    s = of_rods(name)
+    shapes = [lambda arc, k=k: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
+    own = settle(s.assembly, s.inputs, seed=shapes, segments=segments, force=[0.0, 0.5])
     values = [found[channel][0] for channel in (*PLACE, *HOLDS, "energy")]
     # both engines rest to 1e-12 of the model, over the platform's softness
     np.testing.assert_allclose(
@@ -94,10 +101,7 @@ def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
 @pytest.mark.parametrize("name", KEYS)
 def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
     coarse, fine = (at_rest("mujoco", name, n, tmp_path) for n in (20, 40))
-    s = standing(
-        PlatformProblem(0.2, 1.0, 1.0, EI, MOTORS, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1),
-        KEYS[name][2],
-    )
+    s = of_rods(name)
     limit = [(4 * fine[c][0] - coarse[c][0]) / 3 for c in (*PLACE, *HOLDS, "energy")]
     exact = [*s.pose, *-s.moment, s.energy.sum()]
     np.testing.assert_allclose(limit, exact, rtol=0, atol=5e-6)  # what h^4 leaves
@@ -105,22 +109,21 @@ def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
 
 @EACH
 def test_sliders_lead_the_platform(engine):
-    """Every sample of the driven case, against the chains' equilibria followed from the first."""
+    """Samples of the driven case, against the chains' equilibria followed from arcs of circles."""
     case = load_case(shipped("pfr3.toml"))
     run = plan(case, "sweep", engine)
     run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])
     found = ENGINES[engine](case.model_path, run).channels
     turns, way = (0.0, 2 * np.pi / 3, -2 * np.pi / 3), run.motion(run.x)[0].T
-    s = standing(
-        PlatformProblem(
-            0.5, 1.0, 1.0, EI, turns, turns, tuple(way[0].tolist()), (0.3, -0.2, 0.0), 1
-        ),
-        1,
-    )
-    own = chains(s, [0.3, -0.2], 10)
+    made = three(0.5, angle=turns, guide=turns)
+    seed = [
+        lambda arc, turn=turn, rod=rod: turn + rod.turn * arc
+        for turn, rod in zip(turns, run.rods, strict=True)
+    ]
     guides = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     for k, slides in enumerate(way):
-        own = settle(s.assembly, slides, seed=own.angle, segments=10, force=[0.3, -0.2])
+        own = settle(made, slides, seed=seed, segments=10, force=[0.3, -0.2])
+        seed = own.angle
         values = [found[channel][k] for channel in (*PLACE, "force1", "force2", "force3", "energy")]
         wanted = [*own.pose, *-(own.force * guides).sum(axis=-1), own.energy]
         # rest to 1e-12, softness; pymunk's forces: rounding of a gap over a step's square, mass
@@ -178,6 +181,13 @@ def quick(edit, name: str) -> Path:
     return edit(f"{name}.toml", r'solvers = \["mujoco", "pymunk"\]', 'solvers = ["mujoco"]')
 
 
+def judged(sidecar: Path) -> list[Comparison]:
+    """The only run of a case in MuJoCo."""
+    case = load_case(sidecar)
+    (kind,) = case.run
+    return compare(case, kind, "mujoco", run_here(case, kind, "mujoco"), detectable=False)
+
+
 WRONG = {
     "side": ("rfr3.xml", r'pos="0.1 -0.0577', 'pos="0.102 -0.0577'),
     "clamp angle": ("rfr3.xml", "3.141592653589793 -1.047", "3.16 -1.047"),
@@ -214,7 +224,7 @@ def test_a_wrong_mechanism_differs(file, old, new, edit):
             "from = 3.141592653589793\nto = 3.141592653589793",
             "from = 3.16\nto = 3.16",
         )
-    assert "differs" in {c.outcome for c in verdicts(sidecar)}
+    assert "differs" in {c.outcome for c in judged(sidecar)}
 
 
 def mirror(edit, name: str, half: float) -> Path:
@@ -236,7 +246,7 @@ def test_a_mirrored_platform_differs(edit):
     row = next(np.array(row["pins"]) for row in DATA["pfr3_closures"]["pins"] if row["mirrored"])
     (x, y), side = row.mean(axis=0), row[0] - row[1]
     edit("pfr3.xml", "0.0022 -0.0016 1.744", f"{x} {y} {np.arctan2(side[1], side[0])}")
-    found = verdicts(mirror(edit, "pfr3", 0.25))
+    found = judged(mirror(edit, "pfr3", 0.25))
     assert {c.outcome for c in found if c.channel in PLACE} == {"differs"}
 
 
@@ -244,7 +254,7 @@ def test_the_misprinted_angle_does_not_agree(edit):
     """theta2 = 0 as printed: the rods come to rest elsewhere, or nowhere."""
     sidecar = quick(edit, "rfr3")
     edit("rfr3.toml", "from = 3.141592653589793\nto = 3.141592653589793", "from = 0.0\nto = 0.0")
-    assert {c.outcome for c in verdicts(sidecar) if c.channel == "phi"} == {"differs"}
+    assert {c.outcome for c in judged(sidecar) if c.channel == "phi"} == {"differs"}
 
 
 def test_another_equilibrium_is_named(edit):
@@ -255,7 +265,7 @@ def test_another_equilibrium_is_named(edit):
     edit("pfr3.toml", "segments = 10", "segments = 40")  # or what is left of h^2 hides it
     edit("pfr3.toml", "n = 9", "n = 3")
     case = load_case(file.with_suffix(".toml"))
-    curves = solve(case, "sweep", "mujoco")
+    curves = run_here(case, "sweep", "mujoco")
     with pytest.raises(InputError, match=r"assembles the model in mode \+2"):
         compare(case, "sweep", "mujoco", curves)
 
@@ -263,7 +273,7 @@ def test_another_equilibrium_is_named(edit):
 def test_what_a_comparison_can_detect():
     """Small changes of every parameter that is a length, an angle or a stiffness."""
     case = load_case(shipped("rfr3.toml"))
-    found = compare(case, "equilibrium", "mujoco", solve(case, "equilibrium", "mujoco"))
+    found = compare(case, "equilibrium", "mujoco", run_here(case, "equilibrium", "mujoco"))
     least: dict[str, float] = {}
     for c in found:
         for key, change in c.detectable.items():

@@ -92,7 +92,7 @@ def test_loop_is_symmetric_about_the_conservative_curve():
 
 def test_first_order_of_the_least_dissipation():
     """Error of the loop against small steps with sticking: of second order in the friction."""
-    path = np.radians(np.concatenate([np.arange(0.0, 80.1, 0.5), np.arange(79.5, 29.9, -0.5)]))
+    path = np.radians(np.concatenate([np.arange(0.0, 80.1, 0.5), np.arange(79.5, 54.9, -0.5)]))
     way = np.sign(np.diff(path))
     middle = (path[1:] + path[:-1]) / 2.0
     pose = solve(np.sort(middle), **flat(ROW))

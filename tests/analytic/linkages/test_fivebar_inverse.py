@@ -60,7 +60,7 @@ def cranks_of(found):
     return [[found[f"{side}{part}"] for side in SIDES] for part in ("", "_rate", "_acceleration")]
 
 
-@settings(derandomize=True, max_examples=150, deadline=None)
+@settings(derandomize=True, max_examples=60, deadline=None)
 @given(linkages, angles, st.sampled_from(SIGNS))
 def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, mode):
     pose = assembled(link, angle, mode)

@@ -1,6 +1,7 @@
 """Workspace of five-bar linkages: areas by two ways, singularities as zeros that change sign."""
 
 from dataclasses import asdict, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,6 +31,9 @@ def random_links(count: int) -> list[fivebar.FivebarLengths]:
         if fivebar.reach_area(link) > 0.1:
             found.append(link)
     return found
+
+
+singular_curves = cache(fivebar.type_2)
 
 
 def assembly(link: fivebar.FivebarLengths, tip: np.ndarray, mode: tuple[int, int]) -> np.ndarray:
@@ -67,7 +71,7 @@ def test_random_reaches_and_aspects_add_up(count: int) -> None:
     for link in random_links(count):
         whole = fivebar.reach_area(link)
         assert sum(one.area for one in fivebar.reach(link)) == pytest.approx(whole, rel=1e-9)
-        singular = fivebar.type_2(link)
+        singular = singular_curves(link)
         for mode in WORKING:
             found = fivebar.aspects(link, mode, singular)
             assert sum(one.area for some in found.values() for one in some) == pytest.approx(
@@ -82,7 +86,7 @@ def test_aspects_are_where_the_inverse_problem_has_their_sign(
 ) -> None:
     tip, cell = grid(link)
     sine = assembly(link, tip, mode)
-    found = fivebar.aspects(link, mode)
+    found = fivebar.aspects(link, mode, singular_curves(link))
     for sign in (1, -1):
         counted = cell * np.sum(sign * sine > 0.0)
         # along borders of about six radii the cells that are cut average to less than this
@@ -103,7 +107,7 @@ def test_a_wrong_length_moves_areas_beyond_what_counting_allows() -> None:
 
 @EACH
 def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.FivebarLengths) -> None:
-    pieces = fivebar.type_2(link)
+    pieces = singular_curves(link)
     assert bool(pieces) is (link is not LINKS["regular"])  # that one is never in line
     for one in pieces:
         tip = one.curve.points
@@ -134,7 +138,7 @@ def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.Fiveba
 def test_type_2_of_random_linkages_has_the_sine_positive_on_its_left(count: int) -> None:
     seen = 0
     for link in random_links(count):
-        for one in fivebar.type_2(link):
+        for one in singular_curves(link):
             k = one.curve.points.size // 2
             tip, way = one.curve.points[k], one.curve.points[k + 1] - one.curve.points[k - 1]
             across = 1e-6j * link.size * way / abs(way)

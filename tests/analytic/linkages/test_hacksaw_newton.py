@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.linkages import hacksaw
+from proofmass.analytic.linkages.hacksaw import charts
 from proofmass.analytic.linkages.hacksaw import newton as hacksaw_newton
 from proofmass.analytic.newton_raphson import NotConverged
 
@@ -269,5 +270,6 @@ def test_the_error_figures_show_a_wrong_equation(monkeypatch):
     monkeypatch.setattr(
         hacksaw_newton, "system", lambda q, law, *a, **k: true(q, law * (1.0 + 1e-9), *a, **k)
     )
+    monkeypatch.setattr(charts, "POSES", 41)
     errors = hacksaw.newton_errors(**LINK)
     assert min(line.y.max() for line in errors.lines) > 1e-10

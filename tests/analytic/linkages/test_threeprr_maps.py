@@ -145,7 +145,7 @@ def test_angles_of_a_place_are_those_at_which_all_legs_reach(
 
 @EACH
 def test_the_map_slices_and_closed_form_have_one_volume(robot: threeprr.RobotLengths) -> None:
-    psi = (np.arange(7200) + 0.5) * 2.0 * np.pi / 7200
+    psi = (np.arange(2400) + 0.5) * 2.0 * np.pi / 2400
     slices = np.mean([threeprr.WorkspaceSlice(robot, one).area for one in psi.tolist()])
     # the midpoint rule at kinks of |sin|: h^2 of them
     assert threeprr.volume(robot) == pytest.approx(2.0 * np.pi * slices, rel=1e-6)

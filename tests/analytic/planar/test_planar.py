@@ -33,7 +33,7 @@ def agrees(linkage: Linkage, inertia: bool) -> None:
         assert error.max() < 1e-12 * max(1.0, np.abs(truth[quantity]).max()), channel
 
 
-@pytest.mark.parametrize("mechanisms", [15, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mechanisms", [8, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_it_agrees_with_the_closed_form(family, mechanisms):
     @settings(RELAXED, max_examples=mechanisms)

@@ -17,7 +17,7 @@ from proofmass.check import check
 from proofmass.reference import compiled, evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import ChangingLoad, Drive, Run, Unsupported
+from proofmass.sim.protocol import ChangingLoad, Drive, Run
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.solve import plan
 from tests.shipped import models_like, shipped
@@ -145,10 +145,11 @@ def test_both_engines_rest_there(tmp_path, stops):
     """Joints come to their stops and leave them; pymunk has no rates of what springs hold."""
     ranges = ('limited="true" range="-1 .1"', 'limited="true" range="-.2 .3"') if stops else ()
     file = limbs(tmp_path, *ranges)
-    known, names = rests(file), ("moment", "two", "three", "end.x", "end.y")
+    angles = ANGLES[::2]
+    known, names = rests(file, angles), ("moment", "two", "three", "end.x", "end.y")
     on = [np.isclose(known[name], end).sum() for name, end in (("two", 0.1), ("three", 0.3))]
-    assert [0 < count < ANGLES.size for count in on] == [stops, stops]
-    run = Run("sweep", ANGLES, (*names, "two_rate", "velocity.x"), (Drive("bar", bar),))
+    assert [0 < count < angles.size for count in on] == [stops, stops]
+    run = Run("sweep", angles, (*names, "two_rate", "velocity.x"), (Drive("bar", bar),))
     for engine, error in ((in_mujoco, 1e-11), (in_pymunk, 1e-8)):
         found = engine(file, run).channels
         assert set(names) <= found.keys()
@@ -263,7 +264,8 @@ def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
         for name in ("two", "two_rate")
     }
     assert shares == {"two": 1e-12, "two_rate": 1e-10}  # with differences of forces in it
-    outcomes = {(c.solver, c.channel): c.outcome for c in check([tmp_path]).comparisons}
+    found = check([tmp_path], jobs=1, detectable=False)
+    outcomes = {(c.solver, c.channel): c.outcome for c in found.comparisons}
     assert outcomes["mujoco", "two_rate"] == "agrees"
     for solver in ("mujoco", "pymunk"):
         assert outcomes[solver, "moment"] == outcomes[solver, "two"] == "agrees"
@@ -291,7 +293,7 @@ def driven(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_a_joint_that_comes_to_its_stop_frees_another(tmp_path):
     """Both hold at one driver angle alone: no more than one of the two can, but for there."""
-    file, t = finger(tmp_path), np.linspace(0.0, 2 * np.pi, 41)
+    file, t = finger(tmp_path), np.linspace(0.0, 2 * np.pi, 21)
     model = mujoco.MjModel.from_xml_path(str(file))
     known = planar.solve(*driven(t), model=model, joints=("driver",))
     on = known["proximal"] > 0.7 - 1e-12, known["distal"] < 1e-12
@@ -307,7 +309,7 @@ def test_a_joint_that_comes_to_its_stop_frees_another(tmp_path):
 
 def test_a_limit_position_is_told_from_an_unstable_rest(tmp_path):
     """MuJoCo's path ends at the same angle of the driver."""
-    file, angles = finger(tmp_path, "0 16"), np.linspace(0.0, 1.6, 33)
+    file, angles = finger(tmp_path, "0 16"), np.linspace(0.0, 1.6, 9)
     model = mujoco.MjModel.from_xml_path(str(file))
     with pytest.raises(SingularHere, match="a limit position lies on the way: with the") as told:
         planar.solve(angles, model=model, joints=("driver",))
@@ -353,26 +355,20 @@ def chain(seed: int) -> str:
       <keyframe><key name="start" ctrl="0 1"/></keyframe></mujoco>"""
 
 
-SOME = (8, 9, 11, 14, 15, 16)
-SLACK, SNAPS = (129, 166, 214, 395), (108, 140)
+SOME = (8, 11, 14, 15)
+SLACK, SNAPS = (166, 395), (108, 140)
 """Chains whose spring goes slack where the rest moves fast, and that snap from sample to sample."""
 
 
 def test_random_chains_rest_where_mujoco_has_them(tmp_path):
-    """Stops, springs that go slack and loads; both paths end where a rest becomes unstable.
-
-    MuJoCo's is followed from start poses near rest alone.
-    """
+    """Stops, springs that go slack and loads; both paths end where a rest becomes unstable."""
     compared = ended = 0
     for seed in (*SOME, *SLACK, *SNAPS):
         file, x = tmp_path / f"chain{seed}.xml", np.linspace(0.0, 3.0, 13)
         file.write_text(chain(seed))
         model = mujoco.MjModel.from_xml_path(str(file))
         names = tuple(model.sensor(s).name for s in range(model.nsensor))
-        try:
-            found = in_mujoco(file, Run("sweep", x, names, (Drive("j0", bar),)))
-        except Unsupported:
-            continue
+        found = in_mujoco(file, Run("sweep", x, names, (Drive("j0", bar),)))
         try:
             known = planar.solve(x, model=model, joints=("j0",))
         except Unstable as error:
@@ -386,8 +382,7 @@ def test_random_chains_rest_where_mujoco_has_them(tmp_path):
         for name in names:
             off = np.abs(found.channels[name] - known[name]).max()
             assert off < 1e-8 * max(1.0, np.abs(known[name]).max()), (seed, name)
-    assert compared > 5
-    assert ended > 2
+    assert (compared, ended) == (5, 3)
 
 
 PASSED = (572, 590, 633)
@@ -400,7 +395,7 @@ def test_a_snap_ends_a_path_wherever_the_samples_are(tmp_path, seed):
     file = tmp_path / "chain.xml"
     file.write_text(chain(seed))
     model, ends = mujoco.MjModel.from_xml_path(str(file)), list[float]()
-    for n in (13, 61, 241):
+    for n in (13, 241):
         x = np.linspace(0.0, 3.0, n)
         with pytest.raises(Unstable) as told:
             planar.solve(x, model=model, joints=("j0",))
@@ -408,4 +403,4 @@ def test_a_snap_ends_a_path_wherever_the_samples_are(tmp_path, seed):
         assert found.stopped.startswith("the equilibrium becomes unstable beyond j0 = ")
         ends += [float(found.stopped.split()[-1])]
         ends += [float(place) for place in re.findall(r"drives at ([\d.]+)", str(told.value))]
-    assert ends == pytest.approx([ends[0]] * 6, abs=2e-5)
+    assert ends == pytest.approx([ends[0]] * 4, abs=2e-5)

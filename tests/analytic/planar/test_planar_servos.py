@@ -1,5 +1,6 @@
 """Actuators that follow their joints: the planar solver, MuJoCo and pymunk, in time and at rest."""
 
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -20,10 +21,16 @@ ARM = shipped("arm_servos.xml")
 T = np.linspace(0.0, 0.5, 51)
 
 
+@cache
+def moved() -> dict[str, np.ndarray]:
+    """The motion of the arm by the planar reference."""
+    return planar.solve(T, model=mujoco.MjModel.from_xml_path(str(ARM)))
+
+
 def test_the_spatial_solver_has_the_same_motion():
     """Its own forces of actuators are held to those of MuJoCo at random states."""
     model = mujoco.MjModel.from_xml_path(str(ARM))
-    one, two = planar.solve(T, model=model), spatial.solve(T, model=model, terms=SmoothTerms(model))
+    one, two = moved(), spatial.solve(T, model=model, terms=SmoothTerms(model))
     shared = one.keys() & two.keys()
     assert {"shoulder", "elbow", "reach", "tip.x", "tip.z", "kinetic", "potential"} <= shared
     assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
@@ -31,7 +38,7 @@ def test_the_spatial_solver_has_the_same_motion():
 
 def test_forces_of_servos_are_those_of_their_laws():
     """The rates are differences of values, and sums of them: 1e-3 N m and 1e-4 m of 5e-4 s."""
-    model, t = mujoco.MjModel.from_xml_path(str(ARM)), np.linspace(0.0, 0.5, 1001)
+    model, t = mujoco.MjModel.from_xml_path(str(ARM)), np.linspace(0.0, 0.25, 501)
     found = planar.solve(t, model=model)
     rate = np.gradient(found["elbow"], t, edge_order=2)
     assert np.abs(found["turning"] - 0.8 * (1.5 - rate))[100:].max() < 1e-3
@@ -43,8 +50,7 @@ def test_forces_of_servos_are_those_of_their_laws():
 
 
 def test_pymunk_comes_to_the_motion_with_first_order():
-    model, off = mujoco.MjModel.from_xml_path(str(ARM)), []
-    known = planar.solve(T, model=model)
+    known, off = moved(), []
     for step in (2e-4, 1e-4):
         run = Run("dynamics", T, ("shoulder", "elbow", "reach"), settings={"timestep": step})
         found = in_pymunk(ARM, run).channels
@@ -123,8 +129,7 @@ def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Pa
     file = tmp_path / "arm.xml"
     file.write_text(text, encoding="utf-8")
     known = planar.solve(T[:21], model=mujoco.MjModel.from_xml_path(str(file)))
-    acting = planar.solve(T[:21], model=mujoco.MjModel.from_xml_path(str(ARM)))
-    assert np.abs(known["elbow"] - acting["elbow"]).max() > 0.1
+    assert np.abs(known["elbow"] - moved()["elbow"][:21]).max() > 0.1
     run = Run("dynamics", T[:21], ("shoulder", "elbow"), settings={"timestep": 1e-4})
     for simulate in (in_mujoco, in_pymunk):
         found = simulate(file, run).channels
@@ -173,8 +178,7 @@ def test_a_range_of_forces_is_for_the_reference_and_mujoco(tmp_path: Path):
 
 def test_a_wrong_gain_in_the_engine_turns_the_verdict(tmp_path: Path):
     """A thousandth of the gain: more than the case allows."""
-    known = planar.solve(T, model=mujoco.MjModel.from_xml_path(str(ARM)))
-    file = tmp_path / "arm.xml"
+    known, file = moved(), tmp_path / "arm.xml"
     file.write_text(ARM.read_text(encoding="utf-8").replace('kp="120"', 'kp="120.12"'))
     found = in_mujoco(file, Run("dynamics", T, ("shoulder",))).channels
     assert np.abs(found["shoulder"] - known["shoulder"]).max() > 1e-4 * np.ptp(known["shoulder"])

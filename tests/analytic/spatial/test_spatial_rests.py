@@ -106,13 +106,14 @@ def test_a_load_that_changes_moves_the_rest(tmp_path):
     def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return 0.5 * t**2, t, np.ones_like(t)
 
-    size, rate, _ = law(ANGLES)
-    known = rests(file, controls={"pull": size}, control_rates={"pull": rate})
+    angles = ANGLES[:13]
+    size, rate, _ = law(angles)
+    known = rests(file, angles, controls={"pull": size}, control_rates={"pull": rate})
     names = ("hinge", "hinge_rate", "velocity.x", "velocity.z", "moment")
     load = (ChangingLoad("pull", law),)
-    run = Run("sweep", ANGLES, names, (Drive("arm", bar),), loads=load)
+    run = Run("sweep", angles, names, (Drive("arm", bar),), loads=load)
     found = in_mujoco(file, run).channels
-    assert np.abs(known["hinge_rate"] - rests(file)["hinge_rate"]).max() > 0.02
+    assert np.abs(known["hinge_rate"] - rests(file, angles)["hinge_rate"]).max() > 0.02
     for name in names:
         assert np.abs(found[name] - known[name]).max() < 1e-9
 
@@ -120,8 +121,11 @@ def test_a_load_that_changes_moves_the_rest(tmp_path):
 @pytest.mark.parametrize("ranges", [(), ('limited="true" range="-1 .1"',)])
 def test_in_a_plane_they_are_those_of_the_planar_reference(tmp_path, ranges):
     model = mujoco.MjModel.from_xml_path(str(limbs(tmp_path, *ranges)))
-    one, two = (part.solve(ANGLES, model=model, joints=("bar",)) for part in (planar, spatial))
-    assert (np.isclose(one["two"], 0.1).any()) == bool(ranges)
+    angles = ANGLES[20::2]  # the stop is met on the way
+    one, two = (part.solve(angles, model=model, joints=("bar",)) for part in (planar, spatial))
+    on = np.isclose(one["two"], 0.1)
+    assert on.any() == bool(ranges)
+    assert not on.all()
     for name in ("two", "three", "two_rate", "three_rate", "end.x", "velocity.y", "moment"):
         np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-11)
 
@@ -130,8 +134,9 @@ def test_rows_that_repeat_what_others_hold_are_no_hindrance():
     """A `connect` of a planar linkage holds the plane's normal twice; a load that changes."""
     case = load_case(shipped("finger.toml"))
     run, model = plan(case, "sweep", "mujoco"), compiled(case)
-    state = tuple(part[0] for part in run.motion(run.x))
-    controls, rates = ({"contact": part[0]} for part in run.controls(run.x))
+    x = run.x[::4]
+    state = tuple(part[0] for part in run.motion(x))
+    controls, rates = ({"contact": part[0]} for part in run.controls(x))
     given = {"model": model, "joints": ("driver",), "controls": controls, "control_rates": rates}
     one, two = (part.solve(*state, **given) for part in (planar, spatial))
     for name in case.channels:
@@ -140,7 +145,7 @@ def test_rows_that_repeat_what_others_hold_are_no_hindrance():
 
 def test_random_chains_are_those_of_the_planar_reference():
     """Slack springs, ranges and loads; both end where the rest becomes unstable."""
-    x, ended = np.linspace(0.0, 3.0, 13), 0
+    x, ended = np.linspace(0.0, 1.5, 7), 0
     for seed in (2, 3, 129):
         model, told = mujoco.MjModel.from_xml_string(chain(seed)), []
         for part in (planar, spatial):
@@ -195,12 +200,15 @@ def test_the_wrist_yields_about_its_compliance_centre():
 
 
 @pytest.mark.parametrize(
-    ("name", "how"),
-    [("compliant_wrist", "at rest beside the drives"), ("tower_crane", "integrated with DOP853")],
+    ("name", "long", "short", "how"),
+    [
+        ("compliant_wrist", "n = 361", "n = 9", "at rest beside the drives"),
+        ("tower_crane", r"until = 30\.0", "until = 3.0", "integrated with DOP853"),
+    ],
 )
-def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, how):
+def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, long, short, how, edit):
     """Facts are those of the path or motion that the channels came from."""
-    case = load_case(shipped(f"{name}.toml"))
+    case = load_case(edit(f"{name}.toml", long, short, 1))
     (kind,) = case.run
     run = plan(case, kind, "mujoco")
     evaluate(case, kind, run.x, run.motion(run.x))
@@ -212,7 +220,7 @@ def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, how):
 
 def test_what_is_not_covered_is_named(tmp_path):
     with pytest.raises(NotCovered, match="a path of rests has no inertia"):
-        rests(arm(tmp_path), inertia=True)
+        rests(arm(tmp_path), ANGLES[:2], inertia=True)
     text = ARM.format(hinge="", slide="", pull=0.0).replace('stiffness="200"', "")
     model = mujoco.MjModel.from_xml_string(text.replace('stiffness="12"', ""))
     model.opt.gravity[:] = 0.0
@@ -351,7 +359,7 @@ def test_a_spatial_motion_beside_a_drive_is_what_mujoco_comes_to(tmp_path):
 SIDECAR = """title = "Arm"
 source = "of the tests"
 reference = "spatial"
-drive = { joint = "arm", from = 0.0, to = 3.0, rate = 1.0 }
+drive = { joint = "arm", from = 0.0, to = 1.0, rate = 1.0 }
 run.sweep = { n = 16, solvers = ["mujoco"] }
 run.dynamics = { solvers = ["mujoco"], n = 11 }
 [channels]
@@ -371,7 +379,7 @@ def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
         for name in ("hinge", "hinge_rate")
     ]
     assert shares == [1e-12, 1e-10]  # with differences of forces in it
-    found = check([tmp_path], detectable=False).comparisons
+    found = check([tmp_path], jobs=1, detectable=False).comparisons
     outcomes = {(c.run, c.channel): c.outcome for c in found}
     assert [outcomes["sweep", name] for name in ("moment", "hinge", "hinge_rate")] == ["agrees"] * 3
     assert outcomes["sweep", "acceleration.x"] == "unsupported"
