@@ -207,7 +207,7 @@ def test_the_wrist_yields_about_its_compliance_centre():
     ],
 )
 def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, long, short, how, edit):
-    """Facts are those of the path or motion that the channels came from."""
+    """Properties are those of the path or motion that the channels came from."""
     case = load_case(edit(f"{name}.toml", long, short, 1))
     (kind,) = case.run
     run = plan(case, kind, "mujoco")
