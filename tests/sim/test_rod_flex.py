@@ -43,10 +43,10 @@ def rest(file, *rods, channels=SHAPE, samples=2, kind="equilibrium", drives=(), 
     ],
 )
 def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
-    """Errors of the tip from 8, 16 and 24 edges, and the limit that the last two point to."""
+    """Errors of the tip from 12, 20 and 28 edges, and the limit that the last two point to."""
     truth = np.array([1.0 - row["u"], row["w"]])
     file = model(tmp_path, actuators=pull("r.tip", 0, row["alpha"]), ctrl="1")
-    rods = [cantilever(n) for n in (8, 16, 24)]
+    rods = [cantilever(n) for n in (12, 20, 28)]
     ends = [rest(file, rod).channels for rod in rods]
     tips = np.array([[found[c][-1] for c in SHAPE[:2]] for found in ends])
     h = np.array([points(rod).lengths[-1] for rod in rods])
