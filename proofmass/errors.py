@@ -43,6 +43,7 @@ RENAMED = {
     "beside": "compare_with",
     "wall": "error_floor",
     "prolongation": "rigid_extension",
+    "marks": "events",
     **{f"winding{k}{of}": f"deflection{k}{of}" for k in range(1, 5) for of in ("", "_rate")},
 }
 """Keys of sidecars, parameters and quantities of references by their former names."""

@@ -23,7 +23,7 @@ from proofmass.units import si_unit
 from proofmass.wording import format_solver, number, pretty
 
 WIDTH = 80
-FORCES = ("N", "N m", "J")
+FORCES_AND_ENERGIES = ("N", "N m", "J")
 """Units of channels that inertia and damping act on in a prescribed motion."""
 ACTS_IN_MOTION = ("inertia", "armature", "damping")
 LOADS = ("mass", "centre of mass", "gravity", "stiffness", "load", "rest angle", "spring length")
@@ -238,16 +238,16 @@ def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ())
     if found.reads_model and kind not in SOFTNESS:
         return "the reference reads them from the model as well"
     moving = [one for one in found.runs if one.run == "dynamics" and one.checked]
-    forces = {
+    with_forces = {
         one.run
         for one in found.runs
         for unit in one.units
-        if one.checked and si_unit(unit or "1")[0] in FORCES
+        if one.checked and si_unit(unit or "1")[0] in FORCES_AND_ENERGIES
     }
     if kind in ACTS_IN_MOTION:
         if not moving:
             return "all runs that are checked are at rest, where nothing of it acts"
-        if case.drive and "dynamics" not in forces:
+        if case.drive and "dynamics" not in with_forces:
             return (
                 "nothing of it acts at rest; in dynamics the drives prescribe the motion, and no "
                 "moment, force or energy is checked"
@@ -257,7 +257,7 @@ def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ())
     weightless = not any(one.value for one in found.numbers if one.kind == "gravity")
     if kind in ("mass", "centre of mass") and weightless and not moving:
         return "there is no gravity, and all runs that are checked are at rest"
-    if kind in LOADS and case.drive and not forces and not case.rod:
+    if kind in LOADS and case.drive and not with_forces and not case.rod:
         return "the drives prescribe the motion, and no moment, force or energy is checked"
     if kind in SOFTNESS:
         held = "a run at rest closes them to rounding"

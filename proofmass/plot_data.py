@@ -141,10 +141,15 @@ def marks(case: Case, view: View) -> dict[str, float]:
     if not isinstance(view.marks, str):
         return dict(view.marks)
     key = place(case, view, "marks")
-    tell = getattr(module_of(case), view.marks, None)
+    truth = module_of(case)
+    tell = getattr(truth, view.marks, None)
     if not callable(tell):
+        there = [name for name in getattr(truth, "__all__", dir(truth)) if tells(truth, name)]
         raise InputError(
-            case.file, key, f"reference {case.reference} has no function {view.marks!r}"
+            case.file,
+            key,
+            f"reference {case.reference} has no function {view.marks!r}; "
+            f"{suggest(view.marks, there)}",
         )
     if case.leader is None or view.x != case.leader.joint:
         raise InputError(
@@ -157,6 +162,12 @@ def marks(case: Case, view: View) -> dict[str, float]:
         return {word: float(x) for word, x in tell(**case.parameters).items()}
     except (TypeError, ValueError) as error:
         raise InputError(case.file, key, str(error)) from None
+
+
+def tells(truth: object, name: str) -> bool:
+    """Whether a function of a reference's module tells places by words."""
+    annotations = getattr(getattr(truth, name), "__annotations__", {})
+    return bool(annotations.get("return") == dict[str, float])
 
 
 def check_views(case: Case, run: str, curves: Curves) -> None:

@@ -42,28 +42,23 @@ def forking() -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True)
 
 
-def run_program(file: Path, *args: str) -> CompletedProcess[str]:
+def run_alone(file: Path, *args: str) -> CompletedProcess[str]:
     """Run a program to its end in its own folder, and keep what it prints."""
-    folder = file.parent
-    if hasattr(os, "fork"):
-        process = forking()
-        assert process.stdin is not None
-        assert process.stdout is not None
-        print(
-            json.dumps([str(folder), [file.name, *args], STREAMS]), file=process.stdin, flush=True
-        )
-        code = int(process.stdout.readline())
-        printed, errors = ((folder / name).read_text(encoding="utf-8") for name in STREAMS[1:])
-        return CompletedProcess([file.name, *args], code, printed, errors)
-    command = [sys.executable, "-I", file.name, *args]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    folder, process = file.parent, forking()
+    assert process.stdin is not None
+    assert process.stdout is not None
+    asked = json.dumps([str(folder), [file.name, *args], STREAMS])
+    print(asked, file=process.stdin, flush=True)
+    code = int(process.stdout.readline())
+    printed, errors = ((folder / name).read_text(encoding="utf-8") for name in STREAMS[1:])
+    return CompletedProcess([file.name, *args], code, printed, errors)
 
 
 def program_curves(text: str, folder: Path) -> dict[str, Array]:
     """The columns that a program writes in a folder, where it runs without a complaint."""
     file = folder / "run.py"
     file.write_text(text, encoding="utf-8")
-    done = run_program(file)
+    done = run_alone(file)
     assert (done.returncode, done.stderr) == (0, "")
     with (folder / "curves.csv").open(newline="", encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)

@@ -196,6 +196,24 @@ DRIVES = {
         '[[drive]]\\1\n[[drive]]\njoint = "theta1"',
         ["drive", "'theta1' needs profile = [value, rate, acceleration]"],
     ),
+    "former name of a function": (
+        "balancer_sine.toml",
+        'marks = "events"',
+        'marks = "marks"',
+        ["view.0.marks", "'marks' is called 'events' now; there are: events"],
+    ),
+    "former name of a quantity": (
+        "balancer_sine.toml",
+        'equals = "deflection1"',
+        'equals = "winding1"',
+        ["channels.deflection1.equals", "'winding1' is called 'deflection1' now"],
+    ),
+    "former name of a parameter": (
+        "rfr3.toml",
+        r"\[parameters\]\n",
+        "[parameters]\nprolongation = 0.1\n",
+        ["parameters", "'prolongation' is called 'rigid_extension' now"],
+    ),
     "no such law": (
         "fivebar_circle.toml",
         r'profile = "circle"',

@@ -16,7 +16,7 @@ from benchmarks.choose import ASKED, Asked
 from examples.chosen import truths
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
-from tests.programs import run_program
+from tests.programs import run_alone
 from tests.shipped import shipped
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "chosen"
@@ -46,7 +46,7 @@ def head(name: str) -> tuple[str, str, float, float]:
 def run(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a program that writes its curves to `out.csv`."""
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return run_program(folder / "run.py", "out.csv")
+    return run_alone(folder / "run.py", "out.csv")
 
 
 def test_every_program_has_its_command() -> None:

@@ -62,7 +62,7 @@ class OverviewRow:
         return [cell for cell in self.cells if cell and cell.dot is not None]
 
     @property
-    def format_drawing(self) -> str:
+    def description(self) -> str:
         """The drawing in words."""
         parts = [
             f"{cell.solver} {cell.text}" + (f", {cell.note}" if cell.tick is not None else "")

@@ -266,7 +266,7 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
     return words
 
 
-FORCES = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
+FORCES_AND_ENERGIES = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
 
 
 def kind_of(unit: str) -> str:
@@ -276,7 +276,7 @@ def kind_of(unit: str) -> str:
     ('velocity', 'moment', 'other')
     """
     own = si_unit(unit)[0]
-    kinds = {**KINDS, **FORCES}
+    kinds = {**KINDS, **FORCES_AND_ENERGIES}
     return next((kind for kind, units in kinds.items() if own in units), "other")
 
 
@@ -291,7 +291,7 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     told: dict[str, list[str]] = {}
     for run, words_of in RUNS.items():
         own = [c for c in judged or rows if c.run == run]
-        for kind in (*KINDS, *FORCES, "other"):
+        for kind in (*KINDS, *FORCES_AND_ENERGIES, "other"):
             if here := [c.relative_to_range for c in own if kind_of(c.unit) == kind]:
                 told.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{words_of.where}")
                 break

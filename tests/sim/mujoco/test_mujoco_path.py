@@ -73,9 +73,8 @@ def test_poses_together_are_those_one_by_one(name, blocks):
     found = swept(name)
     assert all(blocks) == CASES[name]
     assert found.stopped == followed(name).stopped
-    assert (
-        far_apart(found, followed(name)) < 1e-11
-    )  # rounding, by the worst transmission on the way
+    # rounding, by the worst transmission on the way
+    assert far_apart(found, followed(name)) < 1e-11
 
 
 SLOWER = {

@@ -13,7 +13,7 @@ from proofmass.engines import engine_of
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.contacts import creep_rate
 from proofmass.studies.trade.creep import MARGIN, hold
-from tests.programs import run_program
+from tests.programs import run_alone
 from tests.shipped import shipped
 
 STICKS = shipped("block_sticks.toml")
@@ -63,7 +63,7 @@ def test_the_program_that_is_written_creeps_as_it_says(tmp_path):
     program = tmp_path / "run.py"
     answer = run(STICKS, "--creep", 1e-6, "-o", program)
     assert answer.exit_code == 0
-    assert run_program(program).returncode == 0
+    assert run_alone(program).returncode == 0
     rows = np.genfromtxt(tmp_path / "curves.csv", delimiter=",", names=True)
     late = rows[rows[rows.dtype.names[0]] >= 0.9 - 1e-9]
     rate = abs(late["position"][-1] - late["position"][0]) / 0.1

@@ -34,7 +34,7 @@ from proofmass.sim.protocol import (
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from proofmass.units import FORCES
-from tests.programs import run_program
+from tests.programs import run_alone
 from tests.shipped import loaded, models_like, shipped
 from tests.studies.trade.driven import driven
 
@@ -73,7 +73,7 @@ def started(folder: Path, text: str) -> CompletedProcess[str]:
     """Run a program in a new folder."""
     folder.mkdir()
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return run_program(folder / "run.py")
+    return run_alone(folder / "run.py")
 
 
 def ran(folder: Path, text: str) -> Ran:
