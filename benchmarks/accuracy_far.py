@@ -3,10 +3,8 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
-from proofmass.studies.stress.figure import NEAR
-from proofmass.studies.stress.page import THEORY, subject
-from proofmass.studies.stress.stress import read_boundaries
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, read_boundaries
+from proofmass.studies.stress.page import NEAR, THEORY, subject
 from proofmass.wording import format_solver, number
 
 FAR = """

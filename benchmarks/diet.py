@@ -14,10 +14,8 @@ from matplotlib import rc_context
 from benchmarks import ROOT, command, folders
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.studies.diet.command import finish
-from proofmass.studies.diet.diet import ROUNDS, DietSearch, DietStore
-from proofmass.studies.diet.figure import LOOKS, diet_sheet
-from proofmass.studies.diet.page import write_diet
+from proofmass.studies.diet.diet import ROUNDS, DietSearch, DietStore, finish
+from proofmass.studies.diet.page import LOOKS, diet_sheet, write_diet
 from proofmass.studies.diet.scene import scene_of
 from proofmass.studies.diet.table import SAID, WHOLE, Entry, ranked, read_entries, sentences
 from proofmass.studies.measure import machine

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from benchmarks import command
 from proofmass.analytic.linkages import hacksaw
-from proofmass.analytic.linkages.hacksaw import newton
 from proofmass.analytic.linkages.natural_coordinates import EXAMPLES, assemble, sweep
 from proofmass.analytic.newton_raphson import newton_raphson
 
@@ -136,7 +135,7 @@ def linkages(poses: int) -> list[str]:
 
 def whole_blocks(law: tuple[Array, ...]) -> dict[str, Array]:
     """The sequential sweep of a program that evaluates all nine equations for three of them."""
-    x, count = np.array(newton.SWEEP_GUESS), []
+    x, count = np.array(hacksaw.SWEEP_GUESS), []
     for pose in np.transpose(law):
         solved = 0
         for first in (0, 3, 6):
@@ -144,7 +143,7 @@ def whole_blocks(law: tuple[Array, ...]) -> dict[str, Array]:
 
             def block(q: Array, pose: Array = pose, part: slice = part) -> tuple[Array, Array]:
                 x[part] = q
-                gap, slope = newton.system(x, pose, *LINK.values())
+                gap, slope = hacksaw.newton_system(x, pose, *LINK.values())
                 return gap[part], slope[part, part]
 
             log = newton_raphson(block, x[part], tolerance=1e-6, most=50)
@@ -194,7 +193,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, default=None)
     given = parser.parse_args(argv)
     poses, rounds = (50, 1) if given.quick else (POSES, ROUNDS)
-    rest, guess = (0.0, 0.0, 0.0), newton.FIRST_GUESS
+    rest, guess = (0.0, 0.0, 0.0), hacksaw.FIRST_GUESS
     _, (position, rate, _) = hacksaw.newton_pose(rest, guess, **LINK, simultaneous=False)
     _, (whole,) = hacksaw.newton_pose(rest, guess, **LINK)
     linkage, start = EXAMPLES["slider-crank"]

@@ -22,13 +22,12 @@ from proofmass.report.style import RC
 from proofmass.sidecar import load_case
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
-from proofmass.studies.stress.command import reached
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.stress.extremes import extremes
-from proofmass.studies.stress.figure import NEAR, stress_sheet
 from proofmass.studies.stress.limit_search import LimitSearch
+from proofmass.studies.stress.page import NEAR, stress_sheet
 from proofmass.studies.stress.problems import list_problems
-from proofmass.studies.stress.stress import cache_trials, stress, write_boundaries
+from proofmass.studies.stress.stress import cache_trials, reached, stress
 from proofmass.wording import number
 
 CASES = (

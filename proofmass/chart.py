@@ -82,10 +82,11 @@ def drawers(case: Case) -> dict[str, Callable[..., Chart]]:
     truth = module_of(case)
     if isinstance(truth, Recorded):
         return {}
+    own = getattr(truth, "__all__", dir(truth))
     return {
         name: f
         for name, f in inspect.getmembers(truth, inspect.isfunction)
-        if inspect.signature(f).return_annotation is Chart
+        if name in own and inspect.signature(f).return_annotation is Chart
     }
 
 

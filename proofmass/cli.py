@@ -323,7 +323,7 @@ def schema_command(
 ) -> None:
     """Print the JSON Schema of a sidecar, with which editors complete and check its keys."""
     from proofmass.files import write_whole
-    from proofmass.new import as_json_text
+    from proofmass.schema import as_json_text
 
     if output is None:
         print(as_json_text(), end="")
@@ -575,7 +575,7 @@ def diet_command(
     or the distance to the fine solution, allows it. What was tried is kept: a diet that was stopped
     goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
-    from proofmass.studies.diet.command import run_diet
+    from proofmass.studies.diet.diet import run_diet
 
     run_diet(model, output, seconds, watch, error, keep_options, blind, jobs, dask)
 
@@ -690,7 +690,7 @@ def stress_command(
     the limits that theory knows beside the measured ones. Every run is kept: a study that was
     stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
     """
-    from proofmass.studies.stress.command import run_stress
+    from proofmass.studies.stress.stress import run_stress
 
     run_stress(paths, output, jobs, dask, only)
 

@@ -5,13 +5,12 @@ general planar solver, which follows the model: bars and pins can be changed wit
 the sidecar.
 """
 
-import json
 import re
 from pathlib import Path
 
 from proofmass.errors import InputError
 from proofmass.files import write_whole
-from proofmass.schema import sidecar_schema
+from proofmass.schema import as_json_text
 
 NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 SCHEMA = "proofmass.schema.json"
@@ -135,8 +134,3 @@ def write_new(name: str, folder: Path) -> list[Path]:
     for file, text in texts.items():
         write_whole(file, text)
     return list(texts)
-
-
-def as_json_text() -> str:
-    """The text of the schema."""
-    return json.dumps(sidecar_schema(), indent=1) + "\n"

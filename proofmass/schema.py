@@ -10,6 +10,7 @@ The schema is weaker than `proofmass.sidecar.load_case`: it knows keys and types
 together, nor the names that stand in a model.
 """
 
+import json
 from typing import Any
 
 from proofmass.case import Case
@@ -20,6 +21,11 @@ FILLED = {"Channel": ("equals", "unit"), "RunTable": ("solvers",)}
 """Keys that a case has, and a sidecar may leave to `proofmass.sidecar.fill_defaults`."""
 REQUIRED = ["title", "source", "reference"]
 JsonObject = dict[str, Any]
+
+
+def as_json_text() -> str:
+    """The text of the schema."""
+    return json.dumps(sidecar_schema(), indent=1) + "\n"
 
 
 def sidecar_schema() -> JsonObject:

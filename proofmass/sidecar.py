@@ -298,7 +298,7 @@ def as_toml(case: Case, every: bool = True) -> str:
     Parameters
     ----------
     case : Case
-        From `proofmass.case.load_case`.
+        From `proofmass.sidecar.load_case`.
     every : bool
         Whether keys stand there that change nothing, too, such as ``scale = 1.0``.
     """

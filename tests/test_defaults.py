@@ -13,8 +13,8 @@ from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report import case_page, drawing, pages, write_report
 from proofmass.sidecar import as_toml, fill_runs, load_case, match_quantity
-from proofmass.sim.mujoco.default_tolerances import ACCURACY as MUJOCO
-from proofmass.sim.pymunk.default_tolerances import ACCURACY as PYMUNK
+from proofmass.sim.mujoco.settings import ACCURACY as MUJOCO
+from proofmass.sim.pymunk.settings import ACCURACY as PYMUNK
 from proofmass.terminal import failures
 from tests.shipped import each_case, loaded, shipped
 

@@ -21,7 +21,7 @@ from proofmass.report.style import looks
 from proofmass.studies.record import read_table
 from proofmass.studies.store import versions
 from proofmass.studies.stress import problems
-from proofmass.studies.stress.stress import read_boundaries
+from proofmass.studies.stress.boundary import read_boundaries
 from proofmass.studies.trade import varied
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.wording import format_solver

@@ -23,7 +23,7 @@ from proofmass.studies.diet import scene
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import key_of
-from proofmass.studies.stress import near_singular
+from proofmass.studies.stress import extremes
 from proofmass.studies.stress.extremes import energies
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.studies.trade.verify import verify
@@ -91,8 +91,8 @@ def test_a_choice_is_verified_in_workers(name, models, edit, here):
 def test_changed_models_are_compiled_and_followed_in_workers(models, here, stressed, tmp_path):
     fourbar: StressedCase = stressed("fourbar", kind="sweep")
     assert fourbar.find_failure(variants.larger(fourbar.case, fourbar.models, 2.0)) is None
-    links = near_singular.last_link(fourbar.case)
-    assert near_singular.unclosed(fourbar.case, links, "sweep", tmp_path, 1.01) is None
+    links = extremes.last_link(fourbar.case)
+    assert extremes.unclosed(fourbar.case, links, "sweep", tmp_path, 1.01) is None
     assert evaluate_run(with_way(fourbar.case, 1.0), "sweep").x.size == 361
     assert list(energies(stressed("fourbar_released")))
     names = {Path(file).parent for file in here}

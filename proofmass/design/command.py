@@ -13,9 +13,8 @@ from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
 from proofmass.check import check
 from proofmass.command import answering, errors
-from proofmass.design.clock_spring import read_strips
 from proofmass.design.search import Effort, SavedSearch
-from proofmass.design.selection import CATALOGUE, described, read_catalogue
+from proofmass.design.springs import CATALOGUE, described, read_catalogue, read_strips
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
 from proofmass.files import write_whole

@@ -12,8 +12,8 @@ from proofmass.analytic.balancer.measures import precision_points, rmse, work_re
 from proofmass.check import Result
 from proofmass.cli import design as app
 from proofmass.design import command
-from proofmass.design.clock_spring import HEADER, read_strips, stiffness
 from proofmass.design.search import Effort, SavedSearch
+from proofmass.design.springs import STRIP_HEADER, read_strips, stiffness
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
@@ -138,7 +138,7 @@ def test_bad_input_is_one_line(tmp_path, options, words):
 def test_clock_springs_of_a_design(tmp_path):
     """Each has the stiffness of its joint; what no strip can be is told with the reason."""
     strips = tmp_path / "strips.csv"
-    strips.write_text(",".join(HEADER) + "\nthick,20,2,300,4000,206,1400\n")
+    strips.write_text(",".join(STRIP_HEADER) + "\nthick,20,2,300,4000,206,1400\n")
     answer = run("--free-angle", "--strips", strips, "--moment", 5, "-o", tmp_path / "out")
     assert answer.exit_code == 0, answer.output
     design = json.loads((tmp_path / "out" / "design.json").read_text())

@@ -152,3 +152,10 @@ def test_a_wrong_parameter_is_told_on_the_page_without_folders(stub: Path, tmp_p
 def test_a_case_without_charts_has_no_section(tmp_path: Path) -> None:
     page = write_report(Result(cases=[case_of("pendulum")]), tmp_path).with_name("pendulum.html")
     assert "Charts: " not in page.read_text("utf-8")
+
+
+def test_a_chart_that_a_reference_only_imports_is_none_of_its_own() -> None:
+    table = ChartTable(title="t", draw="course")
+    case = load_case(shipped("hacksaw.toml"))
+    with pytest.raises(InputError, match="has no chart 'course'; there are: newton_convergence, "):
+        check_charts(case.model_copy(update={"chart": (table,)}))

@@ -12,12 +12,11 @@ from markupsafe import Markup
 
 from proofmass.check import Result
 from proofmass.outcome import Outcome
-from proofmass.report import curves_files, index_page
-from proofmass.report.cells import cell_of, place
-from proofmass.report.curves_files import files_of, note_on, table_of, write_curves
+from proofmass.report import index_page, pages
 from proofmass.report.data import Shown
 from proofmass.report.drawing import moving as moved
-from proofmass.report.index_page import columns_of, row_of
+from proofmass.report.index_page import cell_of, columns_of, place, row_of
+from proofmass.report.pages import files_of, note_on, table_of, write_curves
 from proofmass.report.record import History, continued
 from proofmass.report.study import ShownStudy
 from proofmass.report.thumbnail import (
@@ -326,10 +325,10 @@ def test_links_lead_to_the_files_that_are_there(tmp_path: Path):
 
 
 def test_the_page_says_how_to_get_what_is_not_written(monkeypatch):
-    monkeypatch.setattr(curves_files, "find_spec", lambda name: None)
+    monkeypatch.setattr(pages, "find_spec", lambda name: None)
     assert "--data" in note_on(data=False)
     assert "proofmass[parquet]" in note_on(data=True)
-    monkeypatch.setattr(curves_files, "find_spec", lambda name: name)
+    monkeypatch.setattr(pages, "find_spec", lambda name: name)
     assert note_on(data=True) == ""
     assert "a note of that kind" in index_text(whole_result(), note="a note of that kind")
 

@@ -8,10 +8,9 @@ import pytest
 
 from proofmass.analytic.numerics import TURN
 from proofmass.case import Case
-from proofmass.report import jumps
-from proofmass.report.data import shown
+from proofmass.report import data
+from proofmass.report.data import Jumps, of_reference, of_solver, shown
 from proofmass.report.figures import draw, every
-from proofmass.report.jumps import Jumps, of_reference, of_solver
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from tests.report.whole import whole_result
@@ -42,7 +41,7 @@ def reference(
     def curves(x: np.ndarray) -> Curves:
         return Curves(x, {channel: np.asarray(LAWS[law](x * 40.0))})
 
-    monkeypatch.setattr(jumps, "evaluate", lambda case, kind, x, state: curves(x))
+    monkeypatch.setattr(data, "evaluate", lambda case, kind, x, state: curves(x))
     return of_reference(case, kind, curves(X), curves(X))  # type: ignore[arg-type]
 
 
@@ -60,7 +59,7 @@ def test_a_jump_stays_one_between_finer_samples(
     law: str, channel: str, found: Jumps, fourbar: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     curve = LAWS[law](np.arange(41.0))
-    assert jumps.suspects(curve, float(np.ptp(curve)) or 1.0) == [20]
+    assert data.suspects(curve, float(np.ptp(curve)) or 1.0) == [20]
     assert reference(monkeypatch, fourbar, channel, law) == found
 
 

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report.style import RC
-from proofmass.studies.diet.figure import SMALL, diet_sheet
-from proofmass.studies.diet.page import write_diet
+from proofmass.studies.diet.page import SMALL, diet_sheet, write_diet
 from proofmass.studies.diet.table import (
     OPTION,
     SAID,
@@ -24,8 +23,7 @@ from proofmass.studies.diet.table import (
 )
 from proofmass.studies.diet.trial import Cost
 from proofmass.studies.pages import write_study_pages
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
-from proofmass.studies.stress.stress import write_boundaries
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.trade.trade import Trade, write_study
 from tests.shipped import with_brief_pendulum
 from tests.studies.trade.trade_rows import study

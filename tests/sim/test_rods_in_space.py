@@ -12,7 +12,7 @@ from proofmass.analytic.rods.spatial_rod import solve
 from proofmass.check import check
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.engine import ENGINE
-from proofmass.sim.mujoco.program_rods import write_rods
+from proofmass.sim.mujoco.program import write_rods
 from proofmass.sim.protocol import BadModel, BadRod, Rod, Run
 from proofmass.sim.rods import Chain, chain
 from tests.shipped import shipped

@@ -13,9 +13,8 @@ from proofmass.studies.diet.table import WHOLE, Entry, write_entries
 from proofmass.studies.diet.trial import Cost
 from proofmass.studies.record import StudyRow
 from proofmass.studies.stress import page as stress_page
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.stress.page import write_stress
-from proofmass.studies.stress.stress import write_boundaries
 from proofmass.studies.trade import page as trade_page
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study

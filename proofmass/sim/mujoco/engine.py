@@ -10,8 +10,7 @@ import mujoco
 
 from proofmass.sim.mjcf import compile_model, read_tree, refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
-from proofmass.sim.mujoco import scans, stability
-from proofmass.sim.mujoco.default_tolerances import ACCURACY
+from proofmass.sim.mujoco import scans
 from proofmass.sim.mujoco.dynamics import dynamics, passive
 from proofmass.sim.mujoco.model import load, loop_gap
 from proofmass.sim.mujoco.own_motion import solve_closely, solve_own_motion
@@ -19,6 +18,7 @@ from proofmass.sim.mujoco.program import IMPOSED as IMPOSED
 from proofmass.sim.mujoco.program import write_program as write_program
 from proofmass.sim.mujoco.quasi_static import equilibrium, sweep
 from proofmass.sim.mujoco.settings import (
+    ACCURACY,
     ENGINE_DEFAULTS,
     PLACES,
     SOFTNESS,
@@ -221,7 +221,7 @@ class Mujoco(Engine):
     settings = MujocoSettings
     native = True
     imposed = IMPOSED
-    schemes = stability.SCHEMES
+    schemes = scans.SCHEMES
     labels = scans.LABELS
     sizes = scans.SIZES
     accuracy = ACCURACY
@@ -304,11 +304,11 @@ class Mujoco(Engine):
 
     def scheme_of(self, parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
         """The scheme of the integrator."""
-        return stability.scheme_of(parameters, model)
+        return scans.scheme_of(parameters, model)
 
     def limit_problems(self) -> Iterator[LimitProblem]:
-        """See `proofmass.sim.mujoco.stability.limit_problems`."""
-        return stability.limit_problems()
+        """See `proofmass.sim.mujoco.scans.limit_problems`."""
+        return scans.limit_problems()
 
 
 ENGINE = Mujoco()

@@ -15,14 +15,13 @@ from proofmass.sim.protocol import (
     Studied,
     left_to_sidecar,
 )
-from proofmass.sim.pymunk import scans, stability
-from proofmass.sim.pymunk.default_tolerances import ACCURACY
+from proofmass.sim.pymunk import scans
 from proofmass.sim.pymunk.dynamics import SURE, dynamics
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
 from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
-from proofmass.sim.pymunk.settings import PymunkSettings
+from proofmass.sim.pymunk.settings import ACCURACY, PymunkSettings
 
 SPACE = ("timestep", "iterations", "error_bias")
 CONTACTS = ("collision_slop", "collision_bias")
@@ -121,7 +120,7 @@ class Pymunk(Engine):
     chooses = (*SPACE, *CONTACTS)
     planar = True
     imposed = IMPOSED
-    schemes = stability.SCHEMES
+    schemes = scans.SCHEMES
     labels = scans.LABELS
     sizes = scans.SIZES
     accuracy = ACCURACY

@@ -8,6 +8,9 @@ With the step h and the derivative j of the place:
                                     by T, which brakes what is let go: energy falls by h T^2 t
     contacts                        h at an impact, which is a step late; h^2 while one lasts
     dampers, servos with a rate     h: they take the rate from before the step
+
+Chipmunk steps a spring and a damper stably for z^2 up to 2 (1 + exp(2 zeta z)), with z = h omega
+and the damping ratio zeta.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,6 +20,7 @@ from typing import Any
 import numpy as np
 from mujoco import MjModel
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import follows_joint, may_touch
 from proofmass.sim.protocol import (
     STEP,
@@ -25,6 +29,7 @@ from proofmass.sim.protocol import (
     Perturbation,
     Recipe,
     Scan,
+    Scheme,
     Studied,
     leading,
     scan_over,
@@ -142,3 +147,29 @@ def left_after(share: float, step: float) -> float:
     (4.317124741065786e-05, 2.2250738585072014e-308)
     """
     return float(max((1.0 - share) ** (1.0 / step), np.finfo(float).tiny))
+
+
+def chipmunk(z: float, zeta: float) -> Array:
+    """The old velocity moves the position; then the spring acts, and the damper, exactly."""
+    left = np.exp(-2.0 * zeta * z)
+    return np.array([[1.0, 1.0], [-left * z**2, left * (1.0 - z**2)]])
+
+
+ONE = (0.0,)
+SCHEMES = (
+    Scheme(
+        "pymunk",
+        chipmunk,
+        "z² = 2 (1 + exp 2ζz)",
+        half_kick=True,
+        tried={
+            "spring": (0.0, 0.1, 0.3),
+            "slide": ONE,
+            "chain": (5,),
+            "pendulum": ONE,
+            "whirl": ONE,
+            "swing": (0.05,),
+            "fade": (0.05,),
+        },
+    ),
+)

@@ -1,12 +1,19 @@
-"""The page of a diet: what each model does not need, what that saves, and each feature as a row."""
+"""The page of a diet: what each model does not need, what that saves, and each feature as a row.
 
-from collections.abc import Mapping, Sequence
+A row of its chart is an edit: what a step and the memory cost with what it takes out or changes,
+and without.  Numbers that are none are None.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from proofmass.errors import InputError
 from proofmass.report.figures import save
@@ -15,11 +22,12 @@ from proofmass.report.page import slug
 from proofmass.report.strip import Strip, place
 from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import FIRST, RC
-from proofmass.studies.diet.figure import LARGE, LOOKS, SMALL, diet_sheet
-from proofmass.studies.diet.page_data import WORDS, mark_of, savings_data
 from proofmass.studies.diet.table import (
     NO_GAIN,
+    OPTION,
+    RANK,
     SAID,
+    SURE,
     WHOLE,
     Entry,
     ranked,
@@ -30,6 +38,17 @@ from proofmass.studies.diet.table import (
 )
 from proofmass.wording import number
 
+ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands above and below
+LEFT_END = -50.0  # % saved: a timing that was disturbed more does not stretch the axis
+LETTERS = 42  # of a feature's name
+SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are told apart
+LOOKS = {
+    "harmless": ("o", FIRST.colour),
+    "drawn": ("o", "white"),
+    NO_GAIN: ("o", "white"),
+    "matters": ("X", "#333333"),
+}
+"""Marker and filling by outcome: what goes, what could, what stays."""
 SCRIPTS = ("axes.js", "rows.js", "savings.js")
 """Of the chart."""
 MUTED = "#333333"
@@ -205,3 +224,195 @@ def cells(entry: Entry, css: Mapping[str, str], most: Mapping[str, float]) -> di
         ),
         "memory_strip": saved_strip(entry, css, memory / most["memory"]),
     }
+
+
+Css = Mapping[str, str]
+WORDS = {
+    "harmless": "it goes",
+    "drawn": "it could go, and is kept for the eye",
+    NO_GAIN: "it could be changed, and saves no time that is measured",
+    "matters": "it stays",
+}
+"""What becomes of a feature, by its outcome."""
+SHAPES = {NO_GAIN: "D"}
+"""Markers other than those of the figure, which has one for two outcomes."""
+LEAST = 1e-3
+"""Share of a cost that an interval is drawn to: an axis of decades has no zero."""
+
+
+def savings_data(parts: Iterable[tuple[str, str, Iterable[Entry]]], css: Css) -> dict[str, Any]:
+    """All that the chart shows.
+
+    Parameters
+    ----------
+    parts : iterable of tuple
+        Name, stem, and entries in the order of their table, whose row k has the id ``STEM-k``.
+    css : mapping of str to str
+        Classes of colours, by outcome.
+    """
+    parts = [(name, stem, list(entries)) for name, stem, entries in parts]
+    rows = [
+        row(entry, stem, f"{stem}-{k}", css)
+        for _, stem, entries in parts
+        for k, entry in enumerate(entries)
+        if entry.costs and entry.outcome in LOOKS
+    ]
+    there = {one["part"] for one in rows}
+    return {
+        "parts": [{"name": name, "stem": stem} for name, stem, _ in parts if stem in there],
+        "rows": rows,
+    }
+
+
+def row(entry: Entry, stem: str, key: str, css: Css) -> dict[str, Any]:
+    """A row of the chart."""
+    before, after = entry.costs
+    path, hollow = mark_of(entry.outcome)
+    return {
+        "part": stem,
+        "id": key,
+        "label": entry.title,
+        "outcome": entry.outcome,
+        "strong": entry.kind == WHOLE,
+        "rank": -1 if entry.kind == WHOLE else RANK[entry.outcome],
+        "css": css[entry.outcome],
+        "mark": path,
+        "hollow": hollow,
+        "seconds": [before.seconds, *times(entry)],
+        "memory": [before.size / 1024, after.size / 1024],
+        "time": saving(entry),
+        "kilobytes": f"{number(entry.saved_memory)} KB",
+        "said": sentence(entry),
+        "edit": entry.edit,
+    }
+
+
+def mark_of(outcome: str) -> tuple[str, bool]:
+    """The marker of an outcome, and whether only its outline is drawn."""
+    marker, filling = LOOKS[outcome]
+    return MARKS[SHAPES.get(outcome, marker)], filling == "white"
+
+
+def times(entry: Entry) -> list[float]:
+    """Time of a step without a feature, and the interval of it [s]; of none the time alone."""
+    before, after = entry.costs
+    if not entry.saved:
+        return [after.seconds]
+    low, middle, high = entry.saved
+    return [before.seconds * max(1 - share, LEAST) for share in (middle, high, low)]
+
+
+def format_time(seconds: float) -> str:
+    """A time of a step in words.
+
+    >>> format_time(1.234e-5), format_time(0.0021)
+    ('12.3 µs', '2.1 ms')
+    """
+    return f"{number(1e6 * seconds)} µs" if seconds < 1e-3 else f"{number(1e3 * seconds)} ms"
+
+
+def sentence(entry: Entry) -> str:
+    """What became of a feature or an option, what it costs, and what its removal changes."""
+    before, after = entry.costs
+    told = f"{entry.outcome.capitalize()}: {WORDS[entry.outcome]}."
+    one, two = ("before", "after") if entry.kind == OPTION else ("with it", "without")
+    own = times(entry)
+    told += f" A step takes {format_time(before.seconds)} {one}, {format_time(own[0])} {two}"
+    if entry.saved:
+        told += f" ({format_time(own[1])} to {format_time(own[2])} with {SURE})"
+    if entry.saved and not entry.measurable:
+        told += ", no change that is measured"
+    told += f". Memory: {number(before.size / 1024)} KB {one}, {number(after.size / 1024)} {two}."
+    run, channel, share = entry.worst
+    if isnan(share):
+        return told
+    if not share:
+        return f"{told} No channel changes."
+    return (
+        f"{told} The largest change is {number(share, 2)} of what is allowed, {channel} in {run}."
+    )
+
+
+def diet_sheet(entries: Sequence[Entry]) -> Figure:
+    """Three columns over the features that the model can be run without: change, time, memory."""
+    height = ROW * max(len(entries), 2) + 2 * HEAD
+    figure = Figure(figsize=(WIDE, height))
+    axes = figure.subplots(1, 3, sharey=True, width_ratios=[1.2, 1, 1])
+    places = np.arange(len(entries), 0, -1.0).tolist()
+    for y, entry in zip(places, entries, strict=True):
+        label(axes[0], entry, y)
+        change(axes[0], entry, y)
+    axes[0].axvline(1.0, color="#333333", linewidth=0.8)
+    axes[0].set_xscale("log")
+    axes[0].set_xlim(SMALL / 3, LARGE * 3)
+    axes[0].set_xticks([SMALL, 1e-5, 1, 1e5, LARGE])
+    axes[0].set_xticklabels(["0", "10⁻⁵", "allowed", "10⁵", "more"], fontsize=6.5)
+    axes[0].set_xlabel("largest change of a channel")
+    axes[0].set_ylim(0.2, len(entries) + 0.8)
+    axes[0].set_yticks([])
+    bars(axes[1], entries, places, lambda entry: 100 * entry.saved_time)
+    for y, entry in zip(places, entries, strict=True):
+        if entry.saved:
+            low, _, high = entry.saved
+            axes[1].plot([100 * low, 100 * high], [y, y], color="#333333", linewidth=0.9)
+    axes[1].set_xlim(left=max(axes[1].get_xlim()[0], LEFT_END))
+    axes[1].set_xlabel("time of a step saved [%]")
+    bars(axes[2], entries, places, lambda entry: entry.saved_memory)
+    axes[2].set_xlabel("memory saved [KB]")
+    figure.subplots_adjust(
+        left=0.36, right=0.97, bottom=0.42 / height, top=1 - 0.12 / height, wspace=0.2
+    )
+    return figure
+
+
+def label(ax: Axes, entry: Entry, y: float) -> None:
+    """What was taken out, left of the columns."""
+    words = entry.title
+    cut = words if len(words) <= LETTERS else f"{words[: LETTERS - 1]}…"
+    ax.annotate(
+        cut,
+        (0, y),
+        xycoords=("axes fraction", "data"),
+        xytext=(-5, 0),
+        fontsize=6.8,
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontweight="bold" if entry.kind == WHOLE else "normal",
+    )
+
+
+def change(ax: Axes, entry: Entry, y: float) -> None:
+    """How far the channels move."""
+    marker, filling = LOOKS[entry.outcome]
+    share = entry.worst[2] if entry.moved else 0.0
+    place = min(max(share, SMALL), LARGE) if share == share else LARGE
+    ax.plot([SMALL / 3, place], [y, y], color="#c4c4c4", linewidth=0.8, zorder=1)
+    ax.plot(
+        place,
+        y,
+        marker=marker,
+        markersize=5,
+        markerfacecolor=filling,
+        zorder=3,
+        markeredgecolor=FIRST.colour if marker == "o" else "#333333",
+    )
+
+
+def bars(
+    ax: Axes, entries: Sequence[Entry], places: Sequence[float], value: Callable[[Entry], float]
+) -> None:
+    """What is saved: filled where it goes, only an outline where it stays."""
+    for y, entry in zip(places, entries, strict=True):
+        if entry.costs:
+            goes = entry.outcome == "harmless"
+            ax.barh(
+                y,
+                value(entry),
+                height=0.62,
+                linewidth=0.6,
+                color=FIRST.colour if goes else "white",
+                edgecolor=FIRST.colour if entry.outcome != "matters" else "#999999",
+            )
+    ax.axvline(0.0, color="#333333", linewidth=0.6)
+    ax.set_axisbelow(True)

@@ -1,11 +1,21 @@
-"""How far something holds: a boundary between the last value that held and one that failed."""
+"""How far something holds: a boundary between the last value that held and one that failed.
 
-from dataclasses import dataclass
+Boundaries are kept in a table, a row for each.
+"""
+
+import csv
+import io
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
+from proofmass.errors import InputError
+from proofmass.files import write_whole
+from proofmass.studies.record import write_columns
 from proofmass.wording import number
 
 DIGITS = 4
@@ -211,3 +221,79 @@ class Boundary(VariedRange):
     def why(self) -> str:
         """What went wrong, without the word for the kind of limit."""
         return self.failure.removeprefix(f"{self.limit}: ")
+
+
+COLUMNS = {
+    "what": "name of the sidecar, or a small model whose limit theory knows, in words",
+    "engine": "name of the engine",
+    "setting": "integrator, or what else is set, in words",
+    "parameter": "what was varied",
+    "unit": "of all values in the row; times: of what the case has",
+    "start": "its first value",
+    "reach": "its last value, if no run fails before",
+    "holds": "the furthest value that held; empty if even `start` did not",
+    "breaks": "the next that did not, at most 1 % further, 2 % if there is `again`, 10 % if "
+    "`limit` is ours; empty if all held",
+    "again": "the furthest beyond `breaks` that held again: some values between hold, others do "
+    "not; empty if all that were tried beyond failed",
+    "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
+    "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
+    "law": "what theory says, in words",
+    "limit": "what kind of limit it is; "
+    + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
+    "failure": "what went wrong there",
+    "silent": "whether the engine itself said nothing",
+    "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`; empty "
+    "if `limit` is ours, or `start` did not hold",
+    "ratio": "measured over theory; 1 where both say nowhere",
+}
+
+
+def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
+    """Write a row for each boundary as CSV, and beside it ``NAME.columns.md``."""
+    text = io.StringIO()
+    rows = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    rows.writeheader()
+    for one in found:
+        cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
+        rows.writerow({key: "" if value != value else value for key, value in cells.items()})
+    write_whole(file, text.getvalue())
+    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMNS)
+
+
+def read_boundaries(file: Path) -> list[Boundary]:
+    """The boundaries that `write_boundaries` wrote.
+
+    Raises
+    ------
+    InputError
+        A column is missing, as in the table of an earlier version.
+    """
+    kinds = get_type_hints(Boundary)
+    with file.open(encoding="utf-8", newline="") as stream:
+        reader = csv.DictReader(stream)
+        for one in fields(Boundary):
+            if one.name not in (reader.fieldnames or ()):
+                raise InputError(
+                    file,
+                    "",
+                    f"no column {one.name!r}: not the table that this version writes; run "
+                    "proofmass stress again",
+                )
+        return [
+            Boundary(**{f.name: parsed(cells[f.name], kinds[f.name]) for f in fields(Boundary)})
+            for cells in reader
+        ]
+
+
+def parsed(cell: str, kind: type) -> Any:
+    """A cell as what it was.
+
+    >>> parsed("", float), parsed("True", bool), parsed("2.0", float)
+    (nan, True, 2.0)
+    """
+    if kind is bool:
+        return cell == "True"
+    if kind is float:
+        return float(cell or "nan")
+    return kind(cell)

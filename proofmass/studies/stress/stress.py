@@ -1,4 +1,4 @@
-"""The study of extremes: how far each parameter can be varied, beside the theory's limits.
+"""``proofmass stress``: where engines break, and where theory says that they must.
 
     store = Store(folder / "runs")
     with pool() as workers:
@@ -10,47 +10,121 @@
 Boundaries are looked for side by side; each trial is stored, so that a killed study goes on.
 """
 
-import csv
-import io
 from collections.abc import Iterable
 from concurrent.futures import Executor, as_completed
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_type_hints
 
-from proofmass.errors import InputError
-from proofmass.files import write_whole
-from proofmass.studies.record import write_columns
-from proofmass.studies.run import Progress
+from rich.table import Table
+
+from proofmass.command import answering, counting, errors
+from proofmass.studies.command import named
+from proofmass.studies.run import Progress, pool
 from proofmass.studies.store import Store, digest, once, sources, versions
 from proofmass.studies.stress import problems
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
+from proofmass.studies.stress.boundary import (
+    Boundary,
+    BoundaryKind,
+    Failure,
+    TrialResult,
+    write_boundaries,
+)
+from proofmass.studies.stress.extremes import extremes
 from proofmass.studies.stress.limit_search import LimitSearch, TryValue
+from proofmass.studies.stress.problems import list_problems
+from proofmass.terminal import console
+from proofmass.wording import number
 
-COLUMNS = {
-    "what": "name of the sidecar, or a small model whose limit theory knows, in words",
-    "engine": "name of the engine",
-    "setting": "integrator, or what else is set, in words",
-    "parameter": "what was varied",
-    "unit": "of all values in the row; times: of what the case has",
-    "start": "its first value",
-    "reach": "its last value, if no run fails before",
-    "holds": "the furthest value that held; empty if even `start` did not",
-    "breaks": "the next that did not, at most 1 % further, 2 % if there is `again`, 10 % if "
-    "`limit` is ours; empty if all held",
-    "again": "the furthest beyond `breaks` that held again: some values between hold, others do "
-    "not; empty if all that were tried beyond failed",
-    "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
-    "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
-    "law": "what theory says, in words",
-    "limit": "what kind of limit it is; "
-    + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
-    "failure": "what went wrong there",
-    "silent": "whether the engine itself said nothing",
-    "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`; empty "
-    "if `limit` is ours, or `start` did not hold",
-    "ratio": "measured over theory; 1 where both say nowhere",
-}
+
+def run_stress(
+    paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None, only: str
+) -> None:
+    """What ``proofmass stress`` does; `proofmass.cli` says what it is given."""
+    with answering(f"{output} keeps the runs"):
+        from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
+
+        found = measured(paths or [], output, jobs, dask, only)
+        write_boundaries(found, output / "stress.csv")
+        console().print(shown(found))
+        print(write_stress(output, output).first)
+
+
+def measured(
+    paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
+) -> list[Boundary]:
+    """Find boundaries with a progress bar on standard error; say what does not apply."""
+    store = Store(folder / "runs")
+    searches = [] if paths else [cache_trials(one, store) for one in list_problems()]
+    for case in named(paths) if paths else ():
+        ours, skipped = extremes(case, store)
+        searches += ours
+        for why in skipped:
+            errors.print(f"{case.name}: not varied: {why}")
+    searches = [one for one in searches if only in one.parameter]
+    if not searches:
+        raise ValueError(f"--only {only}: no such parameter")
+    with pool(jobs, dask) as workers, counting(len(searches), letters=40) as advance:
+        return stress(searches, workers, advance)
+
+
+def shown(found: list[Boundary]) -> Table:
+    """A row for each boundary, on standard output, and what the kinds of limits are."""
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+        caption_justify="left",
+        caption="\n".join(
+            f"{kind}: {kind.sentence}"
+            for kind in BoundaryKind
+            if any(one.limit == kind for one in found)
+        ),
+    )
+    for name in (
+        "what",
+        "engine",
+        "setting",
+        "parameter",
+        "boundary",
+        "theory",
+        "ratio",
+        "how it breaks",
+    ):
+        right = name in ("boundary", "theory", "ratio")
+        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+    for one in found:
+        known = one.theory == one.theory
+        table.add_row(
+            one.what,
+            one.engine,
+            one.setting,
+            one.parameter,
+            reached(one),
+            number(one.theory) if known else "",
+            number(one.ratio) if known else "",
+            one.ending,
+        )
+    return table
+
+
+def reached(one: Boundary) -> str:
+    """Where a boundary is, in words.
+
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02))
+    '2.01 s'
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
+    'none to 10 s'
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=BoundaryKind.OURS))
+    'not known beyond 2 s'
+    """
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    if one.found:
+        return f"{one.format_measured()}{unit}"
+    if one.holds != one.holds:
+        return "not known" if one.unknown else "nowhere"
+    if one.unknown:
+        return f"not known beyond {number(one.holds)}{unit}"
+    return f"none to {number(one.reach)}{unit}"
 
 
 @dataclass(frozen=True)
@@ -121,53 +195,3 @@ def stress(
         for future in futures:
             future.cancel()
     return [found[k] for k in range(len(asked))]
-
-
-def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
-    """Write a row for each boundary as CSV, and beside it ``NAME.columns.md``."""
-    text = io.StringIO()
-    rows = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    rows.writeheader()
-    for one in found:
-        cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
-        rows.writerow({key: "" if value != value else value for key, value in cells.items()})
-    write_whole(file, text.getvalue())
-    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMNS)
-
-
-def read_boundaries(file: Path) -> list[Boundary]:
-    """The boundaries that `write_boundaries` wrote.
-
-    Raises
-    ------
-    InputError
-        A column is missing, as in the table of an earlier version.
-    """
-    kinds = get_type_hints(Boundary)
-    with file.open(encoding="utf-8", newline="") as stream:
-        reader = csv.DictReader(stream)
-        for one in fields(Boundary):
-            if one.name not in (reader.fieldnames or ()):
-                raise InputError(
-                    file,
-                    "",
-                    f"no column {one.name!r}: not the table that this version writes; run "
-                    "proofmass stress again",
-                )
-        return [
-            Boundary(**{f.name: parsed(cells[f.name], kinds[f.name]) for f in fields(Boundary)})
-            for cells in reader
-        ]
-
-
-def parsed(cell: str, kind: type) -> Any:
-    """A cell as what it was.
-
-    >>> parsed("", float), parsed("True", bool), parsed("2.0", float)
-    (nan, True, 2.0)
-    """
-    if kind is bool:
-        return cell == "True"
-    if kind is float:
-        return float(cell or "nan")
-    return kind(cell)

@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.linkages import hacksaw
-from proofmass.analytic.linkages.hacksaw import charts
-from proofmass.analytic.linkages.hacksaw import newton as hacksaw_newton
 from proofmass.analytic.newton_raphson import NotConverged
 
 FILE = Path(__file__).parents[2] / "data" / "newton_raphson.json"
 DATA = json.loads(FILE.read_text())["hacksaw"]
 LINK = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
 REST = (0.0, 0.0, 0.0)
-POSITION = hacksaw_newton.NAMES[:3]
+POSITION = hacksaw.UNKNOWNS[:3]
 VARIANTS = pytest.mark.parametrize("reduced", [False, True], ids=["plain", "reduced"])
 GRID = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), DATA["sweep"]["points"]))
 
@@ -90,7 +88,7 @@ def test_all_81_entries_of_the_jacobian_by_complex_step(reduced):
                 rows[1:3] = printed_equations(np.array([sine, *x[1:]]), law)[1:3]
             return rows
 
-        residual, jacobian = hacksaw_newton.system(x, law, **LINK, reduced=reduced)
+        residual, jacobian = hacksaw.newton_system(x, law, **LINK, reduced=reduced)
         scale = np.abs(jacobian).max()  # large in the reduced rows, 1/sin(theta1)^2
         np.testing.assert_allclose(residual, equations(x), rtol=0, atol=1e-14 * scale)  # rounding
         np.testing.assert_allclose(
@@ -100,7 +98,7 @@ def test_all_81_entries_of_the_jacobian_by_complex_step(reduced):
 
 def test_line_1109_prints_two_wrong_entries_of_row_7():
     x, law = (
-        hacksaw.newton_pose([2.0, 5.0, 3.0], hacksaw_newton.SWEEP_GUESS, **LINK)[0],
+        hacksaw.newton_pose([2.0, 5.0, 3.0], hacksaw.SWEEP_GUESS, **LINK)[0],
         [2.0, 5.0, 3.0],
     )
     r1, t1, w1 = x[0], x[1], x[4]
@@ -119,7 +117,7 @@ def test_sweep_with_continuation_follows_the_closed_form(sweeps):
     # simultaneous: rounding, 1e-14 (the report's own bound); sequential: it stops at a step of
     # 1e-6, whose square is left, and takes it along into rates and accelerations
     for way, bound in ((True, DATA["sweep"]["simultaneous_against_analytic"]), (False, 2e-12)):
-        for name in hacksaw_newton.NAMES:
+        for name in hacksaw.UNKNOWNS:
             assert np.abs(sweeps[way][name] - truth[name]).max() < bound, name
         assert sweeps[way]["last_step"].max() < DATA["sweep"]["step"]
     assert set(sweeps[True]["iterations"][1:]) <= {2, 3, 4}
@@ -128,9 +126,7 @@ def test_sweep_with_continuation_follows_the_closed_form(sweeps):
 
 
 def test_simultaneous_against_sequential_as_the_report_compares_them(sweeps):
-    together = np.array(
-        [[sweeps[way][name] for name in hacksaw_newton.NAMES] for way in (True, False)]
-    )
+    together = np.array([[sweeps[way][name] for name in hacksaw.UNKNOWNS] for way in (True, False)])
     difference = np.linalg.norm(together[0] - together[1], axis=0)
     # the report: of the order of 1e-12, and the step of the simultaneous way usually the larger
     assert 0.5 < difference.max() / DATA["sweep"]["simultaneous_against_sequential"] < 5.0
@@ -188,8 +184,8 @@ def test_printed_inverse_jacobians_of_annex_c():
         law = numbers.uniform(-3.0, 3.0, 3)
         x, _ = hacksaw.newton_pose(law, DATA["starts"]["code"], **LINK, most=50)
         position, velocity, acceleration = printed_inverses(*x[:3])
-        _, plain = hacksaw_newton.system(x, law, *LINK.values())
-        _, reduced = hacksaw_newton.system(x, law, *LINK.values(), reduced=True)
+        _, plain = hacksaw.newton_system(x, law, *LINK.values())
+        _, reduced = hacksaw.newton_system(x, law, *LINK.values(), reduced=True)
         guide, along_x, along_y = plain[:3, :3]
         scale = np.abs(position).max() * np.abs(reduced[:3, :3]).max()
         for inverse, jacobian in (
@@ -211,7 +207,7 @@ def test_printed_inverse_jacobians_of_annex_c():
 def test_determinant_tells_where_the_method_fails():
     """|det J| = |r1 r3 cos(theta3)|: zero with an upright coupler or a slider above the axis."""
     x, _ = hacksaw.newton_pose(REST, DATA["starts"]["code"], **LINK)
-    _, jacobian = hacksaw_newton.system(x, REST, *LINK.values())
+    _, jacobian = hacksaw.newton_system(x, REST, *LINK.values())
     one = x[0] * LINK["coupler"] * np.cos(x[2])
     assert abs(np.linalg.det(jacobian[:3, :3])) == pytest.approx(abs(one), rel=1e-13)  # rounding
     assert abs(np.linalg.det(jacobian)) == pytest.approx(abs(one) ** 3, rel=1e-13)
@@ -220,10 +216,10 @@ def test_determinant_tells_where_the_method_fails():
 @VARIANTS
 def test_a_block_is_that_of_the_whole_system(reduced):
     x, law = np.random.default_rng(7).uniform(0.5, 2.0, 9), (0.4, 1.1, -0.7)
-    whole, slopes = hacksaw_newton.system(x, law, *LINK.values(), reduced=reduced)
+    whole, slopes = hacksaw.newton_system(x, law, *LINK.values(), reduced=reduced)
     for order in range(3):
         part = slice(3 * order, 3 * order + 3)
-        values, slope = hacksaw_newton.block_of(
+        values, slope = hacksaw.newton_block(
             x[: part.stop], law, *LINK.values(), order, reduced=reduced
         )
         np.testing.assert_array_equal(values, whole[part])
@@ -251,7 +247,7 @@ def test_charts_show_the_printed_counts_and_a_quadratic_convergence():
 def test_nine_error_figures_and_step_errors(mode):
     """The report: below 1e-13 all, a step error below 1e-6; and no error is nothing at all."""
     errors = hacksaw.newton_errors(**LINK, mode=mode)
-    assert [panel.title.split(":")[0] for panel in errors.panels] == list(hacksaw_newton.NAMES)
+    assert [panel.title.split(":")[0] for panel in errors.panels] == list(hacksaw.UNKNOWNS)
     for line in errors.lines:
         assert line.x.size == DATA["sweep"]["points"]
         # the report's bound; slower and further from the axis in the other mode
@@ -266,10 +262,10 @@ def test_nine_error_figures_and_step_errors(mode):
 
 def test_the_error_figures_show_a_wrong_equation(monkeypatch):
     """A crank that is 1e-9 too far leaves none of the nine near rounding."""
-    true = hacksaw_newton.system
+    true = hacksaw.newton_system
     monkeypatch.setattr(
-        hacksaw_newton, "system", lambda q, law, *a, **k: true(q, law * (1.0 + 1e-9), *a, **k)
+        hacksaw, "newton_system", lambda q, law, *a, **k: true(q, law * (1.0 + 1e-9), *a, **k)
     )
-    monkeypatch.setattr(charts, "POSES", 41)
+    monkeypatch.setattr(hacksaw, "POSES", 41)
     errors = hacksaw.newton_errors(**LINK)
     assert min(line.y.max() for line in errors.lines) > 1e-10

@@ -10,8 +10,7 @@ import pytest
 from proofmass.analytic import planar
 from proofmass.analytic.equilibrium import Resting, Unstable
 from proofmass.analytic.numerics import NotCovered
-from proofmass.analytic.planar import SingularHere
-from proofmass.analytic.planar.equilibrium import LinkageAtRest
+from proofmass.analytic.planar import LinkageAtRest, SingularHere
 from proofmass.analytic.planar.kinematics import Drives
 from proofmass.check import check
 from proofmass.reference import compiled, evaluate

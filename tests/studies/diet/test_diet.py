@@ -304,7 +304,7 @@ def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path,
         monkeypatch.setattr(
             DietSearch, "judge_changes", None
         )  # the second time nothing is run again
-        monkeypatch.setattr("proofmass.studies.diet.command.finish", lambda *_: None)
+        monkeypatch.setattr("proofmass.studies.diet.diet.finish", lambda *_: None)
     assert "sun" not in reduced.read_text()
     assert not list(reduced.parent.glob("*.part*"))
     rows = list(csv.DictReader(reduced.with_suffix(".csv").read_text().splitlines()))

@@ -8,8 +8,7 @@ import pytest
 
 from proofmass.report.figures import save
 from proofmass.studies.diet import page as diet_page
-from proofmass.studies.diet.page import write_diet
-from proofmass.studies.diet.page_data import LEAST, mark_of, sentence, times
+from proofmass.studies.diet.page import LEAST, mark_of, sentence, times, write_diet
 from proofmass.studies.diet.table import NO_GAIN, OPTION, WHOLE, Entry, read_entries, write_entries
 from proofmass.studies.diet.trial import Cost
 from tests.visit import PHONE, Visit

@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.sim.mujoco.coupling import independent_groups
 from proofmass.sim.protocol import Run
 from proofmass.studies.diet import scene as scenes
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.trial import independent_groups
 from proofmass.worker import TimedOut
 from tests.studies.diet.test_diet_bare import bare, written
 

@@ -17,9 +17,9 @@ from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress import limit_search
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
-from proofmass.studies.stress.command import reached
 from proofmass.studies.stress.limit_search import LimitSearch, StressedCase, find_several, rounded
-from proofmass.studies.stress.page_data import sentence
+from proofmass.studies.stress.page import sentence
+from proofmass.studies.stress.stress import reached
 from tests.shipped import shipped
 
 PENDULUM = load_case(shipped("pendulum.toml"))  # 10 s in 1001 samples, in steps of 1 ms

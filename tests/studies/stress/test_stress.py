@@ -16,13 +16,18 @@ from proofmass.studies.measure import observe
 from proofmass.studies.record import Setting
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.stress import near_singular
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
-from proofmass.studies.stress.extremes import extremes, resized, sizes
-from proofmass.studies.stress.figure import stress_sheet
+from proofmass.studies.stress.boundary import (
+    Boundary,
+    BoundaryKind,
+    Failure,
+    TrialResult,
+    read_boundaries,
+    write_boundaries,
+)
+from proofmass.studies.stress.extremes import extremes, limits, resized, sizes
 from proofmass.studies.stress.limit_search import LimitSearch, bisect
-from proofmass.studies.stress.page import write_stress
-from proofmass.studies.stress.stress import cache_trials, read_boundaries, stress, write_boundaries
+from proofmass.studies.stress.page import stress_sheet, write_stress
+from proofmass.studies.stress.stress import cache_trials, stress
 from proofmass.studies.variants import with_longer_run
 from proofmass.worker import TimedOut
 
@@ -206,7 +211,7 @@ def test_limit_positions_come_from_the_reference(stressed, engine):
     case = held.case.model_copy(
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
     )
-    way = next(near_singular.limits(replace(held, case=case)))
+    way = next(limits(replace(held, case=case)))
     assert way.parameter == "drive's way"
     assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
     assert way.trial(0.99 * way.theory).failure is None

@@ -10,10 +10,8 @@ import pytest
 from proofmass.report.figures import save
 from proofmass.report.marks import MARKS
 from proofmass.studies.stress import page as stress_page
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
-from proofmass.studies.stress.page import write_stress
-from proofmass.studies.stress.page_data import KINDS, sentence
-from proofmass.studies.stress.stress import write_boundaries
+from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
+from proofmass.studies.stress.page import KINDS, sentence, write_stress
 from tests.visit import PHONE, Visit
 
 STEP = Boundary(

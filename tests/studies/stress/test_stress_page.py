@@ -7,9 +7,13 @@ import pytest
 
 from proofmass.errors import InputError
 from proofmass.report.marks import MARKS, tones
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind
+from proofmass.studies.stress.boundary import (
+    Boundary,
+    BoundaryKind,
+    read_boundaries,
+    write_boundaries,
+)
 from proofmass.studies.stress.page import breaks_first, by_parameter, far, ratio_of, strip_of
-from proofmass.studies.stress.stress import read_boundaries, write_boundaries
 
 FOUND = Boundary(
     "fourbar",

@@ -11,7 +11,7 @@ from proofmass.reference import compiled
 from proofmass.studies import variants
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
-from proofmass.studies.stress import extremes, near_singular, theory
+from proofmass.studies.stress import extremes, theory
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
 from proofmass.studies.stress.limit_search import bisect, measure_once
 from proofmass.studies.variants import self_referenced
@@ -24,10 +24,10 @@ def test_grashof_knows_the_shortest_rocker(stressed):
     """Crank 1, coupler 2, ground 3 turn as long as the rocker is no less than 1 + 3 - 2."""
     held = stressed("fourbar")
     case = self_referenced(held.case)
-    link = near_singular.last_link(case)
+    link = extremes.last_link(case)
     assert link == ("rocker_end",)
-    assert near_singular.unclosed(case, link, "sweep", held.models, 0.8 + 1e-6) is None
-    assert near_singular.unclosed(case, link, "sweep", held.models, 0.8 - 1e-6)
+    assert extremes.unclosed(case, link, "sweep", held.models, 0.8 + 1e-6) is None
+    assert extremes.unclosed(case, link, "sweep", held.models, 0.8 - 1e-6)
 
 
 @pytest.mark.slow
@@ -37,9 +37,9 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
     left = np.linspace(0.0, 2 * np.pi, 1_000_001)
     nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
     shortest = (3.5 - nearest) / 4.0
-    case, link = self_referenced(held.case), near_singular.last_link(held.case)
-    assert near_singular.unclosed(case, link, "dynamics", held.models, shortest * 1.001) is None
-    assert near_singular.unclosed(case, link, "dynamics", held.models, shortest * 0.999)
+    case, link = self_referenced(held.case), extremes.last_link(held.case)
+    assert extremes.unclosed(case, link, "dynamics", held.models, shortest * 1.001) is None
+    assert extremes.unclosed(case, link, "dynamics", held.models, shortest * 0.999)
 
 
 @pytest.mark.parametrize(
@@ -58,18 +58,18 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
 def test_arms_reach_as_far_as_their_ends_are_apart(stressed, name, kind, farthest):
     """Both links by the same share shorter, until they are stretched."""
     held = stressed(name)
-    case, arm = self_referenced(held.case), near_singular.last_arm(held.case)
+    case, arm = self_referenced(held.case), extremes.last_arm(held.case)
     model = compiled(case)
     shortest = farthest / sum(np.linalg.norm(model.site(link).pos) for link in arm)
-    assert near_singular.unclosed(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
-    assert near_singular.unclosed(case, arm, kind, held.models, shortest * (1 - 1e-6))
+    assert extremes.unclosed(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
+    assert extremes.unclosed(case, arm, kind, held.models, shortest * (1 - 1e-6))
 
 
 def test_an_arm_is_what_nothing_else_holds_or_drives(stressed):
     """Not the legs of a platform that two loops hold, nor the bar of a slide, nor a driven one."""
-    assert near_singular.last_arm(stressed("watt").case) == ("output_end", "second_end")
+    assert extremes.last_arm(stressed("watt").case) == ("output_end", "second_end")
     for name in ("threeprr", "slider_crank", "inverted_slider_crank"):
-        assert not near_singular.last_arm(stressed(name).case), name
+        assert not extremes.last_arm(stressed(name).case), name
 
 
 @pytest.mark.parametrize("name", ["fourbar", pytest.param("fivebar", marks=pytest.mark.slow)])
@@ -77,12 +77,11 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stressed, name):
     """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
     held = stressed(name)
     held = replace(held, case=self_referenced(held.case))
-    arm = near_singular.last_arm(held.case)
+    arm = extremes.last_arm(held.case)
     shortest = {"fourbar": 8 / 9, "fivebar": 2 / 3}[name]
     shares = np.geomspace(2e-3, 3e-5, 4)
     cases = [
-        near_singular.shortened(held.case, arm, held.models, shortest * (1 + share))
-        for share in shares
+        extremes.shortened(held.case, arm, held.models, shortest * (1 + share)) for share in shares
     ]
     found = [
         measure_once(StudyRun(case, "dynamics", held.setting, "stress"), held.store)
@@ -98,10 +97,10 @@ def test_a_softer_loop_loses_its_way_further_from_the_change_point(stressed):
     held = stressed("fourbar")
     held = replace(held, case=self_referenced(held.case))
     soft = replace(held, setting=held.setting.but(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
-    link, arm = near_singular.last_link(held.case), near_singular.last_arm(held.case)
+    link, arm = extremes.last_link(held.case), extremes.last_arm(held.case)
     for links, length in ((link, 0.8), (arm, 8 / 9)):
-        assert near_singular.sparing(held, links, length, 5e-4).failure is None
-        failure = near_singular.sparing(soft, links, length, 5e-4).failure
+        assert extremes.sparing(held, links, length, 5e-4).failure is None
+        failure = extremes.sparing(soft, links, length, 5e-4).failure
         assert failure
         assert failure.silent
 
@@ -116,7 +115,7 @@ def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(
     )
     monkeypatch.setattr("proofmass.studies.stress.limit_search.measure_once", lambda *_: answer)
     held = replace(held, case=self_referenced(held.case))
-    assert near_singular.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
+    assert extremes.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
         "stopped: no pose", BoundaryKind.OURS
     )
     assert held.try_case(held.case).failure == Failure("stopped: no pose", BoundaryKind.UNSTABLE)
@@ -127,7 +126,7 @@ def test_the_reference_snaps_at_its_fold(stressed):
     case = stressed("rod_snap", kind="sweep").case
     fold = events(distance=0.8)["snaps to the left"] + case.drive[0].start
     holds, breaks, _ = bisect(
-        lambda far: near_singular.unreturned(case, far), 0.99 * fold, 1.01 * fold, 1e-8
+        lambda far: extremes.unreturned(case, far), 0.99 * fold, 1.01 * fold, 1e-8
     )
     assert np.sqrt(holds * breaks) == pytest.approx(fold, rel=1e-8)
 
@@ -141,7 +140,7 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stressed):
     for pieces in (10, 20):
         chain = replace(held, setting=Setting("mujoco", {"segments": pieces}))
         holds, breaks, failure = bisect(
-            lambda far, chain=chain: near_singular.snapped(chain, far).failure,
+            lambda far, chain=chain: extremes.snapped(chain, far).failure,
             0.99 * fold,
             1.01 * fold,
             1e-4,
@@ -166,8 +165,8 @@ def test_a_rod_of_another_length_snaps_elsewhere(stressed):
     assert abs(wrong / right - 1) > 0.01
     middle = np.sqrt(right * wrong)
     theirs = replace(held, case=longer)
-    assert bool(near_singular.snapped(held, middle).failure) is not bool(
-        near_singular.snapped(theirs, middle).failure
+    assert bool(extremes.snapped(held, middle).failure) is not bool(
+        extremes.snapped(theirs, middle).failure
     )
 
 

@@ -9,9 +9,15 @@ import numpy as np
 import pytest
 
 from proofmass.sidecar import load_case
-from proofmass.sim.mujoco import program_rods
-from proofmass.sim.mujoco.program import IMPOSED, expanded, write_program
-from proofmass.sim.mujoco.program_rods import DEEPEST, first_other, write_rods
+from proofmass.sim.mujoco import program
+from proofmass.sim.mujoco.program import (
+    DEEPEST,
+    IMPOSED,
+    expanded,
+    first_other,
+    write_program,
+    write_rods,
+)
 from proofmass.sim.protocol import Imposed, Rod, Run, Unsupported
 from proofmass.sim.rods import compile_with_rods
 from proofmass.solve import simulate
@@ -149,7 +155,7 @@ def test_a_number_that_is_rounded_is_refused(
     digits: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each kind of them alone, to six digits."""
-    own = program_rods.parts
+    own = program.parts
 
     def rounded(body, plain):
         for element in own(body, plain):
@@ -158,7 +164,7 @@ def test_a_number_that_is_rounded_is_refused(
                 element.set(digits, " ".join(values))
             yield element
 
-    monkeypatch.setattr(program_rods, "parts", rounded)
+    monkeypatch.setattr(program, "parts", rounded)
     rod = replace(LOOSE, length=0.7123456789, stiffness=0.3123456789, mass=0.1123456789)
     with pytest.raises(Unsupported, match="its elements compile to another"):
         write_rods(expanded(arm(tmp_path)), arm(tmp_path), (rod,))

@@ -13,10 +13,8 @@ from proofmass.report.figures import save
 from proofmass.report.marks import tones
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade import page as trade_page
-from proofmass.studies.trade.advice import advised, pasted
 from proofmass.studies.trade.figure import dressed
-from proofmass.studies.trade.page import write_trade
-from proofmass.studies.trade.page_data import page_data
+from proofmass.studies.trade.page import advised, page_data, pasted, write_trade
 from proofmass.studies.trade.trade import Trade, write_study
 from proofmass.studies.trade.verdict import front
 from tests.studies.trade.trade_rows import series_rows, study

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from proofmass.design.clock_spring import (
-    HEADER,
+from proofmass.design.springs import (
+    STRIP_HEADER,
     SpringStrip,
     choose,
     clock_spring,
@@ -99,7 +99,7 @@ def test_what_no_maker_accepts_is_told():
 def test_a_file_of_strips(tmp_path):
     file = tmp_path / "strips.csv"
     rows = "soft,6,0.6,200,1500,206,1200\nstiff,10,1,200,1500,206,1200\n"
-    file.write_text(",".join(HEADER) + "\n" + rows)
+    file.write_text(",".join(STRIP_HEADER) + "\n" + rows)
     for found, strip in zip(read_strips(file), STRIPS, strict=True):
         assert found.name == strip.name
         own, wanted = ([*vars(s).values()][1:] for s in (found, strip))
@@ -117,6 +117,6 @@ def test_a_file_of_strips(tmp_path):
 )
 def test_a_file_that_is_none(row, said, tmp_path):
     file = tmp_path / "strips.csv"
-    file.write_text(",".join(HEADER) + "\n" + row)
+    file.write_text(",".join(STRIP_HEADER) + "\n" + row)
     with pytest.raises(InputError, match=said):
         read_strips(file)

@@ -5,7 +5,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from proofmass.design.selection import CATALOGUE, read_catalogue, select
+from proofmass.design.springs import CATALOGUE, read_catalogue, select
 from proofmass.errors import InputError
 
 

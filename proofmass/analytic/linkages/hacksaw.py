@@ -1,0 +1,706 @@
+"""Power hacksaw: offset slider-crank with the slider on a guide above the crank axis.
+
+`solve` is the closed form.  `newton_sweep` and `newton_pose` solve it by Newton-Raphson as its
+report does; charts, named ``newton_...``, show how that converges and what it is off by.  These
+take the lengths of `solve`, and their crank follows the report's motor over twice its run-up, as in
+the report's own figures.
+"""
+
+from collections.abc import Collection
+from math import comb
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from proofmass.analytic.chart import Chart, ChartLine, Panel
+from proofmass.analytic.linkages import slider_crank
+from proofmass.analytic.linkages.bars import LOADS, asks
+from proofmass.analytic.newton_raphson import (
+    NewtonLog,
+    NotConverged,
+    convergence,
+    course,
+    newton_raphson,
+)
+from proofmass.analytic.numerics import Array, Complex, finite, not_negative
+
+__all__ = [
+    "MODES",
+    "motor",
+    "newton_convergence",
+    "newton_course",
+    "newton_errors",
+    "newton_pose",
+    "newton_steps",
+    "newton_sweep",
+    "solve",
+    "turn_time",
+]
+
+MODES = (1, -1)
+UNKNOWNS: tuple[str, ...] = (
+    "r1",
+    "theta1",
+    "theta3",
+    "r1_rate",
+    "theta1_rate",
+    "theta3_rate",
+    "r1_acceleration",
+    "theta1_acceleration",
+    "theta3_acceleration",
+)
+FIRST_GUESS = (-0.1, -0.5, 3.0, 0.5, 0.0, -0.5, 0.5, 0.0, -0.5)  # text line 357
+SWEEP_GUESS = (-0.0997, -0.4684, 2.8737, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # text line 1712
+UNITS = ("m", "rad", "rad", "m/s", "rad/s", "rad/s", "m/s²", "rad/s²", "rad/s²")
+PANELS = ("sequential: positions", "sequential: rates", "sequential: accelerations")
+POSES = 1000  # of the report's grid
+FORMS = {True: "simultaneous", False: "sequential"}
+
+
+def solve(
+    angle: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    crank: float,
+    coupler: float,
+    offset: float,
+    mode: int = 1,
+    cutting_force: ArrayLike = 0.0,
+    crank_mass: float = 0.0,
+    coupler_mass: float = 0.0,
+    slider_mass: float = 0.0,
+    gravity: float = 9.81,
+    inertia: bool = False,
+    only: Collection[str] | None = None,
+) -> dict[str, Array]:
+    r"""Motion of the hacksaw linkage whose crank motion is given, in the report's nine curves.
+
+    ::
+
+        --[S]------------------- guide, y = offset   O = (0, 0) crank axis
+             `--.__  coupler                         O-P crank r2, angle theta2 (given)
+                   `--.__                            P-S coupler r3, angle theta3
+                         `P                          O-S polar length r1, angle theta1
+                     crank O
+
+    The loop r1 = r2 + r3 with S on the guide gives, with e = offset - r2 sin(theta2) and
+    q = r3 cos(theta3) = -mode sqrt((r3 + e)(r3 - e))::
+
+        sin(theta3) = e/r3             theta3' = -theta2' r2 cos(theta2)/q
+        theta3'' = (r2 sin(theta2) theta2'^2 + e theta3'^2 - theta2'' r2 cos(theta2))/q
+        x = r2 cos(theta2) + q         x' = -r2 sin(theta2) theta2' - e theta3'
+        x'' = -r2 (cos(theta2) theta2'^2 + sin(theta2) theta2'') - q theta3'^2 - e theta3''
+        r1 = -hypot(x, offset)         theta1 = atan2(-offset, -x)
+
+    Moment and forces are those of a slider-crank, see `slider_crank.solve`: at rest the moment is
+    that of the weights, less cutting_force dx/dtheta2, by virtual work.
+
+    r1 is negative by the report's convention, so theta1 points away from the slider: with the
+    slider on the left it lies in (-pi/2, 0). r1' and r1'' are not the slider's rates x' and x''.
+
+    Parameters
+    ----------
+    angle, rate, acceleration : crank angle theta2 [rad], its first [rad/s] and second [rad/s^2]
+        time derivative, (...) broadcast together
+    crank, coupler : lengths r2, r3 between pins [m]
+    offset : height of the guide above the crank axis [m], of either sign
+    mode : +1 slider left of the crank pin, theta3 = pi - asin(e/r3) (the report's); -1 right of
+        it, theta3 = asin(e/r3)
+    cutting_force : force on the slider along +x [N], or along the motion
+    crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
+    gravity : along -y [m/s^2]
+    inertia : whether moment and forces are those of the motion, and not those at rest
+    only : names of all quantities that are asked for: moment and forces are left out if they are
+        not among them; None asks for all
+
+    Returns
+    -------
+    dict of (...) arrays: r1 [m], theta1, theta3 [rad], each with _rate and _acceleration;
+    slider_x [m], slider_velocity [m/s], slider_acceleration [m/s^2]; holding_moment [N m] of the
+    crank's drive; crank_force_x .. guide_force_y [N], see `slider_crank.solve`.
+
+    Raises
+    ------
+    ValueError
+        A length not positive, a mass negative, a value not finite, a mode unknown, or a pose that
+        cannot close: the message gives the first such angle and by how much the coupler misses.
+
+    Notes
+    -----
+    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler stands upright
+    (|e| = r3), those of r1 and theta1 also where the slider meets the axis. theta1 is continuous
+    through x = 0, where the report's acot(x/offset) jumps by pi and r1 changes sign. Source: power
+    hacksaw report, Universidad Nacional de Colombia, text lines 300-338 (loop), 530-543 (solution).
+    Misprints: lines 300 and 302 print the coupler terms with theta2 for theta3; lines 533-534
+    print the formula of theta3' for r1 and that of theta1 for theta3'.
+
+    Examples
+    --------
+    >>> pose = solve(0.0, 0.0, 0.0, crank=0.075, coupler=0.170, offset=0.045)
+    >>> [round(float(pose[name]), 6) for name in ("r1", "theta1", "theta3")]
+    [-0.099672, -0.468422, 2.873694]
+    """
+    finite(cutting_force=cutting_force, gravity=gravity)
+    not_negative(crank_mass=crank_mass, coupler_mass=coupler_mass, slider_mass=slider_mass)
+    theta, w, dw = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
+    px, py, q = _close(theta, crank, coupler, offset, mode)
+    e, x, square = offset - py, px + q, (px + q) ** 2 + offset**2
+    with np.errstate(divide="ignore", invalid="ignore"):  # upright: inf or nan, as documented
+        w3 = -w * px / q
+        dw3 = (py * w**2 + e * w3**2 - dw * px) / q
+        v = -py * w - e * w3
+        a = -px * w**2 - py * dw - q * w3**2 - e * dw3
+        r1 = -np.sqrt(square)
+        curves = {
+            "r1": r1,
+            "theta1": np.arctan2(-offset, -x),
+            "r1_rate": x * v / r1,
+            "r1_acceleration": (x * a + (v * offset) ** 2 / square) / r1,
+            "theta1_rate": -offset * v / square,
+            "theta1_acceleration": offset * (2.0 * x * v**2 / square - a) / square,
+            "theta3": np.arctan2(e, np.abs(q)) if mode < 0 else np.pi - np.arctan2(e, np.abs(q)),
+            "theta3_rate": w3,
+            "theta3_acceleration": dw3,
+            "slider_x": x,
+            "slider_velocity": v,
+            "slider_acceleration": a,
+        }
+    if asks(only, *LOADS):
+        whole = slider_crank.solve(
+            theta,
+            w,
+            dw,
+            crank=crank,
+            coupler=coupler,
+            guide_y=offset,
+            mode=-mode,  # there +1 is ahead of the crank pin along the guide
+            crank_mass=crank_mass,
+            coupler_mass=coupler_mass,
+            slider_mass=slider_mass,
+            slider_load=cutting_force,
+            gravity=gravity,
+            inertia=inertia,
+            only=only,
+        )
+        curves |= {name: curve for name, curve in whole.items() if asks({name}, *LOADS)}
+    return {name: np.asarray(curve) for name, curve in curves.items()}
+
+
+def _close(
+    theta: Array, crank: float, coupler: float, offset: float, mode: int
+) -> tuple[Array, Array, Array]:
+    """Crank pin and horizontal run of the coupler, or ValueError where it misses the guide."""
+    for name, value, least in (
+        ("crank", crank, 0.0),
+        ("coupler", coupler, 0.0),
+        ("offset", offset, -np.inf),
+    ):
+        if not least < value < np.inf:
+            raise ValueError(f"{name} must be finite and above {least} [m], got {value}")
+    if mode not in MODES:
+        raise ValueError(f"mode must be one of {MODES}, got {mode}")
+    px, py = crank * np.cos(theta), crank * np.sin(theta)
+    rise, gap = offset - py, np.abs(offset - py) - coupler
+    slack = 1e-15 * (crank + coupler + abs(offset))  # rounding of gap
+    if not gap.max(initial=0.0) <= slack:
+        bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
+        raise ValueError(
+            f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
+            f"the guide by {gap[bad]:.6g} m"
+        )
+    return px, py, -mode * np.sqrt(np.maximum((coupler + rise) * (coupler - rise), 0.0))
+
+
+def turn_time(peak: float = 5.0) -> float:
+    """Duration T [s] of the motor's run-up, in which it makes one turn: peak T^2/3 = 2 pi.
+
+    `peak` is the largest crank acceleration [rad/s^2]; ValueError unless it is positive.
+    >>> round(turn_time(), 3)
+    1.942
+    """
+    if not 0.0 < peak < np.inf:
+        raise ValueError(f"peak must be a positive finite acceleration [rad/s^2], got {peak}")
+    return float(np.sqrt(6.0 * np.pi / peak))
+
+
+def motor(time: ArrayLike, *, peak: float = 5.0) -> tuple[Array, Array, Array]:
+    r"""Crank motion of the report's motor: smooth run-up over one turn, then constant speed.
+
+    ::
+
+        peak       ________
+                  /        \           acceleration over time, T = turn_time(peak)
+           0   __/          \_________
+                 0  T/3  2T/3  T
+
+    `time` [s] (...), not negative; returns the crank angle [rad], rate [rad/s] and acceleration
+    [rad/s^2], each (...). The final rate is 2 peak T/3. ValueError for a negative or NaN time.
+    Source: power hacksaw report, Universidad Nacional de Colombia, text lines 206-253. Departure:
+    line 222 prints a final rate of 6.45 rad/s; 2 peak T/3 is 6.472 rad/s, its 62 turns/min.
+    >>> [round(float(value), 3) for value in motor(turn_time())]
+    [6.283, 6.472, 0.0]
+    """
+    t, total = np.asarray(time, float), turn_time(peak)
+    if not np.all(t >= 0.0):
+        raise ValueError("time must not be negative [s]")
+    third, cruise = total / 3.0, np.maximum(t - total, 0.0)
+    rise, hold, fall = (np.clip(t - k * third, 0.0, third) for k in range(3))  # time in each part
+    jerk = peak / third
+    angle = jerk * (rise**3 - fall**3) / 6.0 + peak * (
+        (hold**2 + fall**2) / 2.0 + third * (0.5 * hold + 1.5 * fall + 2.0 * cruise)
+    )
+    rate = jerk * (rise**2 - fall**2) / 2.0 + peak * (hold + fall)
+    return np.asarray(angle), np.asarray(rate), np.asarray(jerk * (rise - fall))
+
+
+def newton_sweep(
+    angle: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    crank: float,
+    coupler: float,
+    offset: float,
+    simultaneous: bool = True,
+    reduced: bool = False,
+    guess: ArrayLike = SWEEP_GUESS,
+    tolerance: float = 1e-6,
+) -> dict[str, Array]:
+    """Sweep with continuation: the solution of a pose is the first guess of the next.
+
+    Parameters
+    ----------
+    angle, rate, acceleration : array_like (n,)
+        Crank angle [rad] and its derivatives [rad/s, rad/s^2], broadcast together.
+    crank, coupler, offset : float
+        Lengths [m], see `proofmass.analytic.linkages.hacksaw.solve`.
+    simultaneous, reduced : bool
+        See `newton_pose`, `newton_system`.
+    guess : array_like (9,)
+        First guess of the first pose, in the order of `UNKNOWNS` [SI]; it picks the branch, one of
+        four: two assemblies, times the sign of r1.
+    tolerance : float
+        Norm of the last step [SI], units mixed.
+
+    Returns
+    -------
+    dict of ndarray (n,)
+        The nine curves of `UNKNOWNS` [SI], the number of iterations [1] and the norm of the last
+        step [SI]; sequential: the sum and the largest of the three systems.
+
+    Raises
+    ------
+    NotConverged
+        A ValueError: no root in 50 iterations. The message gives the first such angle. It says the
+        same of a loop that cannot close, a length of zero and a poor guess.
+
+    Notes
+    -----
+    Agrees with `proofmass.analytic.linkages.hacksaw.solve` within 1e-13 simultaneous, 2e-12
+    sequential at the report's tolerance of 1e-6. Source: power hacksaw report, Universidad Nacional
+    de Colombia, text lines 340-345, 655-686, 1650-1760.
+
+    Examples
+    --------
+    >>> link = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
+    >>> sweep = newton_sweep([0.0, 0.05], 0.0, 0.0, **link)
+    >>> [round(float(r1), 6) for r1 in sweep["r1"]]
+    [-0.099672, -0.100635]
+    """
+    laws = np.stack(np.broadcast_arrays(angle, rate, acceleration), -1, dtype=float)
+    x, rows = np.asarray(guess, float), []
+    for law in laws:
+        try:
+            x, logs = newton_pose(
+                law,
+                x,
+                crank=crank,
+                coupler=coupler,
+                offset=offset,
+                simultaneous=simultaneous,
+                reduced=reduced,
+                tolerance=tolerance,
+                most=50,
+            )
+        except NotConverged as error:
+            raise type(error)(f"at angle {law[0]:.9g} rad: {error}", error.log) from None
+        last = max(float(np.linalg.norm(np.diff(log.iterates[-2:], axis=0))) for log in logs)
+        rows.append([*x, sum(log.iterations for log in logs), last])
+    return dict(zip((*UNKNOWNS, "iterations", "last_step"), np.array(rows).T, strict=True))
+
+
+def newton_pose(
+    law: ArrayLike,
+    guess: ArrayLike,
+    *,
+    crank: float,
+    coupler: float,
+    offset: float,
+    simultaneous: bool = True,
+    reduced: bool = False,
+    tolerance: float = 1e-6,
+    most: int = 15,
+) -> tuple[Array, list[NewtonLog]]:
+    """One pose: the nine unknowns and the log of each system solved.
+
+    Parameters
+    ----------
+    law : array_like (3,)
+        Crank angle, rate and acceleration [SI].
+    guess : array_like (9,)
+        First iterate, in the order of `UNKNOWNS` [SI].
+    crank, coupler, offset : float
+        Lengths [m].
+    simultaneous : bool
+        One system of nine; otherwise three of three, position, rates, accelerations, each with the
+        results of those before it.
+    reduced : bool
+        See `newton_system`.
+    tolerance : float
+        Norm of the last step [SI], units mixed; the report's for one pose, as is `most`.
+    most : int
+        Iterations allowed for a system.
+
+    Returns
+    -------
+    unknowns : ndarray (9,)
+        [SI]
+    logs : list of NewtonLog
+        One, or three.
+    """
+    x, lengths = np.array(guess, float), (crank, coupler, offset)
+    if simultaneous:
+        log = newton_raphson(
+            lambda q: newton_system(q, law, *lengths, reduced=reduced),
+            x,
+            tolerance=tolerance,
+            most=most,
+            names=UNKNOWNS,
+        )
+        return np.array(log.root), [log]
+    logs = []
+    for order in range(3):
+        part = slice(3 * order, 3 * order + 3)
+
+        def block(q: Array, order: int = order, part: slice = part) -> tuple[Array, Array]:
+            x[part] = q
+            return newton_block(x[: part.stop], law, *lengths, order, reduced=reduced)
+
+        logs.append(
+            newton_raphson(block, x[part], tolerance=tolerance, most=most, names=UNKNOWNS[part])
+        )
+        x[part] = logs[-1].root
+    return x, logs
+
+
+def newton_system(
+    unknowns: Array,
+    law: ArrayLike,
+    crank: float,
+    coupler: float,
+    offset: float,
+    *,
+    reduced: bool = False,
+) -> tuple[Array, Array]:
+    r"""The nine loop equations F (9,) and their Jacobian (9, 9).
+
+    With z1 = r1 exp(i theta1), z2, z3 alike, dots for time derivatives and k = 0, 1, 2 dots::
+
+        F_3k   = Im z1 (less the offset for k = 0)        guide
+        F_3k+1 = Re(z2 + z3 - z1)                         loop along x
+        F_3k+2 = -Im(z2 + z3 - z1)                        loop along y
+
+    J is block triangular. As dz/dt = (dz/dq) dq/dt, the derivative of z with k dots by q with j
+    dots is binomial(k, j) times dz/dq with k - j dots: each block on the diagonal is that of the
+    positions.
+
+    Parameters
+    ----------
+    unknowns : ndarray (9,)
+        In the order of `UNKNOWNS` [SI].
+    law : array_like (3,)
+        Crank angle, rate and acceleration [SI].
+    crank, coupler, offset : float
+        Lengths [m].
+    reduced : bool
+        Puts r1 = offset/sin(theta1) into the two loop rows of position, as the report's codes for a
+        single pose do (text lines 1296, 1304); its sweep does not.
+
+    Returns
+    -------
+    residual : ndarray (9,)
+        [SI]
+    jacobian : ndarray (9, 9)
+        [SI]
+
+    Notes
+    -----
+    Source: text lines 300-338, where 300 and 302 print theta2 for theta3; Jacobian text lines
+    398-456 and 1109, where line 1109 prints columns 7, 8 of row 7 as 2 theta1' cos(theta1),
+    cos(theta1). Departure: rows of rates stand in the order guide, x, y, as those of position and
+    acceleration do.
+    """
+    along, z1, turned3, residual = _loop(unknowns, law, crank, coupler, offset)
+    blocks = [_slope(along[k], z1[k], turned3[k]) for k in range(3)]
+    jacobian = np.block([[comb(k, j) * blocks[max(k - j, 0)] for j in range(3)] for k in range(3)])
+    if reduced:
+        residual[0], jacobian[:3, :3] = _reduced(residual[0], jacobian[:3, :3], unknowns, offset)
+    return residual.ravel(), jacobian
+
+
+def newton_block(
+    unknowns: Array,
+    law: ArrayLike,
+    crank: float,
+    coupler: float,
+    offset: float,
+    order: int,
+    *,
+    reduced: bool = False,
+) -> tuple[Array, Array]:
+    """The three equations of positions, rates or accelerations, and their Jacobian (3, 3).
+
+    Parameters
+    ----------
+    unknowns : ndarray (3 order + 3,)
+        Those of this order and of those below it [SI].
+    law : array_like (3,)
+        Crank angle, rate and acceleration [SI].
+    crank, coupler, offset : float
+        Lengths [m].
+    order : int
+        Number of dots: 0, 1, 2.
+    reduced : bool
+        See `newton_system`.
+
+    Returns
+    -------
+    residual : ndarray (3,)
+        [SI]
+    jacobian : ndarray (3, 3)
+        [SI]
+    """
+    along, z1, turned3, residual = _loop(
+        np.append(unknowns, np.zeros(9 - unknowns.size)), law, crank, coupler, offset
+    )
+    slope = _slope(along[0], z1[0], turned3[0])
+    if reduced and not order:
+        return _reduced(residual[0], slope, unknowns, offset)
+    return residual[order], slope
+
+
+def _loop(
+    unknowns: Array, law: ArrayLike, crank: float, coupler: float, offset: float
+) -> tuple[Complex, Complex, Complex, Array]:
+    """Direction of r1, its vector and that of the coupler, with 0 to 2 dots; F (3, 3)."""
+    r1, theta1, theta3 = (unknowns[i::3] for i in range(3))  # each with its two derivatives
+    along, turned2, turned3 = _spin(theta1), crank * _spin(law), coupler * _spin(theta3)
+    z1 = np.array([sum(comb(k, j) * r1[j] * along[k - j] for j in range(k + 1)) for k in range(3)])
+    gap = turned2 + turned3 - z1
+    residual = np.stack([z1.imag, gap.real, -gap.imag], 1)
+    residual[0, 0] -= offset
+    return along, z1, turned3, residual
+
+
+def _reduced(
+    residual: Array, jacobian: Array, unknowns: Array, offset: float
+) -> tuple[Array, Array]:
+    """The rows of position with r1 = offset/sin(theta1) in those of the loop."""
+    r1, c, s = unknowns[0], np.cos(unknowns[1]), np.sin(unknowns[1])
+    changed = np.array(jacobian)
+    changed[1:, :2] = [[0.0, offset / s**2], [0.0, 0.0]]
+    return residual + np.array([0.0, (r1 - offset / s) * c, offset - r1 * s]), changed
+
+
+def _spin(motion: ArrayLike) -> Complex:
+    """exp(i angle) and its first two time derivatives, from angle, rate and acceleration."""
+    angle, rate, acceleration = np.asarray(motion)
+    return np.exp(1j * angle) * np.array([1.0, 1j * rate, 1j * acceleration - rate**2])
+
+
+def _slope(along: complex, z1: complex, z3: complex) -> Array:
+    """Derivatives of guide, loop x, loop y by r1, theta1, theta3."""
+    by = np.array([[along, 1j * z1, 0.0], [-along, -1j * z1, 1j * z3]])
+    return np.stack([by[0].imag, by[1].real, -by[1].imag])
+
+
+def newton_course(
+    *, crank: float, coupler: float, offset: float, guess: tuple[float, ...] = FIRST_GUESS
+) -> Chart:
+    """Unknowns over the iterations of one pose at rest, sequential and simultaneous.
+
+    Parameters
+    ----------
+    crank, coupler, offset : float
+        Lengths [m].
+    guess : tuple of float
+        Nine first values, in the order of `UNKNOWNS` [SI].
+
+    Returns
+    -------
+    Chart
+        Four panels: positions, rates, accelerations, all nine at once.
+    """
+    return course(
+        logs_of_start(crank, coupler, offset, guess),
+        "Crank at 0, at rest: the unknowns from the report's first guess on. Rates and "
+        "accelerations are linear in themselves: one step of the sequential form finds them, the "
+        "next confirms it. The simultaneous form has to wait for the positions.",
+    )
+
+
+def newton_convergence(
+    *, crank: float, coupler: float, offset: float, guess: tuple[float, ...] = FIRST_GUESS
+) -> Chart:
+    """Errors and residuals over the iterations of one pose at rest.
+
+    Parameters
+    ----------
+    crank, coupler, offset : float
+        Lengths [m].
+    guess : tuple of float
+        Nine first values, in the order of `UNKNOWNS` [SI].
+
+    Returns
+    -------
+    Chart
+        Four panels, as `newton_course`.
+
+    Examples
+    --------
+    >>> chart = newton_convergence(crank=0.075, coupler=0.170, offset=0.045)
+    >>> [panel.title for panel in chart.panels][-1]
+    'simultaneous: 5 iterations'
+    """
+    logs = logs_of_start(crank, coupler, offset, guess)
+    return convergence(
+        {f"{title}: {log.iterations} iterations": log for title, log in logs.items()},
+        "Size of the step of each unknown, of the whole step, which the report calls the error and "
+        "stops at 1e-6, and of the residual before it. Each step is about the square of the last: "
+        "its exponent doubles. What is below 1e-17 is left out.",
+    )
+
+
+def logs_of_start(
+    crank: float, coupler: float, offset: float, guess: tuple[float, ...]
+) -> dict[str, NewtonLog]:
+    """Logs of both forms at rest with the crank at 0, by the titles of their panels."""
+    if len(guess) != len(UNKNOWNS):
+        raise ValueError(f"guess must be {len(UNKNOWNS)} numbers, got {len(guess)}")
+    each, (whole,) = (
+        newton_pose(
+            (0.0, 0.0, 0.0),
+            guess,
+            crank=crank,
+            coupler=coupler,
+            offset=offset,
+            simultaneous=form,
+            reduced=True,  # as the report's codes for a single pose
+        )[1]
+        for form in (False, True)
+    )
+    return {**dict(zip(PANELS, each, strict=True)), "simultaneous": whole}
+
+
+def newton_steps(
+    *, crank: float, coupler: float, offset: float, mode: int = 1, peak: float = 5.0
+) -> Chart:
+    """Last step of each pose of the report's sweep, and how far both forms differ.
+
+    Parameters
+    ----------
+    crank, coupler, offset : float
+        Lengths [m].
+    mode : int
+        Assembly mode of `solve`.
+    peak : float
+        Largest acceleration of the motor [rad/s^2].
+
+    Returns
+    -------
+    Chart
+        Panels of simultaneous and sequential steps over time, and of the norm of the difference.
+    """
+    time, sweeps, _ = swept(crank, coupler, offset, mode, peak, (True, False))
+    steps = [
+        Panel(
+            (ChartLine(time, sweep["last_step"], "last step"),),
+            title=f"{FORMS[form]}: at most {np.max(sweep['last_step']):.2g}",
+        )
+        for form, sweep in sweeps.items()
+    ]
+    apart = np.linalg.norm([sweeps[True][name] - sweeps[False][name] for name in UNKNOWNS], axis=0)
+    return Chart(
+        ("time", "s"),
+        ("norm, SI units", ""),
+        (
+            *steps,
+            Panel(
+                (ChartLine(time, apart, "difference of both forms"),),
+                title=f"difference: at most {apart.max():.2g}",
+            ),
+        ),
+        "Steps end below the report's bound of 1e-6. The error that is left is about the square of "
+        "the last step, so that both forms agree to about 1e-12.",
+        logarithmic=True,
+    )
+
+
+def newton_errors(
+    *, crank: float, coupler: float, offset: float, mode: int = 1, peak: float = 5.0
+) -> Chart:
+    """The nine errors of the simultaneous form against the closed form, over the report's sweep.
+
+    Parameters
+    ----------
+    crank, coupler, offset : float
+        Lengths [m].
+    mode : int
+        Assembly mode of `solve`.
+    peak : float
+        Largest acceleration of the motor [rad/s^2].
+
+    Returns
+    -------
+    Chart
+        A panel for each unknown.
+    """
+    time, sweeps, truth = swept(crank, coupler, offset, mode, peak, (True,))
+    panels = []
+    for name, unit in zip(UNKNOWNS, UNITS, strict=True):
+        error = np.abs(sweeps[True][name] - truth[name])
+        panels.append(
+            Panel(
+                (ChartLine(time, error, "|Newton-Raphson - closed form|"),),
+                title=f"{name}: at most {error.max():.2g} {unit}",
+            )
+        )
+    return Chart(
+        ("time", "s"),
+        ("error, SI units", ""),
+        tuple(panels),
+        "Errors of the simultaneous form, whose last step is below 1e-6: what is left is rounding. "
+        "Poses without any error are gaps. The report finds 1e-15 for positions and rates, 1e-14 "
+        "for accelerations.",
+        logarithmic=True,
+    )
+
+
+def swept(
+    crank: float, coupler: float, offset: float, mode: int, peak: float, forms: tuple[bool, ...]
+) -> tuple[Array, dict[bool, dict[str, Array]], dict[str, Array]]:
+    """Times of the report's grid [s], sweeps by form, and the closed form at the same states."""
+    time = np.linspace(0.0, 2.0 * turn_time(peak), POSES)
+    law = motor(time, peak=peak)
+    truth = solve(*law, crank=crank, coupler=coupler, offset=offset, mode=mode)
+    guess = np.round(
+        [truth[name][0] for name in UNKNOWNS], 4
+    )  # as the report starts: text line 1712
+    sweeps = {
+        form: newton_sweep(
+            *law, crank=crank, coupler=coupler, offset=offset, guess=guess, simultaneous=form
+        )
+        for form in forms
+    }
+    return time, sweeps, truth
