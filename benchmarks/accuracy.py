@@ -18,7 +18,7 @@ from statistics import median
 import numpy as np
 from matplotlib import rc_context
 
-from benchmarks import ROOT, accuracy_sheet, command, folders
+from benchmarks import ROOT, accuracy_figure, command, folders
 from benchmarks.accuracy_far import far
 from benchmarks.accuracy_series import causes, orders
 from proofmass.case import Case
@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         found = picks(stepped, rows, study.verdicts, wanted)
         with rc_context(RC):
             save(
-                accuracy_sheet.sheet(study.rows, {c.name: time_of(c) for c in stepped}),
+                accuracy_figure.accuracy_figure(study.rows, {c.name: time_of(c) for c in stepped}),
                 docs / "accuracy",
             )
         (docs / "accuracy.svg").unlink()
@@ -291,10 +291,10 @@ def told(pick: Pick) -> tuple[str, str, str]:
 
 def whys(found: Sequence[Pick]) -> Iterator[str]:
     """Why there is no setting, case by case."""
-    lost = [pick for pick in found if not pick.choice]
-    if lost:
+    failed = [pick for pick in found if not pick.choice]
+    if failed:
         yield "\nCannot, and why:\n"
-        for pick in lost:
+        for pick in failed:
             yield f"- {pick.case}, {format_solver(pick.engine)}, {number(pick.wanted)}: {pick.why}."
 
 

@@ -30,7 +30,7 @@ def far(file: Path) -> Iterator[str]:
         cases=", ".join(dict.fromkeys(one.what for one in turned)),
     )
     yield (
-        "| parameter | engine | settings | least | greatest | hold to the end | lost in silence "
+        "| parameter | engine | settings | least | greatest | hold to the end | failed in silence "
         "| not known beyond |"
     )
     yield "|---|---|---|---|---|---|---|---|"

@@ -124,7 +124,7 @@ def verdict(curve: Sequence[float]) -> str:
     """
     values = np.asarray(curve, float)
     if not np.isfinite(values).all():
-        return "lost"
+        return "failed"
     if values.max() < ROUNDING:
         return "exact"
     if values.min() < ROUNDING:

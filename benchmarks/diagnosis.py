@@ -45,8 +45,8 @@ do not tell apart are listed together. The causes are in `proofmass check --json
 in Python in `proofmass.check(...).diagnoses`, and in the message of a failed pytest item;
 `proofmass.diagnosis.find_causes` describes the method.
 
-Of a lost run the terminal says which channel left its tolerance first, how the constraint violation
-grew, and with which shorter step the run comes to its end.
+Of a failed run the terminal says which channel left its tolerance first, how the constraint
+violation grew, and with which shorter step the run comes to its end.
 
 Where no single change of the reference explains all, each number of the model is fitted as well, by
 running the engine again with changed models, if one run is quick: of the four-bar above it names

@@ -15,7 +15,7 @@ from benchmarks import ROOT, command, folders
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.studies.diet.diet import ROUNDS, DietSearch, DietStore, finish
-from proofmass.studies.diet.page import LOOKS, diet_sheet, write_diet
+from proofmass.studies.diet.page import LOOKS, diet_figure, write_diet
 from proofmass.studies.diet.scene import scene_of
 from proofmass.studies.diet.table import SAID, WHOLE, Entry, ranked, read_entries, sentences
 from proofmass.studies.measure import machine
@@ -93,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         fat = own[files[0].stem] if given.quick else searched(FAT, folder, rounds)
         write_diet(folder, folder)
         with rc_context(RC):
-            save(diet_sheet([e for e in ranked(fat) if e.outcome in LOOKS]), docs / "diet")
+            save(diet_figure([e for e in ranked(fat) if e.outcome in LOOKS]), docs / "diet")
         (docs / "diet.svg").unlink()
         clean = sum(not named(entries, "harmless") for entries in own.values())
         lines = [

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks import command
 from proofmass.check import FOLLOWED, OWN_TIMEOUT, SAMPLES
 from proofmass.engines import engine_of
-from proofmass.ladder import PROCESSOR, WITHIN, Rung, format_length, why_lost
+from proofmass.ladder import PROCESSOR, WITHIN, Rung, format_length, why_failed
 from proofmass.sim.protocol import BadModel, OwnMotion
 from proofmass.wording import number
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
@@ -108,8 +108,8 @@ def told_here(file: Path) -> Told:
     began = time.perf_counter()
     motion = engine_of("mujoco").own_motion(file, FOLLOWED, SAMPLES, PROCESSOR)
     seconds = number(time.perf_counter() - began, 2)
-    if lost := why_lost(motion):
-        return Told(("diverged", *6 * ("",), seconds), lost)
+    if failed := why_failed(motion):
+        return Told(("diverged", *6 * ("",), seconds), failed)
     rung = Rung(motion)
     grown = number(rung.growth, 2)
     if not rung.consistent:

@@ -231,11 +231,11 @@ def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
 def judge(before: Failure | None, beyond: Failure | None, *ends: Failure | None) -> str:
     """What two sides say of a limit, and its ends if it has two.
 
-    >>> lost = Failure("", BoundaryKind.UNSTABLE)
-    >>> judge(None, lost), judge(lost, lost), judge(None, None)
+    >>> failed = Failure("", BoundaryKind.UNSTABLE)
+    >>> judge(None, failed), judge(failed, failed), judge(None, None)
     ('confirmed', 'fails before it', 'holds beyond it')
-    >>> judge(None, lost, lost, None), judge(None, lost, lost, lost), judge(None, lost, None, None)
-    ('confirmed', 'fails at its last value', 'holds at its first value')
+    >>> [judge(None, failed, *more) for more in ((failed, None), (failed, failed), (None, None))]
+    ['confirmed', 'fails at its last value', 'holds at its first value']
     """
     if any(one and one.limit == BoundaryKind.OURS for one in (before, beyond, *ends)):
         return "a program took too long"

@@ -177,7 +177,7 @@ def prepared(case: Case, setting: Setting, drive: Imposed) -> object:
 
 
 def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]:
-    """Error and wall time of a program; infinite where it is lost or late."""
+    """Error and wall time of a program; infinite where it fails or late."""
     said, space = io.StringIO(), dict[str, object](__name__="rival")
     with tempfile.TemporaryDirectory() as folder:
         file = str(Path(folder) / "curves.csv")

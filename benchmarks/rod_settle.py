@@ -14,7 +14,7 @@ from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.equilibrium import clamps
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import loop_gap
-from proofmass.sim.mujoco.settling import lost
+from proofmass.sim.mujoco.settling import failure
 from proofmass.sim.protocol import Diverged, Rod
 from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.quasi_static import shape
@@ -200,7 +200,7 @@ def mujoco_rest(scene: Scene, qpos: Array) -> Array:
     data.qpos[:], data.ctrl[:] = qpos, 1.0
     for _ in range(BLOCK, MOST, BLOCK):
         mujoco.mj_step(model, data, BLOCK)
-        if lost(data):
+        if failure(data):
             raise Diverged("MuJoCo gave up")
         if np.abs(data.qvel).max() < STILL:
             return scene.angles(data.qpos)

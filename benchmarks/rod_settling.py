@@ -93,7 +93,7 @@ def run(task: Task) -> Row:
             "bend": float(np.abs(np.diff(own.angle, axis=-1)).max()),
         }
     except Diverged as error:
-        row |= {"lost": str(error)}
+        row |= {"failed": str(error)}
     return row | {"cpu": time.process_time() - began}
 
 
@@ -133,12 +133,12 @@ def table(key: tuple[str, str, int], rows: list[Row]) -> list[str]:
             f"{reached[k] or ''} | {ways} |"
         )
     fallen = sum(row.get("least", 1.0) <= 0.0 for row in rows)
-    off, lost = [row["off"] for row in rows if "off" in row], sum("lost" in row for row in rows)
+    off, failed = [row["off"] for row in rows if "off" in row], sum("failed" in row for row in rows)
     return [
         *lines,
         "",
         f"{len(loose)} random starts. {others(loose)}{fallen} of all {len(rows)} "
-        f"runs end where energy falls in some direction, {lost} do not come to rest. In the "
+        f"runs end where energy falls in some direction, {failed} do not come to rest. In the "
         f"median links are within {np.median(off):.1g} rad of the chain's own equilibrium, "
         f"{max(off):.1g} at most. CPU {sum(row['cpu'] for row in rows):.0f} s.\n",
     ]
@@ -159,7 +159,9 @@ def others(loose: list[Row]) -> str:
 def whither(k: int, row: Row) -> str:
     """Where a nudged equilibrium goes."""
     to = row.get("to")
-    return "lost" if to is None else "stays" if to == k else f"to {to + 1}" if to >= 0 else "other"
+    return (
+        "failed" if to is None else "stays" if to == k else f"to {to + 1}" if to >= 0 else "other"
+    )
 
 
 def agreement(rows: list[Row], starts: Starts) -> str:

@@ -3,7 +3,7 @@
     python -m benchmarks.stepping [--quick]
 
 Both do the same steps from the same start state with the same drive torque; the bare loop writes
-the torque and steps, the run also reads the sensors at every sample, checks that it is not lost
+the torque and steps, the run also reads the sensors at every sample, checks that it did not fail
 and hands over curves.  Interleaved, minimum of the repeats.
 """
 

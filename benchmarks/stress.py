@@ -25,7 +25,7 @@ from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.stress.extremes import extremes
 from proofmass.studies.stress.limit_search import LimitSearch
-from proofmass.studies.stress.page import NEAR, stress_sheet
+from proofmass.studies.stress.page import NEAR, stress_figure
 from proofmass.studies.stress.problems import list_problems
 from proofmass.studies.stress.stress import cache_trials, reached, stress
 from proofmass.wording import number
@@ -60,9 +60,9 @@ values hold and others fail. Beside each boundary that bisection found, values a
 and the last are looked for. Boundaries that all these values miss are not seen. There are two
 causes. An error goes up and down with the parameter, and passes a tenth several times: that of
 `fivebar` in RK4 is 0.147 of the range in steps of 0.445 s, 0.033 in 0.453 s, 0.144 in 0.46 s. And
-`change_point` goes on, is lost or takes the other way at each pass through the pose in which its
+`change_point` goes on, fails or takes the other way at each pass through the pose in which its
 bars are in line, by where its steps fall there: with Euler it holds in steps of 0.06971 s, and is
-lost in 0.069715 s; rounding does not decide there, changes of the step by 1e-9 change nothing. In
+failed in 0.069715 s; rounding does not decide there, changes of the step by 1e-9 change nothing. In
 pymunk it decides: with a last body 62 times as heavy `change_point` holds, with 62.00000006 times
 it fails, and with 62.00000025 times it holds; `fivebar` fails with 0.0072 of the length to spare,
 and holds with 0.0072000000144. So these limits are of a machine: the same version found 60.39 to
@@ -106,7 +106,7 @@ The parameters of cases:
 - *Spring in a joint*: from one swing in the run to 1e12 times as stiff. Chipmunk's bodies go
   straight ahead during a step, so that there only small swings have a theory.
 - *All lengths*: gravity goes with them, masses and times stay. By dimensional analysis errors are
-  those of the mechanism's own size; where they are ten times as large the run is lost. MuJoCo
+  those of the mechanism's own size; where they are ten times as large the run fails. MuJoCo
   compiles what is less than 1e-6 m from its body's origin as the origin (`kFrameEps`), and refuses
   inertias up to 1e-15 kg m² (`mjMINVAL`): that is the theory for MuJoCo. It compiles the model for
   pymunk as well, of which nothing is known below.
@@ -175,7 +175,7 @@ def small_models(store: Store, most: int | None = None) -> list[LimitSearch]:
 def draw(known: Sequence[Boundary], docs: Path) -> None:
     """The figure of the small models."""
     with rc_context(RC):
-        save(stress_sheet(known), docs / "stress")
+        save(stress_figure(known), docs / "stress")
     (docs / "stress.svg").unlink()
 
 

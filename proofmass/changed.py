@@ -86,10 +86,10 @@ class Trial:
     Attributes
     ----------
     ratio : float
-        The largest error over what is allowed [1], of all channels; infinite if the run is lost.
+        The largest error over what is allowed [1], of all channels; infinite if the run fails.
     channel : str
         The channel of it.
-    lost : str
+    failed : str
         Why the run gave no curves that can be held against the reference.
     limits : dict of str to (Limit, Limit)
         By solvers of the run, if errors grow with the change: for the same change and for the
@@ -102,7 +102,7 @@ class Trial:
 
     ratio: float
     channel: str = ""
-    lost: str = ""
+    failed: str = ""
     limits: dict[str, tuple[Limit, Limit]] = field(default_factory=dict)
     moved: float = math.nan
     moves: str = ""
@@ -115,13 +115,13 @@ def baseline(case: Case, kind: Kind, solver: str) -> Baseline:
     if curves.stopped:
         raise InputError(case.file, "drive", f"the {solver} {kind} ends early: {curves.stopped}")
     comparisons = compare(case, kind, solver, curves)
-    truth = run_reference(case, kind, curves).as_driven(curves.drive)
+    reference = run_reference(case, kind, curves).as_driven(curves.drive)
     errors, allowed, shares = ChannelErrors(), dict[str, float](), dict[str, float]()
     for c in comparisons:
         if c.outcome == Outcome.AGREES:
-            errors[c.channel] = curves.channels[c.channel] - truth.channels[c.channel]
+            errors[c.channel] = curves.channels[c.channel] - reference.channels[c.channel]
             allowed[c.channel] = c.allowed * case.channels[c.channel].factor
-            scale = scale_of(case, kind, c.channel, curves, truth.channels[c.channel])
+            scale = scale_of(case, kind, c.channel, curves, reference.channels[c.channel])
             shares[c.channel] = allowed[c.channel] / scale if scale else math.nan
     return Baseline(kind, solver, errors, allowed, shares, comparisons)
 
@@ -234,18 +234,18 @@ def with_changes(
             few = thinned(case, kind, stride)
             errors = errors_of(few, mutant(few, changes, Path(folder)), kind, solver, own)
         except InputError as error:
-            return Trial(math.inf, lost=error.wrong)
+            return Trial(math.inf, failed=error.wrong)
         except MemoryError:
             raise
         except BadModel as error:
-            return Trial(math.inf, lost=str(error))
+            return Trial(math.inf, failed=str(error))
         except tuple(FAILURES) as error:
-            return Trial(math.inf, lost=str(error))
+            return Trial(math.inf, failed=str(error))
         except Exception as error:
-            return Trial(math.inf, lost=f"{type(error).__name__}: {error}")
+            return Trial(math.inf, failed=f"{type(error).__name__}: {error}")
     ratios = shares(errors, own.allowed)
     if not all(map(math.isfinite, ratios.values())):
-        return Trial(math.inf, lost="not a number somewhere on a curve")
+        return Trial(math.inf, failed="not a number somewhere on a curve")
     channel = max(ratios, key=ratios.__getitem__)
     rates = {name: error - own.errors[name][::stride] for name, error in errors.items()}
     limits = {one.solver: limits_of(one, rates, stride) for one in before}
@@ -269,17 +269,17 @@ def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline)
     curves = run_here(changed, kind, solver)
     if curves.stopped:
         raise InputError(changed.file, "drive", f"it ends early: {curves.stopped}")
-    truth = (
+    reference = (
         evaluate(changed, kind, curves.x, curves.drive)
         if reads_model(case)
         else run_reference(case, kind, curves).as_driven(curves.drive)
     )
-    check_branch(case, kind, curves, truth)
+    check_branch(case, kind, curves, reference)
     missing = [name for name in own.errors if name not in curves.channels]
     if missing:
         why = curves.missing.get(missing[0], "it is not delivered")
         raise InputError(changed.file, missing[0], f"channel {missing[0]}: {why}")
-    return {name: curves.channels[name] - truth.channels[name] for name in own.errors}
+    return {name: curves.channels[name] - reference.channels[name] for name in own.errors}
 
 
 def limits_of(before: Baseline, rates: ChannelErrors, stride: int) -> tuple[Limit, Limit]:

@@ -79,13 +79,13 @@ def bound(case: Case, table: ChartTable) -> Callable[[], Chart]:
 
 def drawers(case: Case) -> dict[str, Callable[..., Chart]]:
     """Functions of the reference's module that return a chart, by name."""
-    truth = module_of(case)
-    if isinstance(truth, Recorded):
+    reference = module_of(case)
+    if isinstance(reference, Recorded):
         return {}
-    own = getattr(truth, "__all__", dir(truth))
+    own = getattr(reference, "__all__", dir(reference))
     return {
         name: f
-        for name, f in inspect.getmembers(truth, inspect.isfunction)
+        for name, f in inspect.getmembers(reference, inspect.isfunction)
         if name in own and inspect.signature(f).return_annotation is Chart
     }
 

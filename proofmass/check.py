@@ -10,12 +10,12 @@ from typing import cast
 
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare, with_reference
-from proofmass.diagnosis import Diagnosis, describe_loss, find_causes
+from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model
-from proofmass.ladder import PROCESSOR, Rung, why_lost
+from proofmass.ladder import PROCESSOR, Rung, why_failed
 from proofmass.mobility import mobility
-from proofmass.outcome import FAILURES, GOOD, LOST, OPEN, Outcome
+from proofmass.outcome import FAILED, FAILURES, GOOD, OPEN, Outcome
 from proofmass.reference import grid
 from proofmass.refined import Finer, Ran, RefinedRow, errors, refinements
 from proofmass.sidecar import load_case
@@ -40,8 +40,8 @@ class Result:
     """All that was found out: comparisons, the curves and rows behind them, the inputs at fault.
 
     Curves and diagnoses are those of a case's run and solver, by their names.  Curves that were
-    compared have their reference with them, see `proofmass.reference.ComparedCurves`.  `lost` has
-    curves of runs that were lost, until then.  Only runs that differ or were lost have a diagnosis.
+    compared have their reference with them, see `proofmass.reference.ComparedCurves`.  `failed` has
+    curves of runs that failed, until then.  Only runs that differ or failed have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     """
 
@@ -49,7 +49,7 @@ class Result:
     comparisons: list[Comparison] = field(default_factory=list)
     curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     refined: list[RefinedRow] = field(default_factory=list)
-    lost: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
+    failed: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     diagnoses: dict[tuple[str, str, str], Diagnosis] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
@@ -222,7 +222,7 @@ def load(path: Path, strict: bool = False) -> Case:
 def run_one(
     case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
 ) -> tuple[list[Comparison], Curves | None]:
-    """Run and compare one solver; a run that is lost gives comparisons that say so, and the curves
+    """Run and compare one solver; a run that fails gives comparisons that say so, and the curves
     until then if the engine has them.
 
     The model is compiled and the reference evaluated in the run's own process, within its limits.
@@ -307,8 +307,8 @@ def rung_of(model: Path) -> Comparison:
         steps=round(float(motion.times[len(own.points) - 1]) / own.step),
         violation=float(own.gap.max(initial=0.0)),
     )
-    if lost := why_lost(motion):
-        return replace(found, outcome=Outcome.DIVERGED, message=lost)
+    if failed := why_failed(motion):
+        return replace(found, outcome=Outcome.DIVERGED, message=failed)
     rung = Rung(motion)
     if not rung.consistent:
         return replace(found, outcome=Outcome.UNCHECKED, message=rung.words())
@@ -467,7 +467,7 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
                 continue
             result.refined.extend(rows)
         elif curves is not None and not isinstance(task, Path):
-            kept = result.lost if comparisons[0].outcome in LOST else result.curves
+            kept = result.failed if comparisons[0].outcome in FAILED else result.curves
             kept[task[0].name, task[1], task[2]] = curves
         result.comparisons.extend(comparisons)
         if not isinstance(task, Path) and (early := stopped(*task[:3], curves)):
@@ -477,7 +477,7 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
 def diagnose(
     result: Result, pool: Executor, progress: Callable[[str, int, int], None] = lambda *_: None
 ) -> None:
-    """Look for the causes of all runs that differ or were lost; they go into the result.
+    """Look for the causes of all runs that differ or failed; they go into the result.
 
     The first run of a case is looked at most thoroughly: others will have the same cause.
     """
@@ -485,7 +485,7 @@ def diagnose(
     differing = dict.fromkeys(
         (c.case, c.run, c.solver) for c in result.comparisons if c.outcome == Outcome.DIFFERS
     )
-    runs = {key: result.curves[key] for key in differing if key in result.curves} | result.lost
+    runs = {key: result.curves[key] for key in differing if key in result.curves} | result.failed
     first = {name: (name, run, solver) for name, run, solver in reversed(runs)}
     futures = [
         pool.submit(
@@ -494,7 +494,7 @@ def diagnose(
             cast(Kind, run),
             solver,
             curves,
-            (name, run, solver) in result.lost,
+            (name, run, solver) in result.failed,
             first[name] == (name, run, solver),
         )
         for (name, run, solver), curves in runs.items()
@@ -509,17 +509,17 @@ def one_diagnosis(
     run: Kind,
     solver: str,
     curves: Curves,
-    lost: bool = False,
+    failed: bool = False,
     thorough: bool = True,
 ) -> Diagnosis:
     """What a search for causes finds, in a worker; nothing where they cannot be sought."""
-    search = describe_loss if lost else partial(find_causes, thorough=thorough)
+    search = describe_failure if failed else partial(find_causes, thorough=thorough)
     limits = {"timeout": CAUSES, "memory": case.run[run].memory}
     try:
         return cast(Diagnosis, isolated(search, case, run, solver, curves, **limits))
     except Exception as error:  # nothing may cost the verdicts
         return Diagnosis(
-            case.name, run, solver, fault=str(error) or type(error).__name__, lost=lost
+            case.name, run, solver, fault=str(error) or type(error).__name__, failed=failed
         )
 
 

@@ -254,7 +254,7 @@ def animate_command(
 ) -> None:
     """Write the mechanism in motion as a picture: pale the reference, lines what engines found.
 
-    Exit code 0: written; 1: written, but a solver was lost or the motion ends early; 2: bad input,
+    Exit code 0: written; 1: written, but a solver failed or the motion ends early; 2: bad input,
     or a file that cannot be written.
     """
     from proofmass.check import load
@@ -275,12 +275,12 @@ def animate_command(
                 samples=samples,
             )
             found.save(file)
-    for name, why in found.lost.items():
+    for name, why in found.failed.items():
         errors.print(f"{name} {why}", style="bold red")
     if found.stopped:
         errors.print(f"the motion ends early: {found.stopped}")
     print(file)
-    raise typer.Exit(1 if found.lost or found.stopped else 0)
+    raise typer.Exit(1 if found.failed or found.stopped else 0)
 
 
 @app.command("new")
@@ -296,7 +296,7 @@ def new_command(
     ] = None,
 ) -> None:
     """Write a model and its sidecar that pass at once, or the sidecar of a model that has none."""
-    told: list[str] = []
+    messages: list[str] = []
     with answering("nothing is written"):
         if model is None:
             from proofmass.new import write_new
@@ -307,10 +307,10 @@ def new_command(
         else:
             from proofmass.proposal import write_proposal
 
-            files, told = write_proposal(name, model)
+            files, messages = write_proposal(name, model)
     for file in files:
         print(file)
-    for line in told:
+    for line in messages:
         errors.print(line)
     errors.print(f"next: proofmass check {next(f for f in files if f.suffix == '.toml')}")
 
@@ -683,7 +683,7 @@ def stress_command(
     dask: Dask = None,
     only: Annotated[str, typer.Option(help="Only parameters whose names have this in them.")] = "",
 ) -> None:
-    """Turn everything to its extreme until a run is lost, and bisect each boundary to 1 %.
+    """Turn everything to its extreme until a run fails, and bisect each boundary to 1 %.
 
     Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
     positions, bars in line, folds of rods, long runs, energy. Without a case: small models, with

@@ -104,13 +104,13 @@ def counting(
 
 def lines() -> Callable[[str, int, int], None]:
     """Progress as lines, for a log."""
-    told, last = set[str](), time.monotonic()
+    announced, last = set[str](), time.monotonic()
 
     def advance(label: str, done: int, total: int) -> None:
         nonlocal last
         case = label.partition(" ")[0]
-        if case not in told or done == total or time.monotonic() - last > PAUSE:
-            told.add(case)
+        if case not in announced or done == total or time.monotonic() - last > PAUSE:
+            announced.add(case)
             last = time.monotonic()
             errors.print(f"{done}/{total} {label}")
 

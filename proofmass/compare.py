@@ -192,31 +192,33 @@ def compare(
         The model is assembled in another mode than the sidecar says; a view or a chart cannot
         be drawn.
     """
-    reference = run_reference(case, run, curves)
-    truth = reference.as_driven(curves.drive)
-    check_branch(case, run, curves, truth)
-    check_views(case, run, ComparedCurves.of(curves, truth))
+    evaluated = run_reference(case, run, curves)
+    reference = evaluated.as_driven(curves.drive)
+    check_branch(case, run, curves, reference)
+    check_views(case, run, ComparedCurves.of(curves, reference))
     check_charts(case)
     if detectable:
-        reference.find_properties()
+        evaluated.find_properties()
     changes = (
         {}
         if not detectable
         else detectable_changes(
-            reference,
+            evaluated,
             {
                 name: allowed
                 for name in case.channels_of(run)
                 if name in curves.channels
                 and (
-                    allowed := allowed_error(case, run, solver, name, curves, truth.channels[name])
+                    allowed := allowed_error(
+                        case, run, solver, name, curves, reference.channels[name]
+                    )
                 )
                 is not None
             },
         )
     )
     return Comparisons(
-        one(case, run, solver, name, curves, truth.channels[name], changes.get(name, {}))
+        one(case, run, solver, name, curves, reference.channels[name], changes.get(name, {}))
         for name in case.channels_of(run)
     )
 
@@ -227,13 +229,13 @@ def one(
     solver: str,
     name: str,
     curves: Curves,
-    truth: Array,
+    reference: Array,
     detectable: dict[str, DetectableChange],
 ) -> Comparison:
     """Compare one channel; its curves are in SI units, the comparison in the channel's."""
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
-    scale = scale_of(case, run, name, curves, truth) / factor
+    scale = scale_of(case, run, name, curves, reference) / factor
     allowed = tolerance.allowed(scale) if tolerance else NAN
     place: dict[str, Any] = {
         "case": case.name,
@@ -250,7 +252,7 @@ def one(
         return Comparison(
             **place, outcome=Outcome.UNSUPPORTED, message=curves.missing.get(name, "")
         )
-    error = np.abs(curves.channels[name] - truth) / factor
+    error = np.abs(curves.channels[name] - reference) / factor
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     unsure = curves.uncertainty.get(name, np.zeros_like(error)) / factor
     rms = float(np.sqrt(np.mean(error**2)))
@@ -275,13 +277,13 @@ def one(
 
 
 def allowed_error(
-    case: Case, run: str, solver: str, name: str, curves: Curves, truth: Array
+    case: Case, run: str, solver: str, name: str, curves: Curves, reference: Array
 ) -> float | None:
     """The largest error that a channel's tolerance allows, in SI units; None if there is none."""
     if (tolerance := case.tolerance_for(run, solver, name)) is None:
         return None
     factor = case.channels[name].factor
-    return tolerance.allowed(scale_of(case, run, name, curves, truth) / factor) * factor
+    return tolerance.allowed(scale_of(case, run, name, curves, reference) / factor) * factor
 
 
 def start_until(curves: Curves) -> float:
@@ -289,7 +291,7 @@ def start_until(curves: Curves) -> float:
     return float(curves.x[0] + START * (curves.x[-1] - curves.x[0]))
 
 
-def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> float:
+def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) -> float:
     """What ``relative_to_range`` is a share of, in SI units.
 
     It is the range of the reference curve, unless that is constant: its range is less than a
@@ -300,7 +302,7 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> f
     moment.  T is 1 over the largest rate of a drive (L over the largest speed of a slide), or the
     length of a free motion.
     """
-    unit, span = case.channels[name].si_unit, float(np.ptp(truth))
+    unit, span = case.channels[name].si_unit, float(np.ptp(reference))
     model = compiled(case)
     extent = size(model, case.start)
     own = 1.0
@@ -308,7 +310,7 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, truth: Array) -> f
         (extent, mass(model), time_of(case, run, curves, extent)), powers(unit)[:3], strict=True
     ):
         own *= (base**power if base else 0.0) if power else 1.0
-    magnitude = float(np.abs(truth).max())
+    magnitude = float(np.abs(reference).max())
     if unit in ("m", "rad") or not magnitude > ZERO * own:
         magnitude = own
     return span if span >= CONSTANT * magnitude else magnitude
@@ -371,10 +373,10 @@ def undecided(uncertainty: float, allowed: float, unit: str) -> str:
 
 def changeable(case: Case) -> dict[str, float]:
     """The parameters that are quantities: no words, and no whole numbers such as a mode."""
-    truth = module_of(case)
-    if isinstance(truth, Recorded):
+    reference = module_of(case)
+    if isinstance(reference, Recorded):
         return {}
-    known = inspect.signature(truth.solve).parameters
+    known = inspect.signature(reference.solve).parameters
     return {
         key: value
         for key, value in case.parameters.items()
@@ -558,11 +560,11 @@ def worst(sides: Differences, name: str) -> float:
     return max((size for size in sizes if np.isfinite(size)), default=NAN)
 
 
-def check_branch(case: Case, run: Kind, curves: Curves, truth: Curves) -> None:
+def check_branch(case: Case, run: Kind, curves: Curves, reference: Curves) -> None:
     """Refuse a model that is assembled in another mode than the sidecar says."""
     if "mode" not in case.parameters or curves.drive is None:
         return
-    if misfit(case, curves, truth) <= 0.1:
+    if misfit(case, curves, reference) <= 0.1:
         return
     for mode in modes(case):
         try:
@@ -579,15 +581,15 @@ def check_branch(case: Case, run: Kind, curves: Curves, truth: Curves) -> None:
             )
 
 
-def misfit(case: Case, curves: Curves, truth: Curves) -> float:
+def misfit(case: Case, curves: Curves, reference: Curves) -> float:
     """Largest difference of a position channel at the first sample, over the curve's range."""
     names = [
         n for n, c in case.channels.items() if c.si_unit in ("m", "rad") and n in curves.channels
     ]
     return max(
         (
-            abs(float(curves.channels[n][0] - truth.channels[n][0]))
-            / (float(np.ptp(truth.channels[n])) or 1.0)
+            abs(float(curves.channels[n][0] - reference.channels[n][0]))
+            / (float(np.ptp(reference.channels[n])) or 1.0)
             for n in names
         ),
         default=0.0,

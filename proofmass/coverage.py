@@ -2,7 +2,7 @@
 
 Each number of the compiled model is changed in what the engines get, and the runs are held against
 the reference and the tolerances of the case.  A change is noticed where a channel differs that
-agreed before, or where the run is refused or lost.  A reference that reads the model itself reads
+agreed before, or where the run is refused or failed.  A reference that reads the model itself reads
 the changed one, as it does in `proofmass check`: such a case notices a number by its laws alone.
 
 What was found is kept in a folder, a file for each case, which is written after each group of
@@ -204,7 +204,7 @@ def own_sources() -> str:
 
 
 def versions_of(engine: str) -> dict[str, str]:
-    """Versions of an engine; none of one that cannot be loaded, whose runs are lost."""
+    """Versions of an engine; none of one that cannot be loaded, whose runs fail."""
     try:
         engine_of(engine)
     except NoEngine:

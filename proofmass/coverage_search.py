@@ -7,14 +7,14 @@ neither is noticed, they wait.  Where one is, the group is halved.
 
 **The smallest change.**  From the errors e0 before and e1 after a change d the rate of every
 error is (e1 - e0) / d at each sample, and the channel whose tolerance is used up first tells the
-change that is noticed.  This is repeated with twice the change that was told, until the two agree.
+change that is noticed.  This is repeated with twice the change that was found, until the two agree.
 
 The quickest run is asked first, kind by kind.  What it does not notice is asked of the other runs,
 one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
 which what is noticed is noticed by the whole run as well, unless the model as it is cannot be swept
 there.  In a group one number may hide another, so that each that nothing noticed is then changed
 alone, to both sides, in each whole run, which tells how much of a tolerance it uses.  At the end
-the other runs are asked for half of the changes that were told.
+the other runs are asked for half of the changes that were found.
 """
 
 import math
@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 from proofmass.case import Case
 from proofmass.changed import Baseline, Changes, Trial, baseline, numbers, stride_of, with_changes
 from proofmass.compare import Comparison, changeable
-from proofmass.outcome import FAILURES, LOST, Outcome
+from proofmass.outcome import FAILED, FAILURES, Outcome
 from proofmass.sim.elements import NotWritten, Number
 from proofmass.sim.numbers import SHARE
 from proofmass.strict import Kind
@@ -38,19 +38,19 @@ CHUNK = 6
 SMALL = 1e-4
 """Of the change that is tried: the first one, whose rate tells what to try next."""
 NEAR = 4.0
-"""A change is told if it is up to so many times less than one that was tried and noticed."""
+"""A change is found if it is up to so many times less than one that was tried and noticed."""
 ROUNDS = 8
 """Changes to try for the smallest one that is noticed."""
 DOWN = 1e-2
-"""Of a change with which a run is lost: the next one, which may tell a rate."""
+"""Of a change with which a run fails: the next one, which may tell a rate."""
 IN_TURN = 3
-"""Changes with which a run is lost, one after the other, until it is given up."""
+"""Changes with which a run fails, one after the other, until it is given up."""
 MOST = 2.0
 """Of the change that is tried alone: the largest in a group."""
 LONGER = 4.0
 """Of the limit of time of a run: that of a trial that reached it, when it is asked once more."""
 SOONER = 0.8
-"""Of the change that is told: what another solver has to promise to be asked."""
+"""Of the change that is found: what another solver has to promise to be asked."""
 QUIET = {
     "inertia",
     "damping",
@@ -130,7 +130,7 @@ class Finding:
     run, solver, channel : str
         What notices it; where nothing does, what the change moves most, if that was asked.
     refused : str
-        Why the run is lost with the change, where no channel tells a smaller one.
+        Why the run fails with the change, where no channel tells a smaller one.
     moved : float
         Of a number that nothing notices: how much of its tolerance that channel moves by with the
         change that was tried [1]; NaN where no channel is left to tell it.
@@ -196,7 +196,7 @@ class Search:
         self.before = [run for one in asked if (run := one.result())]
         there: list[Number] = []
         if not self.runs():
-            self.left_out = "; ".join(self.lost())
+            self.left_out = "; ".join(self.failed())
         self.keep_whole()
         try:
             if self.runs():
@@ -236,12 +236,12 @@ class Search:
         yield total, total, WHOLE
 
     def keep_whole(self) -> None:
-        """Search sweeps at all samples that at some of them are lost as they are.
+        """Search sweeps at all samples that at some of them fail as they are.
 
         So is one with dry friction whose drive turns back between the samples that are left.
         """
         for run in self.runs():
-            if self.strides[run.kind] > 1 and self.trial(run, []).lost:
+            if self.strides[run.kind] > 1 and self.trial(run, []).failed:
                 self.strides[run.kind] = 1
 
     def call(self, kind: Kind, function: Callable, *args: object, longer: float = 1.0) -> Any:
@@ -258,7 +258,7 @@ class Search:
         try:
             found: Baseline = self.call(kind, baseline, kind, solver)
         except tuple(FAILURES) as error:
-            lost = [
+            failed = [
                 Comparison(
                     case.name,
                     solver,
@@ -270,14 +270,14 @@ class Search:
                 )
                 for name, c in channels.items()
             ]
-            return Baseline(kind, solver, {}, {}, {}, lost)
+            return Baseline(kind, solver, {}, {}, {}, failed)
         return found
 
-    def lost(self) -> Iterator[str]:
+    def failed(self) -> Iterator[str]:
         """The runs that have no curves as they are, in words."""
         for one in self.before:
             for c in one.comparisons[:1]:
-                if c.outcome in LOST:
+                if c.outcome in FAILED:
                     yield f"the {one.kind} of {one.solver} is {c.outcome} as it is: {c.message}"
 
     @property
@@ -292,7 +292,7 @@ class Search:
         return sorted(there, key=lambda one: (one.kind == "dynamics", one.seconds))
 
     def trial(self, run: Baseline, changes: Changes, whole: bool = False) -> Trial:
-        """A run with changed numbers; one that is lost with its worker is a trial as well."""
+        """A run with changed numbers; one that fails with its worker is a trial as well."""
         alike = [one for one in self.before if one.kind == run.kind and one.errors]
         stride = 1 if whole else self.strides[run.kind]
         asked = run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
@@ -303,10 +303,10 @@ class Search:
             except TimedOut as error:
                 why = str(error)
             except tuple(FAILURES) as error:
-                return Trial(math.inf, lost=str(error))
+                return Trial(math.inf, failed=str(error))
             else:
                 return found
-        return Trial(math.inf, lost=why)
+        return Trial(math.inf, failed=why)
 
     def tried(self, group: Sequence[Number]) -> list[Finding]:
         """What the first run tells of a group of numbers of one kind."""
@@ -337,7 +337,7 @@ class Search:
     def alone(self, run: Baseline, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
         """The findings after a whole run was asked for each number alone that nothing noticed.
 
-        Of what is not noticed either, it is told what it moves most.
+        Of what is not noticed either, it is stated what it moves most.
         """
 
         def farthest(number: Number) -> Finding:
@@ -358,27 +358,27 @@ class Search:
         """What a run notices of a number; None if it does not notice the change that is tried."""
         small = SMALL * number.step
         trial = self.trial(run, [(number, small)], whole)
-        if trial.lost:
+        if trial.failed:
             return self.smallest(run, number, DOWN * small, (small, trial), whole)
-        if (told := self.nearest(run, number, small, trial)) and abs(told) < number.step:
-            begin = math.copysign(min(2 * abs(told), number.step), told)
+        if (estimate := self.nearest(run, number, small, trial)) and abs(estimate) < number.step:
+            begin = math.copysign(min(2 * abs(estimate), number.step), estimate)
             if one := self.smallest(run, number, begin, None, whole):
                 return one
         for change in (side * number.step for side in sides_of(number)):
             trial = self.trial(run, [(number, change)], whole)
             if trial.ratio > 1:
-                begin = change * (DOWN if trial.lost else 0.5)
+                begin = change * (DOWN if trial.failed else 0.5)
                 return self.smallest(run, number, begin, (change, trial), whole)
         return None
 
     def nearest(self, run: Baseline, number: Number, change: float, trial: Trial) -> float:
         """The change that a run would notice by the rates of a trial; 0 if it tells none."""
-        told = [
+        estimate = [
             side * limit.factor * change
             for side, limit in zip((1, -1), trial.limits[run.solver], strict=True)
             if limit.factor < math.inf and side * math.copysign(1, change) in sides_of(number)
         ]
-        return min(told, key=abs, default=0.0)
+        return min(estimate, key=abs, default=0.0)
 
     def smallest(
         self,
@@ -389,14 +389,14 @@ class Search:
         whole: bool = False,
     ) -> Finding | None:
         """The smallest change that a run notices, from a guess; `known` is one that it notices."""
-        least, change, lost, quiet = known, begin, 0, 0.0
+        least, change, failed, quiet = known, begin, 0, 0.0
         for _ in range(ROUNDS):
             trial = self.trial(run, [(number, change)], whole)
             if trial.ratio > 1 and (least is None or abs(change) < abs(least[0])):
                 least = change, trial
-            if trial.lost:
-                change, lost = DOWN * change, lost + 1
-                if lost == IN_TURN:
+            if trial.failed:
+                change, failed = DOWN * change, failed + 1
+                if failed == IN_TURN:
                     break
                 continue
             same = trial.limits[run.solver][0]
@@ -404,10 +404,10 @@ class Search:
                 return self.by_another(run, number, change, trial) or noticed(
                     number, same.factor * change, run, same.channel
                 )
-            told = self.nearest(run, number, change, trial)
-            if not told or (least is None and abs(told) > number.step):
+            estimate = self.nearest(run, number, change, trial)
+            if not estimate or (least is None and abs(estimate) > number.step):
                 break  # the rate that promised it was rounding
-            following = math.copysign(min(2 * abs(told), number.step), told)
+            following = math.copysign(min(2 * abs(estimate), number.step), estimate)
             if trial.ratio <= 1:
                 quiet = max(quiet, abs(change))
             if least and quiet:  # the rates are wrong: it goes with a square, for one
@@ -416,7 +416,7 @@ class Search:
         if least is None:
             return None
         change, trial = least
-        return noticed(number, change, run, trial.channel, trial.lost)
+        return noticed(number, change, run, trial.channel, trial.failed)
 
     def by_another(
         self, run: Baseline, number: Number, change: float, trial: Trial
@@ -436,7 +436,7 @@ class Search:
         return None
 
     def sooner(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
-        """The findings after other runs were asked for half of the changes that were told."""
+        """The findings after other runs were asked for half of the changes that were found."""
         found = dict(known)
         for run in self.runs():
             for alike in (True, False):
@@ -462,9 +462,9 @@ class Search:
         found: Mapping[Number, Finding],
         alike: bool,
     ) -> list[Number]:
-        """Those that a run notices at half of the change that is told so far.
+        """Those that a run notices at half of the change that is found so far.
 
-        Of a run that is `alike`, of the same kind, rates have told what it notices; it may still
+        Of a run that is `alike`, of the same kind, rates have shown what it notices; it may still
         refuse a change of any size, so that in a group all of them are as small as to add up to
         less than is noticed.
         """
@@ -511,19 +511,21 @@ class Search:
         """What is noticed of the parameters of the reference, by what comparisons tell already."""
         for name, value in changeable(self.case).items():
             blank = Finding("parameter", name, "", value, SHARE * abs(value), False)
-            told = [
+            estimate = [
                 (change.size * (abs(value) if change.relative else 1.0), c)
                 for one in self.before
                 for c in one.comparisons
                 if c.outcome == Outcome.AGREES and (change := c.detectable.get(name))
             ]
-            known = [(by, c) for by, c in told if not math.isnan(by)]
+            known = [(by, c) for by, c in estimate if not math.isnan(by)]
             if known:
                 by, c = min(known, key=lambda pair: pair[0])
                 found = replace(blank, noticed=True, change=by, run=c.run, solver=c.solver)
                 yield replace(found, channel=c.channel)
             else:
-                yield replace(blank, noticed=bool(told), refused="not known" if told else "")
+                yield replace(
+                    blank, noticed=bool(estimate), refused="not known" if estimate else ""
+                )
 
 
 def grouped(there: Sequence[Number]) -> dict[str, list[Number]]:
@@ -582,7 +584,9 @@ def draws(group: Sequence[Number]) -> Iterator[Changes]:
         yield changes
 
 
-def noticed(number: Number, change: float, run: Baseline, channel: str, lost: str = "") -> Finding:
+def noticed(
+    number: Number, change: float, run: Baseline, channel: str, failed: str = ""
+) -> Finding:
     """The finding of a number that is noticed."""
     return replace(
         not_noticed(number),
@@ -591,7 +595,7 @@ def noticed(number: Number, change: float, run: Baseline, channel: str, lost: st
         run=run.kind,
         solver=run.solver,
         channel=channel,
-        refused=lost,
+        refused=failed,
     )
 
 

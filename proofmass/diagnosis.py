@@ -99,7 +99,7 @@ WORSE = 1.1  # times the difference, from which on it is said to be larger
 PLACE = 1e-5  # relative difference of a number in the model, as the fit has it
 FEW = 4  # lines that are named
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
-LOST_RUN: tuple[type[Exception], ...] = (InputError, BadModel, *FAILURES)
+FAILED_RUN: tuple[type[Exception], ...] = (InputError, BadModel, *FAILURES)
 Known = dict[str, Array]
 
 
@@ -178,8 +178,8 @@ class Diagnosis:
         Wall time that it took [s].
     fault : str
         Why causes could not be sought; empty if they were.
-    lost : bool
-        Whether the run was lost; then there are remarks alone.
+    failed : bool
+        Whether the run failed; then there are remarks alone.
     """
 
     case: str
@@ -192,7 +192,7 @@ class Diagnosis:
     remarks: tuple[str, ...] = ()
     seconds: float = 0.0
     fault: str = ""
-    lost: bool = False
+    failed: bool = False
 
     @property
     def found(self) -> bool:
@@ -204,7 +204,7 @@ class Diagnosis:
         """The best cause, what it leaves unexplained, the next best, and remarks; a line each."""
         if self.fault:
             return [f"causes were not sought: {self.fault}"]
-        if self.lost:
+        if self.failed:
             return list(self.remarks) or ["nothing was found that tells why"]
         if not self.found:
             return [f"none of those tried: {', '.join(self.tried)}", *self.remarks]
@@ -223,7 +223,7 @@ class Diagnosis:
     @property
     def text(self) -> str:
         """All lines, after the word that says what they tell."""
-        head = "lost" if self.lost else "cause"
+        head = "failed" if self.failed else "cause"
         return f"{head}: " + f"\n{' ' * 9}".join(self.lines)
 
     def much(self, cause: Explanation) -> str:
@@ -250,17 +250,17 @@ class Residuals:
         self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
         begin = time.process_time()
         with memory_in_use(self.memory, more=True):
-            truth = evaluate(case, run, curves.x, curves.drive).channels
+            reference = evaluate(case, run, curves.x, curves.drive).channels
         self.seconds = time.process_time() - begin
         self.allowed = {
             name: allowed
             for name in case.channels_of(run)
             if name in curves.channels
             and np.isfinite(curves.channels[name]).all()
-            and (allowed := allowed_error(case, run, solver, name, curves, truth[name]))
+            and (allowed := allowed_error(case, run, solver, name, curves, reference[name]))
         }
         self.curve = self.scaled(curves.channels)
-        self.reference = self.scaled(truth)
+        self.reference = self.scaled(reference)
         self.before = self.less(self.reference)
         self.differing = tuple(n for n, y in self.before.items() if np.abs(y).max() > 1.0)
 
@@ -355,7 +355,7 @@ class ModelResiduals(Residuals):
         self.seconds += curves.seconds / self.stride
 
     def at(self, changed: Mapping[str, float]) -> Known:
-        """The differences of the engine's curves with other numbers; nothing if the run is lost."""
+        """The differences of the engine's curves with other numbers; nothing if the run fails."""
         changes = [(self.numbers[key], v - self.parameters[key]) for key, v in changed.items()]
         try:
             with TemporaryDirectory() as folder:
@@ -363,7 +363,7 @@ class ModelResiduals(Residuals):
                 asked = plan(other, self.run, self.solver)
                 asked = replace(asked, x=asked.x[:: self.stride])
                 curves = simulate(self.solver.partition(":")[0], other.model_path, asked)
-        except LOST_RUN:
+        except FAILED_RUN:
             return {}
         if curves.x.size != asked.x.size or not self.allowed.keys() <= curves.channels.keys():
             return {}
@@ -662,8 +662,8 @@ def again(
     try:
         curves = run_here(there.case.model_copy(update=changed), run, solver)
         finer = Residuals(there.case, run, solver, curves)
-    except LOST_RUN as error:
-        return None, f"with {words} the run is lost: {error}"
+    except FAILED_RUN as error:
+        return None, f"with {words} the run fails: {error}"
     after = {n: y for n, y in finer.before.items() if n in there.allowed}
     share = left(there.before, after, there.differing)
     if share > WORSE:
@@ -879,14 +879,14 @@ def cause_of(
     return there.judged(kind, " and ".join(words).replace("  ", " ") + note, after, free, changes)
 
 
-def describe_loss(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
-    """What the curves of a lost run say until it was lost.
+def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
+    """What the curves of a failed run say until it failed.
 
     Parameters
     ----------
     case : Case
     run, solver : str
-        Which run was lost.
+        Which run failed.
     curves : Curves
         Until the last sample before the loss.
 
@@ -909,7 +909,7 @@ def describe_loss(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnos
         *shorter_steps(case, run, solver, curves),
     ]
     seconds = time.perf_counter() - begin
-    return Diagnosis(case.name, run, solver, remarks=tuple(words), seconds=seconds, lost=True)
+    return Diagnosis(case.name, run, solver, remarks=tuple(words), seconds=seconds, failed=True)
 
 
 def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
@@ -970,10 +970,10 @@ def shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterato
         least /= 2
         try:
             run_here(case.model_copy(update=changed), run, solver)
-        except LOST_RUN:
+        except FAILED_RUN:
             continue
         words = f"{number(least)} s instead of {number(step)} s"
         yield f"with a time step of {words} it comes to its end"
         return
     if least < step:
-        yield f"with time steps down to {number(least)} s it is lost as well"
+        yield f"with time steps down to {number(least)} s it fails as well"

@@ -76,7 +76,7 @@ def run_explain(path: Path, as_json: bool, jobs: int | None) -> None:
 
 
 def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
-    """All that is told, part by part; texts are wrapped."""
+    """All that is found, part by part; texts are wrapped."""
     yield from wrapped(f"{case.name}: {case.title}")
     yield ""
     yield "Who checks what"
@@ -89,7 +89,7 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
         yield from wrapped(f"differ already, and are asked nothing: {', '.join(found.differing)}")
     yield ""
     yield "What the reference reads"
-    yield from wrapped(told_of_reference(case, found), "  ")
+    yield from wrapped(format_reference_coverage(case, found), "  ")
     for name, value in properties(case).items() if found.reads_model else ():
         yield from wrapped(f"{name}: {value}", "  ")
     noticing = [one for one in found.parameters if one.noticed and not one.refused]
@@ -112,14 +112,14 @@ def of_model(case: Case, found: Coverage) -> Iterator[str | Table]:
     if found.left_out or not found.numbers:
         yield from wrapped(not_tried(case, found))
         return
-    told = [one for one in found.noticed if not one.refused]
-    if told:
+    changed = [one for one in found.noticed if not one.refused]
+    if changed:
         yield f"Noticed in {case.model}, from this change on"
-        yield from tables_of(told)
+        yield from tables_of(changed)
         yield ""
-    if lost := [one for one in found.noticed if one.refused]:
-        yield "Refused, or lost: the run says so"
-        for one in sorted(refusals(lost)):
+    if failed := [one for one in found.noticed if one.refused]:
+        yield "Refused, or failed: the run says so"
+        for one in sorted(refusals(failed)):
             yield from wrapped(one, "  ")
         yield ""
     yield "Not noticed by any run"
@@ -164,7 +164,7 @@ def checks(found: Coverage) -> Iterator[str]:
             yield from wrapped(why, "    ")
 
 
-def told_of_reference(case: Case, found: Coverage) -> str:
+def format_reference_coverage(case: Case, found: Coverage) -> str:
     """What the reference takes from the model, and what a wrong number then means."""
     if case.recorded:
         return f"the recorded curve {case.reference}; nothing of the model"
@@ -199,13 +199,13 @@ def cells_of(one: Finding) -> tuple[str, str, str]:
 
 
 def refusals(some: Sequence[Finding]) -> Iterator[str]:
-    """Numbers with which runs are lost, those with one kind and reason as one."""
+    """Numbers with which runs fail, those with one kind and reason as one."""
     for (kind, why), group in groupby(some, key=lambda one: (one.kind, one.refused)):
         yield f"{phrase(kind, list(group))}: {why}"
 
 
 def not_noticed(case: Case, found: Coverage) -> Iterator[str]:
-    """Numbers that nothing notices, by their kinds, with the reason where one can be told."""
+    """Numbers that nothing notices, by their kinds, with the reason where one is known."""
     for kind, some in found.unnoticed.items():
         why = reason(case, found, kind, some)
         yield phrase(kind, some) + (f": {why}" if why else "")

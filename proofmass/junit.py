@@ -19,7 +19,7 @@ BARRED = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def as_junit(result: Result) -> bytes:
     """The XML file of a result.
 
-    A channel that is not checked is skipped, one that differs or was lost is a failure, and an
+    A channel that is not checked is skipped, one that differs or failed is a failure, and an
     input at fault is a suite of its own with an error.  The time of a run is shared out evenly
     among its channels, so that the sums are those of the runs.
     """

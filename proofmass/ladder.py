@@ -8,7 +8,7 @@ The rungs, from below:
 * *agrees*: an independent reference, which a sidecar names, agrees within a tolerance;
 * *exact*: that reference is a closed form, or has a witness of its own.
 
-The first two are told of a model by itself, see `proofmass.check.check_model`.  Its motion is
+The first two are found for a model by itself, see `proofmass.check.check_model`.  Its motion is
 solved in several ways by an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance of two
 ways is the largest of all points of all bodies until a time; it counts as a share of the model's
 size, or of the way that a point has gone until then, if that is longer.  Three things are looked
@@ -79,7 +79,7 @@ class Rung:
     Parameters
     ----------
     motion : OwnMotion
-        Whose first run is not lost, see `why_lost`.
+        Whose first run does not fail, see `why_failed`.
     """
 
     def __init__(self, motion: OwnMotion) -> None:
@@ -250,9 +250,9 @@ class Rung:
         if self.whole_run:
             return ""
         if self.last == self.count - 1:
-            lost = [run for run in self.motion.runs if run.stopped and not run.late]
-            if lost:
-                return f"{lost[0].name} is lost: {lost[0].stopped}"
+            failed = [run for run in self.motion.runs if run.stopped and not run.late]
+            if failed:
+                return f"{failed[0].name} fails: {failed[0].stopped}"
             return "no more was followed in the time that there is"
         k = min(self.last + 1, self.parted.size - 1)
         growth = self.grown(k)
@@ -360,13 +360,13 @@ def farthest(ways: Array) -> Array:
     return np.asarray(np.maximum.accumulate(lengths.max(axis=1, initial=0.0)))
 
 
-def why_lost(motion: OwnMotion) -> str:
-    """Why the model's own run is lost; nothing if it came to its end, or to that of its time.
+def why_failed(motion: OwnMotion) -> str:
+    """Why the model's own run fails; nothing if it came to its end, or to that of its time.
 
     >>> from proofmass.sim.protocol import OwnRun
     >>> none = np.zeros((1, 1, 1, 3))
     >>> run = OwnRun("Euler, 2 ms", 2e-3, 1.0, none, *3 * (np.zeros(1),), stopped="not finite")
-    >>> why_lost(OwnMotion(np.arange(2.0), 1.0, (run,), run, run, 0, run, (), None, 1))
+    >>> why_failed(OwnMotion(np.arange(2.0), 1.0, (run,), run, run, 0, run, (), None, 1))
     'not finite, after 0 s'
     """
     own = motion.runs[0]

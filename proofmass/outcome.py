@@ -57,7 +57,7 @@ CHECKED = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED)
 OPEN = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
 """Outcomes of channels and models that nothing of their own judges."""
 GOOD = (Outcome.AGREES, *OPEN)
-LOST = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
+FAILED = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
 """Outcomes of runs that gave no curves.
 
 Three places decide that a run diverged, and raise `Diverged`: `proofmass.drive.check_driven`, if

@@ -33,7 +33,7 @@ def plot_data(
     view: View,
     curves: Curves,
     beside: str | None = None,
-    truth: Curves | None = None,
+    reference: Curves | None = None,
 ) -> PlotData:
     """The reference in a view, at the state that the drives really had in a run.
 
@@ -46,7 +46,7 @@ def plot_data(
         it was compared with, if it was.
     beside : str, optional
         A parameter set of the case to take instead of its own.
-    truth : Curves, optional
+    reference : Curves, optional
         The reference's channels at that state, for the case's own parameters, if they are not with
         the curves.  The reference is evaluated where the view names more than what is there.
 
@@ -69,7 +69,7 @@ def plot_data(
             f"compare_with.{beside!r}.parameters",
         )
     moved = {d.joint: curves.drive[0][k] for k, d in enumerate(case.drive) if curves.drive}
-    own = truth.channels if truth else {}
+    own = reference.channels if reference else {}
     there = {**moved, **own}
     if isinstance(curves, ComparedCurves):
         there = {**curves.shown, **moved, **curves.reference, **own}
@@ -107,11 +107,11 @@ def place(case: Case, view: View, key: str) -> str:
 
 
 def unit(case: Case, view: View, key: str, name: str) -> str:
-    """Unit of a name: its channel's, its joint's, that of a channel which equals it, or as told.
+    """Unit of a name: its channel's, its joint's, that of a channel which equals it, or as stated.
 
     What is `dashed` is else in the unit of what it is held against.
     """
-    truth, given = module_of(case), "x_unit" if key == "x" else "unit"
+    reference, given = module_of(case), "x_unit" if key == "x" else "unit"
     if name in case.channels:
         return case.channels[name].unit
     if name in [d.joint for d in case.drive]:
@@ -121,30 +121,34 @@ def unit(case: Case, view: View, key: str, name: str) -> str:
         joint, _, part = name.removeprefix(DRIVE).partition(".")
         own = "m" if compiled(case).joint(joint).type == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
         return own + {"rate": "/s", "acceleration": "/s^2"}.get(part, "")
-    if isinstance(truth, Recorded):
-        return truth.units[name]
-    told = next((c.unit for c in case.channels.values() if c.equals == name), getattr(view, given))
-    if told is None and key == "dashed":
+    if isinstance(reference, Recorded):
+        return reference.units[name]
+    stated = next(
+        (c.unit for c in case.channels.values() if c.equals == name), getattr(view, given)
+    )
+    if stated is None and key == "dashed":
         return unit(case, view, "y", view.y[0])
-    if told is None:
+    if stated is None:
         raise InputError(
             case.file,
             place(case, view, given),
             f"missing: no channel equals {name!r}"
-            f', so its unit must be told, such as {given} = "N m"',
+            f', so its unit must be given, such as {given} = "N m"',
         )
-    return told
+    return stated
 
 
 def marks(case: Case, view: View) -> dict[str, float]:
-    """Places on x by what happens there, told by the sidecar or by the reference's module."""
+    """Places on x by what happens there, named by the sidecar or by the reference's module."""
     if not isinstance(view.marks, str):
         return dict(view.marks)
     key = place(case, view, "marks")
-    truth = module_of(case)
-    tell = getattr(truth, view.marks, None)
+    reference = module_of(case)
+    tell = getattr(reference, view.marks, None)
     if not callable(tell):
-        there = [name for name in getattr(truth, "__all__", dir(truth)) if tells(truth, name)]
+        there = [
+            name for name in getattr(reference, "__all__", dir(reference)) if tells(reference, name)
+        ]
         raise InputError(
             case.file,
             key,
@@ -164,9 +168,9 @@ def marks(case: Case, view: View) -> dict[str, float]:
         raise InputError(case.file, key, str(error)) from None
 
 
-def tells(truth: object, name: str) -> bool:
+def tells(reference: object, name: str) -> bool:
     """Whether a function of a reference's module tells places by words."""
-    annotations = getattr(getattr(truth, name), "__annotations__", {})
+    annotations = getattr(getattr(reference, name), "__annotations__", {})
     return bool(annotations.get("return") == dict[str, float])
 
 

@@ -39,7 +39,7 @@ from proofmass.compare import Comparison, compare
 from proofmass.engines import default_engines, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text, write_whole
-from proofmass.ladder import PROCESSOR, Rung, why_lost
+from proofmass.ladder import PROCESSOR, Rung, why_failed
 from proofmass.outcome import Outcome
 from proofmass.reference import smooth_terms
 from proofmass.sim.contents import joint_of, joints, keys, loose_bodies, place_sensors, sensors
@@ -259,7 +259,7 @@ def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelL
     Raises
     ------
     InputError
-        Nothing moves, the model is lost, or its motion is not known for any time.
+        Nothing moves, the model fails, or its motion is not known for any time.
     """
     look = look_of(model, start, int(model.nv))
     if not model.nv:
@@ -276,8 +276,8 @@ def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelL
         motion = engine_of(NATIVE).own_motion(path, LET_GO, SAMPLES, PROCESSOR, start)
     except (Unsupported, NotSolved) as error:
         raise InputError(path, "", f"{why}; nor can its own equations be solved: {error}") from None
-    if lost := why_lost(motion):
-        raise InputError(path, "", f"it is lost: {lost}")
+    if failed := why_failed(motion):
+        raise InputError(path, "", f"it fails: {failed}")
     rung = Rung(motion)
     if not (until := rung.closely_until):
         raise InputError(path, "", f"{why}; and {rung.words()}")
@@ -287,13 +287,13 @@ def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelL
 
 @dataclass
 class Proposal:
-    """A sidecar in the making: its runs by kind, and what is told of them."""
+    """A sidecar in the making: its runs by kind, and what is said of them."""
 
     name: str
     model: str
     look: ModelLook
     runs: dict[Kind, list[str]]
-    told: list[str] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
     tolerances: list[str] = field(default_factory=list)
     steps: dict[str, float] = field(default_factory=dict)
 
@@ -304,7 +304,7 @@ class Proposal:
     def lines(self) -> Iterator[str]:
         """Its lines."""
         yield f"# Proposed for {self.model} by `proofmass new`; docs/sidecar.md has every key."
-        yield from (f"# {line}" for line in self.told)
+        yield from (f"# {line}" for line in self.messages)
         yield f'title = "{self.name}"'
         yield 'source = "where the lengths, masses and springs come from"'
         yield f'reference = "{self.look.reference}"  # {MEANT[self.look.reference]}'
@@ -349,7 +349,7 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
     -------
     files : list of Path
         What was written.
-    told : list of str
+    messages : list of str
         What was found, and what no engine covers.
 
     Raises
@@ -384,16 +384,16 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         model, written = own, [sidecar, own]
     try:
         try:
-            told = proposed(name, model, look, sidecar)
+            messages = proposed(name, model, look, sidecar)
         except InputError:
             if not look.driven or look.determined:
                 raise
-            told = proposed(name, model, replace(look, reaches=()), sidecar)  # no engine rests
+            messages = proposed(name, model, replace(look, reaches=()), sidecar)  # no engine rests
     except BaseException:
         for file in written:
             file.unlink(missing_ok=True)
         raise
-    return written, told
+    return written, messages
 
 
 def proposed(name: str, model: Path, look: ModelLook, sidecar: Path) -> list[str]:
@@ -402,9 +402,9 @@ def proposed(name: str, model: Path, look: ModelLook, sidecar: Path) -> list[str
     if look.driven:
         kinds = ["sweep", "dynamics"] if look.determined else ["sweep"]
     proposal = Proposal(name, model.name, look, {kind: list(default_engines()) for kind in kinds})
-    proposal.told.append(found_in(look))
+    proposal.messages.append(found_in(look))
     measure(proposal, sidecar)
-    return proposal.told
+    return proposal.messages
 
 
 def found_in(look: ModelLook) -> str:
@@ -464,14 +464,14 @@ def measure(proposal: Proposal, sidecar: Path) -> None:
             except InputError as error:
                 if not error.key.startswith("run."):
                     raise
-                proposal.told.append(f"{kind}: {error.wrong}")
+                proposal.messages.append(f"{kind}: {error.wrong}")
                 proposal.runs[kind] = [one for one in proposal.runs[kind] if one != solver]
                 if not proposal.runs[kind]:
                     raise InputError(
                         sidecar.with_name(proposal.model), "", f"no engine covers it: {error.wrong}"
                     ) from None
                 continue
-            proposal.told.append(f"{kind}, {solver}: {worst(found)}")
+            proposal.messages.append(f"{kind}, {solver}: {worst(found)}")
             if not proposal.look.determined:
                 proposal.tolerances += measured_tolerance(kind, solver, found)
     write_whole(sidecar, proposal.text())

@@ -16,7 +16,7 @@ from proofmass.check import load, one_diagnosis, one_task, read, run_one, stoppe
 from proofmass.compare import UNCHECKED, Comparison, compare
 from proofmass.diagnosis import Diagnosis
 from proofmass.errors import InputError
-from proofmass.outcome import FAILURES, GOOD, LOST, Outcome
+from proofmass.outcome import FAILED, FAILURES, GOOD, Outcome
 from proofmass.refined import refinements
 
 VERDICTS = partial(compare, detectable=False)
@@ -70,10 +70,10 @@ class SolverItem(pytest.Item):
                 if error := stopped(self.case, kind, self.name, curves):
                     raise error
                 comparisons += found
-                lost = found[0].outcome in LOST
-                if curves and (lost or any(c.outcome == Outcome.DIFFERS for c in found)):
+                failed = found[0].outcome in FAILED
+                if curves and (failed or any(c.outcome == Outcome.DIFFERS for c in found)):
                     causes.append(
-                        one_diagnosis(self.case, kind, self.name, curves, lost, not causes)
+                        one_diagnosis(self.case, kind, self.name, curves, failed, not causes)
                     )
         for task in refinements(self.case):
             if task.solver == self.name:

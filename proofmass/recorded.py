@@ -34,7 +34,7 @@ ENOUGH = 16  # rows of which every fourth is enough for a spline
 NEAR = 4  # rows to each side that tell how an error falls where the rows stand closer
 FALLS = 0.1  # share of an error that half the spacing leaves at most where it falls as a cubic's
 SMOOTH, BENT, AT_END = 2 / 16, 2.0, 2.0
-"""Times the error at twice the spacing that is told; see `interpolated`."""
+"""Times the error at twice the spacing that is stated; see `interpolated`."""
 
 
 @dataclass(frozen=True)
@@ -388,9 +388,9 @@ def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
     through every second row tell what twice the spacing loses, splines through every fourth what
     four times the spacing loses.  Where the first is a tenth of the second or less, within four
     rows, the error falls with the fourth power of the spacing, and the spline through all rows has
-    1/16 of the first; twice that is told.  Elsewhere there is a bend, of which more rows may show
+    1/16 of the first; twice that is stated.  Elsewhere there is a bend, of which more rows may show
     more: up to 1.6 times the first, where it lies between the rows that were left out.  Twice the
-    first is told, and twice as much once more in the four rows at each end, where nothing is left
+    first is stated, and twice as much once more in the four rows at each end, where nothing is left
     out.
 
     Parameters

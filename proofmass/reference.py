@@ -1,4 +1,4 @@
-"""The truth of a case: a closed form in `analytic/`, or a recorded curve beside the sidecar."""
+"""The reference of a case: a closed form in `analytic/`, or a recorded curve beside the sidecar."""
 
 import importlib
 import inspect
@@ -23,7 +23,7 @@ from proofmass.case import Case, ProfileTable
 from proofmass.drive import DriveState, FunctionLaw, InProportion, Samples, Steady, Swing
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model, suggest
-from proofmass.ladder import PROCESSOR, Rung, why_lost
+from proofmass.ladder import PROCESSOR, Rung, why_failed
 from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.sim.contents import channel_names, joints
@@ -111,23 +111,27 @@ def module_of(case: Case) -> ModuleType | Recorded:
 
 def reads_model(case: Case) -> bool:
     """Whether the reference takes its numbers from the case's own MJCF: wrong there, wrong here."""
-    truth = module_of(case)
-    return not isinstance(truth, Recorded) and "model" in inspect.signature(truth.solve).parameters
+    reference = module_of(case)
+    return (
+        not isinstance(reference, Recorded)
+        and "model" in inspect.signature(reference.solve).parameters
+    )
 
 
 def knows_inertia(case: Case) -> bool:
     """Whether moments and forces of the reference may be those of a motion, and not at rest."""
-    truth = module_of(case)
+    reference = module_of(case)
     return (
-        not isinstance(truth, Recorded) and "inertia" in inspect.signature(truth.solve).parameters
+        not isinstance(reference, Recorded)
+        and "inertia" in inspect.signature(reference.solve).parameters
     )
 
 
 def grid(case: Case, kind: Kind) -> Array:
     """Where a run is sampled."""
-    truth, run, leader = module_of(case), case.run[kind], case.leader
-    if isinstance(truth, Recorded):
-        return truth.x
+    reference, run, leader = module_of(case), case.run[kind], case.leader
+    if isinstance(reference, Recorded):
+        return reference.x
     n = run.n or 0
     if kind == "equilibrium":
         return np.linspace(0.0, run.until or min(rod.length for rod in case.rods), n)
@@ -149,21 +153,23 @@ def laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
 
 def law(case: Case, kind: Kind, k: int) -> DriveLaw:
     """The law of drive number k."""
-    drive, truth, leader = case.drive[k], module_of(case), case.drive[0]
+    drive, reference, leader = case.drive[k], module_of(case), case.drive[0]
     if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
     if isinstance(drive.profile, ProfileTable):
         return sampled_law(case, k)
     if drive.profile is not None or drive.to is None:
-        if isinstance(truth, Recorded):
+        if isinstance(reference, Recorded):
             key = case.drive_key(k, "profile")
-            return Samples(truth.x, *(column(case, truth, key, c) for c in drive.profile or ()))
+            return Samples(
+                reference.x, *(column(case, reference, key, c) for c in drive.profile or ())
+            )
         shared = drive.profile is None or (
             k == 0 and any(d.profile is None for d in case.drive[1:])
         )
         teller = leader if drive.profile is None else drive
         k_of_teller = case.drive.index(teller)
-        function = getattr(truth, str(teller.profile), None)
+        function = getattr(reference, str(teller.profile), None)
         if function is None:
             raise InputError(
                 case.file,
@@ -318,12 +324,12 @@ def reference_quantities(
 
     `kind`, `x` and `state` are those of `evaluate`; of `only` some names, it may leave out others.
     """
-    truth = module_of(case)
-    if not isinstance(truth, Recorded):
-        return call(case, kind, truth, x, state, parameters, key, only)
+    reference = module_of(case)
+    if not isinstance(reference, Recorded):
+        return call(case, kind, reference, x, state, parameters, key, only)
     if parameters:
         raise InputError(case.file, key, "the reference is a recorded curve, which has none")
-    return {name: values[: np.size(x)] for name, values in truth.columns.items()}
+    return {name: values[: np.size(x)] for name, values in reference.columns.items()}
 
 
 def asked_of_drives(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
@@ -341,14 +347,14 @@ def asked_of_drives(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
 
 def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
     """What each channel must be, from the reference's quantities; both in SI units."""
-    truth, wanted = module_of(case), {}
+    reference, wanted = module_of(case), {}
     for name, channel in case.channels.items():
         if isinstance(channel.equals, float):
             level = channel.scale * channel.equals + channel.shift
             wanted[name] = np.full(np.shape(x), level * channel.factor)
             continue
-        if isinstance(truth, Recorded) and not channel.equals.startswith(DRIVE):
-            column(case, truth, f"channels.{name}.equals", channel.equals, channel.unit)
+        if isinstance(reference, Recorded) and not channel.equals.startswith(DRIVE):
+            column(case, reference, f"channels.{name}.equals", channel.equals, channel.unit)
         elif channel.equals not in known:
             raise InputError(
                 case.file,
@@ -363,7 +369,7 @@ def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
 def call(
     case: Case,
     kind: Kind,
-    truth: ModuleType,
+    reference: ModuleType,
     x: Array,
     state: DriveState | None,
     parameters: dict[str, float | str],
@@ -374,15 +380,16 @@ def call(
 
     One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
     ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
-    One that asks for ``inertia`` is told whether moments and forces are those of a motion, one that
-    asks for ``only`` which of its quantities are used, None for all, one that asks for ``in_time``
-    is given the laws of the drives of a motion in time, ``control_laws`` those of its loads, one
-    that asks for ``terms`` is given those of the equations of motion as MuJoCo computes them, and
-    one that asks for ``closely`` the sensors of the model's own motion, see `solve_closely`.
+    One that asks for ``inertia`` is given whether moments and forces are those of a motion, one
+    that asks for ``only`` which of its quantities are used, None for all, one that asks for
+    ``in_time`` is given the laws of the drives of a motion in time, ``control_laws`` those of its
+    loads, one that asks for ``terms`` is given those of the equations of motion as MuJoCo computes
+    them, and one that asks for ``closely`` the sensors of the model's own motion, see
+    `solve_closely`.
     """
     known = [
         p.name
-        for p in inspect.signature(truth.solve).parameters.values()
+        for p in inspect.signature(reference.solve).parameters.values()
         if p.kind is p.KEYWORD_ONLY
     ]
     own = {
@@ -415,7 +422,7 @@ def call(
                 f"such parameter; {suggest(name, there, 'known')}",
             )
     if case.load:
-        parameters, rates = under_loads(case, kind, truth, x, parameters)
+        parameters, rates = under_loads(case, kind, reference, x, parameters)
         own["load_rates"] = lambda: rates
     if state is None:
         args: tuple = (x,)
@@ -424,8 +431,8 @@ def call(
     try:
         more = {k: own[k]() for k in own if k in known}
         if "model" in more:  # its numbers may change, and such references keep what they found
-            return truth.solve(*args, **parameters, **more)
-        return answered(truth.solve, *args, **parameters, **more)
+            return reference.solve(*args, **parameters, **more)
+        return answered(reference.solve, *args, **parameters, **more)
     except NotCovered as error:
         raise InputError(
             case.model_path, "", f"the reference {case.reference!r} does not cover it: {error}"
@@ -436,7 +443,7 @@ def call(
 
 
 def under_loads(
-    case: Case, kind: Kind, truth: ModuleType, x: Array, parameters: Mapping[str, Any]
+    case: Case, kind: Kind, reference: ModuleType, x: Array, parameters: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """Parameters with those that loads scale as curves (n,), and the rates of these.
 
@@ -445,7 +452,7 @@ def under_loads(
     InputError
         The reference has no such parameter, or one that does not change along a path.
     """
-    takes = inspect.signature(truth.solve).parameters
+    takes = inspect.signature(reference.solve).parameters
     may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
     found, rates = dict(parameters), dict[str, Array]()
     for k, (load, law) in enumerate(zip(case.load, load_laws(case, kind), strict=True)):
@@ -512,8 +519,8 @@ def closely_once(
     drives, loads = pickle.loads(inputs)
     end = float(times[-1])
     motion = engine.own_motion(file, end, times.size, PROCESSOR, start, drives, loads)
-    if lost := why_lost(motion):
-        raise NotCovered(f"the model itself is lost: {lost}")
+    if failed := why_failed(motion):
+        raise NotCovered(f"the model itself fails: {failed}")
     rung = Rung(motion)
     if not rung.sure:
         raise NotCovered(f"its motion is not known until {times[-1]:.3g} s: {rung.words()}")
@@ -579,22 +586,22 @@ def identity(case: Case) -> tuple[str | int, ...]:
     return asked, *(file.stat().st_mtime_ns for file in files)
 
 
-def column(case: Case, truth: Recorded, key: str, name: str, unit: str | None = None) -> Array:
+def column(case: Case, reference: Recorded, key: str, name: str, unit: str | None = None) -> Array:
     """A column of the recorded curve, its unit checked."""
-    if name not in truth.columns:
+    if name not in reference.columns:
         raise InputError(
             case.file,
             key,
-            f"no column {name!r} in {case.reference}; {suggest(name, truth.columns)}",
+            f"no column {name!r} in {case.reference}; {suggest(name, reference.columns)}",
         )
-    if unit is not None and not same_quantity(truth.units[name], unit):
+    if unit is not None and not same_quantity(reference.units[name], unit):
         raise InputError(
             case.file,
             key,
             f"column {name!r} of {case.reference} is in "
-            f"{truth.units[name]} (SI), the channel in {unit}",
+            f"{reference.units[name]} (SI), the channel in {unit}",
         )
-    return truth.columns[name]
+    return reference.columns[name]
 
 
 def modes(case: Case) -> tuple[int, ...]:
@@ -609,13 +616,13 @@ def unit_of(case: Case, parameter: str) -> str:
     its names, or as many as there are names, in their order.  ``length1, ..`` stands for all
     numbers.
     """
-    truth = module_of(case)
-    text = "" if isinstance(truth, Recorded) else inspect.getdoc(truth.solve) or ""
+    reference = module_of(case)
+    text = "" if isinstance(reference, Recorded) else inspect.getdoc(reference.solve) or ""
     section = re.search(r"Parameters\n-+\n(.*?)(?:\n\n|\Z)", text, re.DOTALL)
     for entry in re.split(r"\n(?! )", section[1]) if section else ():
-        words, _, told = entry.partition(" : ")
+        words, _, meaning = entry.partition(" : ")
         names = [name for name in words.split(", ") if name.strip(".")]
-        units = list(filter(is_unit, re.findall(r"\[([^]]*)\]", told)))
+        units = list(filter(is_unit, re.findall(r"\[([^]]*)\]", meaning)))
         if ".." in words:
             names = [
                 parameter if re.fullmatch(re.sub(r"\d+$", "", name) + r"\d+", parameter) else name

@@ -17,7 +17,7 @@ from proofmass.units import si_unit
 from proofmass.worker import isolated
 
 Ran = tuple[list[Comparison], Curves | None]
-"""Of one run: its comparisons, and its curves if it was not lost."""
+"""Of one run: its comparisons, and its curves if it did not fail."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class RefinementStudy:
         return isolated(judged, self, timeout=limits.timeout, memory=limits.memory)
 
     def rows(self) -> list[RefinedRow]:
-        """What the runs tell, of channels that the solver delivers; of lost ones nothing."""
+        """What the runs tell, of channels that the solver delivers; of failed ones nothing."""
         kept = {n: (found, curves) for n, (found, curves) in self.runs.items() if curves}
         if not kept:
             return []
-        truth = reference_for(self.case, self.refine.run, max(kept.items())[1][1]).channels
+        reference = reference_for(self.case, self.refine.run, max(kept.items())[1][1]).channels
         factors = {name: channel.factor for name, channel in self.case.channels.items()}
         return [
             RefinedRow(
@@ -82,7 +82,8 @@ class RefinementStudy:
                 c.channel,
                 c.unit,
                 c.error_max,
-                float(curves.channels[c.channel][-1] - truth[c.channel][-1]) / factors[c.channel],
+                float(curves.channels[c.channel][-1] - reference[c.channel][-1])
+                / factors[c.channel],
                 float(curves.x[-1]),
                 c.seconds,
                 c.steps,
@@ -125,9 +126,9 @@ def refinements(case: Case) -> Iterator[Finer]:
 
 def errors(case: Case, run: Kind, solver: str, curves: Curves) -> list[Comparison]:
     """`compare` for one run among many: only channels that are refined, and only their errors."""
-    truth = reference_for(case, run, curves).channels
+    reference = reference_for(case, run, curves).channels
     return [
-        one(case, run, solver, name, curves, truth[name], {})
+        one(case, run, solver, name, curves, reference[name], {})
         for name in case.channels_of(run)
         if case.refine and case.refine.covers(name)
     ]

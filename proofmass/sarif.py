@@ -88,7 +88,7 @@ def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def of_channel(c: Comparison, case: Case | None, lines: "LineIndex") -> dict[str, Any]:
-    """A channel that differs or was lost, at its line in the sidecar, or in the model."""
+    """A channel that differs or failed, at its line in the sidecar, or in the model."""
     places = []
     if case is not None:
         file, line = case.file, lines.of_key(case.file, ["channels", c.channel], exactly=True)

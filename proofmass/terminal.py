@@ -320,13 +320,13 @@ def diagnosis(
     Where no cause is found, the runs are named in which there is one.
     """
     first, *more = found.lines
-    if elsewhere and not (found.found or found.lost or found.fault):
+    if elsewhere and not (found.found or found.failed or found.fault):
         runs = ", ".join(f"{other.run} {other.solver}" for other in elsewhere)
         first, more = f"not found in this run; see {runs}", []
     if found.causes and (found.case, first) in said:
         more = more[:1]
     said.add((found.case, first))
-    yield Text.assemble(("  lost: " if found.lost else "  cause: ", "bold"), first)
+    yield Text.assemble(("  failed: " if found.failed else "  cause: ", "bold"), first)
     for line in more:
         yield Text(f"         {line}")
 
@@ -343,11 +343,11 @@ def nearest(judged: list[Comparison]) -> str:
 
 def notes(result: Result) -> Iterator[str]:
     """What is said of curves; what is the same for several solvers of a case is said once."""
-    told: dict[tuple[str, str], list[str]] = {}
+    runs_by_note: dict[tuple[str, str], list[str]] = {}
     for (name, run, solver), curves in result.curves.items():
         for note in curves.notes:
-            told.setdefault((name, note), []).append(f"{run} {solver}")
-    for (name, note), of in told.items():
+            runs_by_note.setdefault((name, note), []).append(f"{run} {solver}")
+    for (name, note), of in runs_by_note.items():
         yield f"{name} {of[0]}: {note}" if len(of) == 1 else f"{name}: {note}"
 
 

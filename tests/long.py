@@ -445,7 +445,7 @@ SOME = {
     "tests/report/test_views.py": {
         "test_springs_are_drawn_as_spirals": ["3"],
     },
-    "tests/report/test_chart_sheet.py": {
+    "tests/report/test_chart_figure.py": {
         "test_panels_are_a_grid_named_at_its_edges": ["1-grid0", "4-grid3", "5-grid4"],
     },
     "tests/report/test_index_browser.py": {

@@ -315,7 +315,7 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", FAILURES)
-def test_a_run_that_is_lost_has_a_verdict_for_each_of_its_channels(kind, short, workers):
+def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short, workers):
     case = load(short)
     of_one = {
         name: case.channels[name].model_copy(update={"only": kind_of})
@@ -455,8 +455,8 @@ def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatc
     assert error.wrong == "fourbar.xml failed: OSError: no more files"
     assert {c.case for c in found.comparisons} == {"pendulum"}
     workers.fails["measured"] = Crashed("why")
-    lost = check([short])
-    assert ({c.outcome for c in lost.comparisons}, lost.curves) == ({"crashed"}, {})
+    failed = check([short])
+    assert ({c.outcome for c in failed.comparisons}, failed.curves) == ({"crashed"}, {})
     workers.fails["measured"] = InputError(short, "drive", "bad")
     text = short.read_text().replace('["mujoco"]', '["mujoco", "mujoco:default"]')
     short.write_text(text)
@@ -512,7 +512,7 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
 
     def add(segments, found):
         if segments == 3:
-            raise Crashed("lost")
+            raise Crashed("failed")
         if segments == 4:
             raise InputError(case.file, "refine.channels", "bad")
         return [f"row {segments}"], [f"order of {found[0][0]}"]
@@ -526,7 +526,7 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
     assert result.comparisons == ["order of run 0", "order of run 3"]
     assert result.curves == {}
     assert [(e.key, e.wrong.partition(" ")[0]) for e in result.errors] == [
-        ("refine", "lost"),
+        ("refine", "failed"),
         ("refine.channels", "bad"),
         ("drive", "the"),
     ]

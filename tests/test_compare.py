@@ -116,14 +116,14 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
 
 def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
     x = np.linspace(0, 1, 3)
-    lost = Curves(
+    failed = Curves(
         x, {"angle": np.array([0.0, np.nan, 5.0])}, missing={"rate": "no such sensor"}, seconds=2.0
     )
-    c = one(PENDULUM, "dynamics", "mujoco", "angle", lost, x, {})
+    c = one(PENDULUM, "dynamics", "mujoco", "angle", failed, x, {})
     assert (c.outcome, c.at) == ("differs", 0.5)
     assert np.isnan(c.error_max)
     for name, message in (("rate", "no such sensor"), ("kinetic", "")):
-        c = one(PENDULUM, "dynamics", "mujoco", name, lost, x, {})
+        c = one(PENDULUM, "dynamics", "mujoco", name, failed, x, {})
         assert (c.channel, c.outcome, c.message, c.seconds) == (name, "unsupported", message, 2.0)
     c = one(PENDULUM, "dynamics", "mujoco:default", "angle", Curves(x, {"angle": x}), x, {})
     assert (c.outcome, c.error_max, c.relative_to_range) == ("unchecked", 0.0, 0.0)
@@ -168,14 +168,14 @@ def compared(error: float, allowed: float, outcome: str = "agrees", **more: floa
 
 
 def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
-    """The terminal shows one channel of a run: one that is lost, or the one nearest its limit."""
+    """The terminal shows one channel of a run: one that fails, or the one nearest its limit."""
     near, far, beyond = compared(9.0, 10.0), compared(1e3, 1e6), compared(3.0, 1.0, "differs")
-    lost = compared(float("nan"), float("nan"), "diverged")
+    failed = compared(float("nan"), float("nan"), "diverged")
     unchecked = [compared(9.0, float("nan"), "unchecked", nrmse=n) for n in (0.1, 30.0, 0.2)]
     for group, speaker in (
         ([near, far], near),
         ([near, beyond, far], beyond),
-        ([near, lost], lost),
+        ([near, failed], failed),
         (unchecked, unchecked[1]),
         ([*unchecked, beyond], beyond),
     ):

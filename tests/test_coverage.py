@@ -53,7 +53,7 @@ from tests.shipped import models_like, shipped
 QUICK = ("fourbar", "pendulum", "rod_cantilever")
 CANTILEVER = shipped("rod_cantilever.toml")
 SAMPLE = 12
-LOST = (InputError, BadModel, *FAILURES)
+FAILED = (InputError, BadModel, *FAILURES)
 ATTRIBUTE = {
     "damping": "damping",
     "armature": "armature",
@@ -154,8 +154,8 @@ def judged(changed: Case, own: Case, kind, solver: str) -> set[str]:
         curves = solve(changed, kind, solver)
         # rods of a closed form are parameters: it is asked at the places that were
         found = compare(own if changed.rod else changed, kind, solver, curves, detectable=False)
-    except LOST:
-        return {"lost"}
+    except FAILED:
+        return {"failed"}
     return {c.outcome for c in found if c.allowed > 0 and c.outcome != Outcome.UNSUPPORTED}
 
 
@@ -167,7 +167,7 @@ def noticing(case: Case, one: Finding, change: float, folder: Path) -> list[tupl
         for kind, run in case.run.items()
         for solver in run.solvers
         if any(case.tolerance_for(kind, solver, name) for name in case.channels_of(kind))
-        and judged(changed, case, kind, solver) & {"differs", "lost"}
+        and judged(changed, case, kind, solver) & {"differs", "failed"}
     ]
 
 
@@ -435,7 +435,7 @@ def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer
     trial = search.trial(search.runs()[0], [])
     limit = search.case.run["dynamics"].timeout
     assert asked == [limit, 4 * limit]
-    assert trial.lost == ("" if again else f"no answer in {4 * limit:g} s")
+    assert trial.failed == ("" if again else f"no answer in {4 * limit:g} s")
 
 
 def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():
@@ -471,7 +471,7 @@ def number(kind: str, of: str, value: float = 0.0) -> Number:
 
 @pytest.mark.parametrize(("factor", "kept"), [(0.4, False), (1e6, True)])
 def test_another_run_takes_the_place_of_one_that_needs_a_larger_change_only(factor, kept):
-    """A run that was lost with a tiny change, and not with a larger one, tells the larger one."""
+    """A run that failed with a tiny change, and not with a larger one, tells the larger one."""
     mass = number("mass", "a", 1.0)
     first = Finding("mass", "a", "kg", 1.0, 0.1, True, 1e-9, "sweep", "pymunk")
     other = replace(first, change=factor * first.change, run="dynamics")

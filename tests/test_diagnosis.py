@@ -16,7 +16,7 @@ from benchmarks.diagnosis import FAULTS, case_of, search, solved
 from benchmarks.pictures import LONGER
 from proofmass import load_case, solve
 from proofmass.check import check, one_diagnosis
-from proofmass.diagnosis import Diagnosis, Explanation, describe_loss, find_causes, ranked
+from proofmass.diagnosis import Diagnosis, Explanation, describe_failure, find_causes, ranked
 from proofmass.reference import compiled
 from proofmass.sim.contents import highest_frequency
 from proofmass.sim.protocol import Diverged
@@ -227,7 +227,7 @@ def test_causes_are_ranked_by_channels_then_by_what_is_left():
     assert found[2].same == ("f", "twin")
 
 
-def lost_case(folder: Path) -> Path:
+def failed_case(folder: Path) -> Path:
     """A free four-bar in a few samples, with a time step from sample to sample; the sidecar."""
     for name in ("fourbar.xml", "fourbar_released.toml"):
         shutil.copy(shipped(name), folder)
@@ -241,16 +241,16 @@ def lost_case(folder: Path) -> Path:
     return sidecar
 
 
-def test_a_lost_run_says_what_happened_until_then(tmp_path):
-    result = check([lost_case(tmp_path)], jobs=1, detectable=False)
+def test_a_failed_run_says_what_happened_until_then(tmp_path):
+    result = check([failed_case(tmp_path)], jobs=1, detectable=False)
     key = ("fourbar_released", "dynamics", "mujoco")
     assert {c.outcome for c in result.comparisons if c.solver == "mujoco"} == {"diverged"}
     assert key not in result.curves
-    curves = result.lost[key]
+    curves = result.failed[key]
     assert curves.x[-1] < 1.0
     assert all(y.size == curves.x.size for y in curves.channels.values())
     found = result.diagnoses[key]
-    assert found.lost
+    assert found.failed
     (words,) = (line for line in found.lines if "time step" in line)
     step = float(re.search(r"with a time step of (\S+) s instead of 1 s it comes", words)[1])
     case = load_case(tmp_path / "fourbar_released.toml")
@@ -258,15 +258,15 @@ def test_a_lost_run_says_what_happened_until_then(tmp_path):
         settings = {"mujoco": {**case.settings.get("mujoco", {}), "timestep": factor * step}}
         with nullcontext() if ends else pytest.raises(Diverged):
             solve(case.model_copy(update={"settings": settings}), "dynamics", "mujoco")
-    assert any(line.plain.startswith("  lost: ") for line in failures(result))
+    assert any(line.plain.startswith("  failed: ") for line in failures(result))
 
 
-def test_a_lost_run_of_which_nothing_is_known_has_a_line(tmp_path):
-    found = Diagnosis("a", "dynamics", "mujoco", lost=True)
+def test_a_failed_run_of_which_nothing_is_known_has_a_line(tmp_path):
+    found = Diagnosis("a", "dynamics", "mujoco", failed=True)
     assert found.lines == ["nothing was found that tells why"]
-    fault = one_diagnosis(load_case(lost_case(tmp_path)), "dynamics", "mujoco", None, lost=True)
+    fault = one_diagnosis(load_case(failed_case(tmp_path)), "dynamics", "mujoco", None, failed=True)
     assert fault.fault
-    assert fault.lost
+    assert fault.failed
 
 
 def test_the_first_channel_to_leave_and_the_growth_of_the_violation_are_told():
@@ -275,7 +275,7 @@ def test_the_first_channel_to_leave_and_the_growth_of_the_violation_are_told():
     off = {**whole.channels, "pin.x": whole.channels["pin.x"] + np.where(x > 2.0, 1e-3, 0.0)}
     off["rocker"] = off["rocker"] + np.where(x > 1.0, 1e-3, 0.0)
     growing = 1e-9 * 10.0 ** (x - x[0])
-    found = describe_loss(
+    found = describe_failure(
         case, "dynamics", "mujoco", replace(whole, channels=off, violations=growing, seconds=9.0)
     )
     first = x[np.argmax(x > 1.0)]

@@ -158,7 +158,7 @@ def test_sections_name_what_is_there_with_units():
         ),
     ],
 )
-def test_a_lost_line_and_a_lost_unit_are_found(old, new, fault):
+def test_a_failed_line_and_a_failed_unit_are_found(old, new, fault):
     assert fourbar("gravity", "gravity") == []
     assert any(fault in one for one in fourbar(old, new))
 

@@ -136,7 +136,7 @@ def derivative_of(name: str, curves: truths.Curves) -> np.ndarray | None:
 
 
 def test_true_energies_are_kept() -> None:
-    """Of both pendulums; the double one is lost by 1e-9 if one mass is wrong by as much."""
+    """Of both pendulums; the double one fails by 1e-9 if one mass is wrong by as much."""
     t = np.linspace(0.0, 2.0, 201)
     single = truths.pendulum(t)
     assert single["kinetic"] + single["potential"] == pytest.approx(truths.G, rel=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from proofmass.check import check
-from proofmass.ladder import WITHIN, Rung, why_lost
+from proofmass.ladder import WITHIN, Rung, why_failed
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import OwnMotion, OwnRun
 
@@ -182,19 +182,20 @@ def test_what_takes_too_long_is_known_as_far_as_it_was_followed():
     assert "no more was followed in the time that there is" in rung.words()
 
 
-def test_a_run_that_is_lost_is_no_motion():
+def test_a_run_that_is_failed_is_no_motion():
     own = motion()
-    lost = first(own.runs[0], 11, stopped="MuJoCo warning badqacc")
+    failed = first(own.runs[0], 11, stopped="MuJoCo warning badqacc")
     assert (
-        why_lost(replace(own, runs=(lost, *own.runs[1:]))) == "MuJoCo warning badqacc, after 0.1 s"
+        why_failed(replace(own, runs=(failed, *own.runs[1:])))
+        == "MuJoCo warning badqacc, after 0.1 s"
     )
     late = first(own.runs[0], 11, stopped="its wall time was over", late=True)
-    assert not why_lost(replace(own, runs=(late, *own.runs[1:])))
-    assert not why_lost(own)
+    assert not why_failed(replace(own, runs=(late, *own.runs[1:])))
+    assert not why_failed(own)
     finest = first(own.runs[-1], 31, stopped="not finite")
     rung = Rung(replace(own, runs=(*own.runs[:-1], replace(finest, name="Euler, 31 us"))))
     assert rung.until == pytest.approx(0.3)
-    assert "Euler, 31 us is lost: not finite" in rung.words()
+    assert "Euler, 31 us fails: not finite" in rung.words()
 
 
 def test_points_that_move_apart_in_one_body_alone_are_seen():
@@ -225,7 +226,7 @@ def test_a_ball_that_falls_is_self_consistent_and_off_by_half_a_step(tmp_path):
     assert "RK4, 4 ms: 0 m" not in found.message
 
 
-def test_a_model_that_is_lost_says_so(tmp_path):
+def test_a_model_that_is_failed_says_so(tmp_path):
     """A spring that no step of the model can follow."""
     file = tmp_path / "spring.xml"
     file.write_text(

@@ -19,7 +19,7 @@ from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
-from proofmass.report.data import shown
+from proofmass.report.data import plotted_run
 from proofmass.report.figures import overlay
 from proofmass.report.style import looks
 from proofmass.sidecar import load_case
@@ -378,7 +378,7 @@ def test_a_simulator_agrees_in_degrees(models, edit):
 
 def test_a_figure_is_in_the_unit_of_the_channel(models, edit):
     case = load_case(in_degrees(models, edit))
-    view = shown(result_of(case, sweep=0.01), case, "sweep")
+    view = plotted_run(result_of(case, sweep=0.01), case, "sweep")
     ax = Figure().subplots()
     overlay(ax, view, "pin.x", looks(["mujoco"]))
     assert ax.get_ylabel() == "[mm]"

@@ -242,9 +242,9 @@ def test_what_a_notebook_shows_of_cases_and_comparisons(edit: Callable[..., Path
 
 def test_a_case_that_cannot_be_drawn_is_shown_without() -> None:
     case = load_case(shipped("pendulum.toml"))
-    lost = case.model_copy(update={"model": "no.xml"})
-    assert "<img" not in lost._repr_html_()
-    assert "no.xml" in lost._repr_html_()
+    failed = case.model_copy(update={"model": "no.xml"})
+    assert "<img" not in failed._repr_html_()
+    assert "no.xml" in failed._repr_html_()
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")

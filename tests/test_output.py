@@ -174,7 +174,7 @@ def test_a_case_beyond_its_limits_has_a_page_without_drawings(models, tmp_path, 
 
 
 def test_progress_in_a_log_is_a_line_a_case(monkeypatch, capsys):
-    """A pipe has no cursor that could go back, so a bar would be lost or fill the log."""
+    """A pipe has no cursor that could go back, so a bar would fail or fill the log."""
     now = [0.0]
     monkeypatch.setattr(command.time, "monotonic", lambda: now[0])
     with command.counting() as advance:

@@ -464,8 +464,8 @@ def test_a_channel_of_a_recorded_curve_has_its_column_and_its_quantity(monkeypat
         "channels.x.equals",
         "column 'a' of hacksaw_recorded.csv is in m (SI), the channel in deg",
     )
-    lost = but(RECORDED, channels={"x": Channel(equals="aa", unit="m")})
-    assert wrong(channels, lost, X, curve.columns) == (
+    failed = but(RECORDED, channels={"x": Channel(equals="aa", unit="m")})
+    assert wrong(channels, failed, X, curve.columns) == (
         RECORDED.file,
         "channels.x.equals",
         "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a",

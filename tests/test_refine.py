@@ -206,7 +206,7 @@ def test_the_limit_lacks_the_next_order(between, fine):
 def test_a_lost_run_loses_the_study():
     """Which number of segments, and why."""
     study, _ = studied(power(2.0))
-    lost = Comparison(
+    failed = Comparison(
         "rod_cantilever",
         "mujoco",
         "equilibrium",
@@ -217,7 +217,7 @@ def test_a_lost_run_loses_the_study():
     )
     again = RefinementStudy(study.case, study.refine, "mujoco")
     for n, found in study.runs.items():
-        verdict = again.add(n, ([lost], None) if n == 40 else found)[1]
+        verdict = again.add(n, ([failed], None) if n == 40 else found)[1]
     assert [(c.outcome, c.run, c.message) for c in verdict] == [
         ("diverged", "refine", "with 40 segments: not at rest")
     ]
@@ -291,7 +291,7 @@ def test_the_page_shows_it(p, tmp_path):
 
 
 def test_a_nan_is_drawn_beside(tmp_path):
-    """Lost numbers cost no figure."""
+    """Failed numbers cost no figure."""
     page = report_of(tmp_path, lambda n, s: s * (np.nan if n == 20 else n**-2.0))
     assert "not a number somewhere" in page
     assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()

@@ -172,7 +172,7 @@ def test_views_show_the_reference_that_was_compared(monkeypatch):
     assert len(asked) == 1
     own = with_reference(case, "sweep", curves)
     for view in case.view:
-        found = plot_data(case, view, own, truth=Curves(x, own.reference)).values
+        found = plot_data(case, view, own, reference=Curves(x, own.reference)).values
         assert found.keys() == {view.x, *view.y, *view.stack, *view.dashed}
     assert len(asked) == 1
 

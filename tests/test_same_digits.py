@@ -52,7 +52,7 @@ wanted = evaluate_run(case, "sweep")
 drive = tuple(np.ones((3, 1, 100)))
 found = {("solved", "sweep", "mujoco"): Curves(wanted.x, {}, drive=drive)}
 (run,), _ = gather(Result([case], curves=found), case)
-print([one.channels["rocker"].tobytes().hex() for one in (wanted, run.truth["mujoco"])])
+print([one.channels["rocker"].tobytes().hex() for one in (wanted, run.reference["mujoco"])])
 """
 
 

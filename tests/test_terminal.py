@@ -44,8 +44,8 @@ WORSE = of(
     at=1234567.0,
     message="3 x the allowed error",
 )
-LOST = of("two", "pymunk", outcome="diverged", message="the loops are open")
-RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, of("two", channel="z"), LOST])
+FAILED = of("two", "pymunk", outcome="diverged", message="the loops are open")
+RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, of("two", channel="z"), FAILED])
 
 
 def cells(*args, **how) -> list[list[str]]:
@@ -240,10 +240,10 @@ def test_what_failed_has_a_link_after_its_lines():
         of("pendulum", "pymunk", "angle"),
         of("loose", "mujoco", "angle", "diverged"),  # without a page
     ]
-    told = Diagnosis(*key, remarks=("it went too far",), lost=True)
+    told = Diagnosis(*key, remarks=("it went too far",), failed=True)
     result = Result([pendulum], rows, diagnoses={key: told})
     lines = [line.plain for line in failures(result, lambda c: f"there/{c.channel}")]
-    assert lines[1:3] == ["  lost: it went too far", "  there/angle"]
+    assert lines[1:3] == ["  failed: it went too far", "  there/angle"]
     assert sum("there/" in line for line in lines) == 1
     assert not any("there/" in line.plain for line in failures(result))
 

@@ -201,7 +201,7 @@ def gaps(pose):
 
 
 def main(file="curves.csv"):
-    """Run, check that nothing was lost, write all curves to a CSV file."""
+    """Run, check that nothing failed, write all curves to a CSV file."""
     at, earlier, seconds = run()
     t = np.linspace(START_TIME, END_TIME, SAMPLES)
     first = [[velocity for _, velocity in START] + [(0.0, 0.0, 0.0)]]
@@ -209,10 +209,10 @@ def main(file="curves.csv"):
     before = np.concatenate([first, earlier[..., 3:]])
     with np.errstate(all="ignore"):
         gap = gaps(pose)
-        lost = ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= 0.1 * EXTENT))
-        if lost.any():
-            k = int(np.argmax(lost))
-            sys.exit(f"lost at time {t[k]:.4g} s: the loops are open by {gap[k]:.3g} m")
+        failed = ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= 0.1 * EXTENT))
+        if failed.any():
+            k = int(np.argmax(failed))
+            sys.exit(f"failed at time {t[k]:.4g} s: the loops are open by {gap[k]:.3g} m")
         found = curves(pose, before, after)
     for name, curve in found.items():
         if not np.isfinite(curve).all():

@@ -98,8 +98,8 @@ def angle(x, y):
     return np.unwrap(np.arctan2(y, x))
 
 
-def lost(data):
-    """Why the run is lost; nothing if it is not."""
+def failure(data):
+    """Why the run failed; nothing if it did not."""
     for warning in WARNINGS:
         if data.warning[warning].number:
             return f"MuJoCo warns: {warning.name}"
@@ -142,7 +142,7 @@ def main(file="curves.csv"):
         for n in range(k * STEPS, (k + 1) * STEPS):
             data.ctrl[-len(DRIVES):] = stepped[n]
             mujoco.mj_step(model, data)
-        if why := lost(data):
+        if why := failure(data):
             sys.exit(f"{why}, before {FIRST + (k + 1) * STEPS * STEP:.6g} s")
     seconds = time.perf_counter() - began
 

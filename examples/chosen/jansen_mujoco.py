@@ -128,8 +128,8 @@ def motion(t):
         np.array([0.0 * one]))
 
 
-def lost(data):
-    """Why the run is lost; nothing if it is not."""
+def failure(data):
+    """Why the run failed; nothing if it did not."""
     for warning in WARNINGS:
         if data.warning[warning].number:
             return f"MuJoCo warns: {warning.name}"
@@ -166,7 +166,7 @@ def main(file="curves.csv"):
         if k == SAMPLES - 1:
             break
         mujoco.mj_step(model, data, STEPS)
-        if why := lost(data):
+        if why := failure(data):
             sys.exit(f"{why}, before {FIRST + (k + 1) * STEPS * STEP:.6g} s")
     seconds = time.perf_counter() - began
 

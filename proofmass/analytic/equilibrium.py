@@ -58,7 +58,7 @@ SHORTEST = 1e-7
 LIMIT = 1e-2
 """Least to largest singular value of the rows near a limit position, at the end of a path."""
 FLAT = 1e-9
-"""Of the largest stiffness: less cannot be told from none by differences."""
+"""Of the largest stiffness: less cannot be distinguished from none by differences."""
 TOUCHES = 1e-12
 """Rounding of a joint [rad, or sizes]: beyond its range by more it is past its stop."""
 PULLS = 1e-12

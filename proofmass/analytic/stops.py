@@ -35,7 +35,7 @@ SOON = np.geomspace(1e-9, 0.5, 30)
 MOST = 2000
 """Events of a motion at most."""
 SHOWN = 4
-"""Times of impacts on a stop that are told."""
+"""Times of impacts on a stop that are stated."""
 
 
 @dataclass(frozen=True)
@@ -162,15 +162,15 @@ class StoppedMotion:
     def events(self) -> str:
         """What happened at stops, in words; nothing where nothing did."""
         struck = dict.fromkeys(joint for _, joint in self.impacts)
-        told = [
+        texts = [
             f"{joint} hits a stop at t = {', '.join(f'{t:.6g}' for t in times[:SHOWN])}"
             f"{', ..' if len(times) > SHOWN else ''} s ({len(times)} in all)"
             for joint in struck
             for times in ([t for t, one in self.impacts if one == joint],)
         ]
-        told += [f"{joint} rests on a stop" for joint in sorted(self.rested)]
-        told += [f"{joint} leaves its stop at t = {t:.6g} s" for t, joint in self.releases]
-        return "; ".join(told)
+        texts += [f"{joint} rests on a stop" for joint in sorted(self.rested)]
+        texts += [f"{joint} leaves its stop at t = {t:.6g} s" for t, joint in self.releases]
+        return "; ".join(texts)
 
 
 def ends(

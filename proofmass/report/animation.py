@@ -30,9 +30,9 @@ from proofmass.compare import compare
 from proofmass.engines import computes
 from proofmass.errors import InputError, suggest
 from proofmass.files import write_whole
-from proofmass.outcome import LOST
+from proofmass.outcome import FAILED
 from proofmass.report.case_data import vertices
-from proofmass.report.data import Shown, shown
+from proofmass.report.data import PlottedRun, plotted_run
 from proofmass.report.drawing import (
     SECONDS,
     jumps_of_mechanism,
@@ -89,8 +89,8 @@ class Animation:
         The pictures, red, green, blue [1].
     seconds : float
         How long it plays [s].
-    lost : dict of str to str
-        Solvers that were lost, and why; they are drawn as far as they came.
+    failed : dict of str to str
+        Solvers that failed, and why; they are drawn as far as they came.
     stopped : str
         Why the motion ends before the run does; empty if it does not.
     """
@@ -98,7 +98,7 @@ class Animation:
     title: str
     frames: Array
     seconds: float
-    lost: dict[str, str]
+    failed: dict[str, str]
     stopped: str = ""
 
     def save(self, file: Path | str) -> None:
@@ -197,7 +197,9 @@ def animate(
     result, hold = Result(cases=[case]), partial(compare, detectable=False)
     tasks: list[CheckTask] = [(case, kind, solver) for solver in chosen]
     judge(tasks, {k: run_one(case, kind, s, hold) for k, s in enumerate(chosen)}, result)
-    lost = {c.solver: f"{c.outcome}: {c.message}" for c in result.comparisons if c.outcome in LOST}
+    failed = {
+        c.solver: f"{c.outcome}: {c.message}" for c in result.comparisons if c.outcome in FAILED
+    }
     names = [format_solver(solver) for solver in chosen]
     title = f"{case.name}, {kind}: reference and {' and '.join(names)}"
     if magnify != 1:
@@ -210,7 +212,7 @@ def animate(
         raise
     except Exception as error:
         raise InputError(case.model_path, "", f"it cannot be drawn: {error}") from None
-    return Animation(title, pictures, seconds, lost, stopped)
+    return Animation(title, pictures, seconds, failed, stopped)
 
 
 def with_samples(case: Case, kind: Kind, samples: int) -> RunTable:
@@ -298,7 +300,7 @@ def drawn_frames(
     case: Case, kind: Kind, result: Result, frames: int, magnify: float
 ) -> tuple[Array, str]:
     """The pictures (n, height, width, 3), drawn in this process, and why there are no more."""
-    view = shown(result, case, kind)
+    view = plotted_run(result, case, kind)
     again = returns(view)
     jumps = jumps_of_mechanism(view)
     moved = moved_here(case, kind, measured(view), frames + again, jumps)
@@ -330,7 +332,7 @@ def moves(picture: Picture) -> bool:
     return bool(np.ptp(points, axis=0).max() > STILL * np.ptp(points, axis=(0, 1)).max())
 
 
-def returns(view: Shown) -> bool:
+def returns(view: PlottedRun) -> bool:
     """Whether all places and angles of the reference are at the end of a run what they were first.
 
     Angles may have made whole turns.

@@ -18,8 +18,8 @@ from proofmass import terminal
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import Comparison, scale_of
-from proofmass.outcome import LOST, Outcome
-from proofmass.report.data import Shown, drive_units, inputs, readable
+from proofmass.outcome import FAILED, Outcome
+from proofmass.report.data import PlottedRun, drive_units, inputs, readable
 from proofmass.report.style import Look
 from proofmass.report.tables import plain
 from proofmass.report.words import RUNS, kind_of
@@ -30,7 +30,7 @@ from proofmass.wording import format_solver, is_variant, pretty
 PAGE = 700_000  # bytes of a page, with its data
 ROOM = 560_000  # characters of it for the runs, if the rest leaves as many
 WHOLE = 2**15 - 1
-SEEN = 1e-3  # of the range: a reference that is so far from the drawn one is told apart
+SEEN = 1e-3  # of the range: a reference that is so far from the drawn one is distinguished
 CSS = {"o": "circle", "s": "square", "^": "up", "v": "down", "D": "diamond", "d": "diamond"}
 
 
@@ -68,7 +68,7 @@ def case_data(
     }
 
 
-def recorded_data(case: Case, runs: Iterable[Shown]) -> dict[str, Any]:
+def recorded_data(case: Case, runs: Iterable[PlottedRun]) -> dict[str, Any]:
     """The part of the dict that needs the model: drives, curves and comparisons of the runs."""
     runs = list(runs)
     units = drive_units(case) if any(run.curves for run in runs) else [""] * len(case.drive)
@@ -81,7 +81,7 @@ def recorded_data(case: Case, runs: Iterable[Shown]) -> dict[str, Any]:
     }
 
 
-def runs_data(runs: Sequence[Shown], room: int) -> dict[str, Any]:
+def runs_data(runs: Sequence[PlottedRun], room: int) -> dict[str, Any]:
     """The runs, by their kinds, in at most so many characters.
 
     Samples are left out first of the runs that have most.  Ends, extremes, jumps and the places of
@@ -114,12 +114,12 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
     }
 
 
-def run_data(run: Shown, every: int) -> dict[str, Any]:
+def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
     """A run: its samples, the reference's curves, and what each solver has of them."""
     found: dict[str, Any] = {
         "label": RUNS[run.kind].label,
         "solvers": {},
-        "lost": {s: {"outcome": str(c.outcome), "why": c.message} for s, c in run.lost.items()},
+        "failed": {s: {"outcome": str(c.outcome), "why": c.message} for s, c in run.failed.items()},
         "channels": {},
     }
     for solver in run.solvers:
@@ -155,7 +155,7 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
         if places := run.jumps.of(name):
             found["channels"][name]["jumps"] = np.searchsorted(index, places).tolist()
     for solver, curves in run.curves.items():
-        truth, drawn = run.truth[solver], index[index < len(curves.x)]
+        reference, drawn = run.reference[solver], index[index < len(curves.x)]
         one = found["solvers"][solver]
         one |= {
             "stopped": curves.stopped,
@@ -172,7 +172,7 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
         for name in run.channels:
             if name not in curves.channels:
                 continue
-            wanted = truth.channels[name]
+            wanted = reference.channels[name]
             one["differences"][name] = packed((curves.channels[name] - wanted)[drawn], "<f4")
             if places := run.jumps_of[solver].of(name):
                 one["jumps"][name] = np.searchsorted(index, places).tolist()
@@ -198,7 +198,7 @@ def run_data(run: Shown, every: int) -> dict[str, Any]:
     return found
 
 
-def kept(run: Shown, every: int) -> Array:
+def kept(run: PlottedRun, every: int) -> Array:
     """The samples that are drawn: every so many, the last, extremes, jumps and worst places."""
     x = run.longest.x
     chosen = {*range(0, len(x), every), len(x) - 1}
@@ -213,15 +213,15 @@ def kept(run: Shown, every: int) -> Array:
     return np.array(sorted(chosen))
 
 
-def comparison_data(run: Shown, c: Comparison) -> dict[str, Any]:
+def comparison_data(run: PlottedRun, c: Comparison) -> dict[str, Any]:
     """A comparison, with the shares of the range that the first table and the index show."""
     scale = float("nan")
-    if c.solver in run.curves and c.channel in run.truth[c.solver].channels:
-        curves, truth = run.curves[c.solver], run.truth[c.solver].channels[c.channel]
+    if c.solver in run.curves and c.channel in run.reference[c.solver].channels:
+        curves, reference = run.curves[c.solver], run.reference[c.solver].channels[c.channel]
         factor = run.case.channels[c.channel].factor
-        scale = scale_of(run.case, run.kind, c.channel, curves, truth) / factor
+        scale = scale_of(run.case, run.kind, c.channel, curves, reference) / factor
     tolerance = run.case.tolerance_for(run.kind, c.solver, c.channel)
-    lost = c.outcome in (*LOST, Outcome.UNSUPPORTED)
+    failed = c.outcome in (*FAILED, Outcome.UNSUPPORTED)
     agrees = c.outcome == Outcome.AGREES  # then the message is the reason of the tolerance
     return {
         "outcome": str(c.outcome),
@@ -229,10 +229,10 @@ def comparison_data(run: Shown, c: Comparison) -> dict[str, Any]:
         "error": finite(c.error_max),
         "at": finite(c.at),
         "later": short(c.error_later / scale if scale else np.nan),
-        "allowed": None if lost else finite(c.allowed),
+        "allowed": None if failed else finite(c.allowed),
         "share": short(c.error_max / scale if scale else np.nan),
-        "allowed_share": None if lost else short(c.allowed / scale if scale else np.nan),
-        "ratio": None if lost or not c.allowed else short(c.error_max / c.allowed),
+        "allowed_share": None if failed else short(c.allowed / scale if scale else np.nan),
+        "ratio": None if failed or not c.allowed else short(c.error_max / c.allowed),
         "why": tolerance.why if tolerance else "",
         "detectable": {
             name: [short(change.size), change.relative] for name, change in c.detectable.items()

@@ -21,14 +21,21 @@ from proofmass.coverage import Coverage, stored_coverage
 from proofmass.coverage_search import Finding
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.errors import InputError
-from proofmass.explain import TRIED, cells_of, not_noticed, not_tried, refusals, told_of_reference
+from proofmass.explain import (
+    TRIED,
+    cells_of,
+    format_reference_coverage,
+    not_noticed,
+    not_tried,
+    refusals,
+)
 from proofmass.mobility import mobility
-from proofmass.outcome import CHECKED, LOST, Outcome
+from proofmass.outcome import CHECKED, FAILED, Outcome
 from proofmass.reference import ComparedCurves, properties
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import PAGE, case_data, embedded, recorded_data, runs_data
-from proofmass.report.data import Shown, beyond_limits, drive_units, shown
-from proofmass.report.drawing import SECONDS, SHEETS, Charted, Drawings
+from proofmass.report.data import PlottedRun, beyond_limits, drive_units, plotted_run
+from proofmass.report.drawing import FIGURES, SECONDS, Charted, Drawings
 from proofmass.report.overview import marks, overview, place
 from proofmass.report.page import complaint, faults_of, made_with, slug
 from proofmass.report.record import History
@@ -50,7 +57,7 @@ FIRST = 4  # groups of numbers that the first screen shows; the others open belo
 class Gathered:
     """The runs of a case beside their references, its views, and both as data for the page."""
 
-    runs: list[Shown]
+    runs: list[PlottedRun]
     views: list[Viewed]
     recorded: dict[str, Any]
 
@@ -91,7 +98,7 @@ def rendered(
     """The text of a case's page with the curves that were gathered."""
     runs, views = gathered.runs, gathered.views
     faults = faults_of(case, result)
-    tell = partial(told, case, beyond_limits(runs))
+    tell = partial(find, case, beyond_limits(runs))
     rows = [c for run in runs for c in run.rows]
     all_rows = [c for run in runs for c in (*run.rows, *run.verdicts)]
     state = state_of(case, all_rows, faults)
@@ -158,7 +165,7 @@ def gather(result: Result, case: Case) -> Gathered:
         errors=[],
         comparisons=[c for c in result.comparisons if c.case == case.name],
         curves={key: c for key, c in result.curves.items() if key[0] == case.name},
-        lost={key: c for key, c in result.lost.items() if key[0] == case.name},
+        failed={key: c for key, c in result.failed.items() if key[0] == case.name},
         diagnoses={},
         refined=[row for row in result.refined if row.case == case.name],
     )
@@ -173,17 +180,17 @@ def gather(result: Result, case: Case) -> Gathered:
             ),
         )
     except (InputError, Crashed, TimedOut, OutOfMemory):
-        return gathered_here(replace(own, curves={}, lost={}))
+        return gathered_here(replace(own, curves={}, failed={}))
 
 
 def gathered_here(result: Result) -> Gathered:
     """What `gather` does, in this process and of the only case of a result."""
     (case,) = result.cases
-    runs = [shown(result, case, kind) for kind in RUNS if kind in case.run]
+    runs = [plotted_run(result, case, kind) for kind in RUNS if kind in case.run]
     return Gathered(runs, all_viewed(case, runs), recorded_data(case, runs))
 
 
-def told(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any) -> Any:
+def find(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any) -> Any:
     """What a function finds out of a case, from a worker.
 
     Something else where the case is at fault, which the runs have said, or `beyond` its limits.
@@ -205,7 +212,7 @@ def properties_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
             and curves.properties is not None
         ):
             return curves.properties
-    return cast(dict[str, str], told(case, beyond, properties, {}))
+    return cast(dict[str, str], find(case, beyond, properties, {}))
 
 
 def parameters_of(case: Case) -> dict[str, str]:
@@ -216,7 +223,7 @@ def parameters_of(case: Case) -> dict[str, str]:
         return {}
 
 
-def headline_of(case: Case, runs: list[Shown], rows: list[Comparison]) -> str:
+def headline_of(case: Case, runs: list[PlottedRun], rows: list[Comparison]) -> str:
     """The verdict on a case in one line, with the time steps of its dynamics."""
     steps = {
         s: float(str(c.settings["timestep"]))
@@ -268,18 +275,18 @@ def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
     }
 
 
-def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
+def part(view: PlottedRun, drawings: Drawings) -> dict[str, Any]:
     """All that a page shows of one run."""
     papers = [
         {"what": what, "stem": f"{slug(view.case.name)}-{view.kind}-{what}"}
-        for what in SHEETS
+        for what in FIGURES
         if f"{view.kind}-{what}" in drawings.figures
     ]
     return {
         "kind": view.kind,
         "papers": papers,
         "groups": tables.comparisons(view),
-        "extrema": tables.extrema(view.without_lost) if view.without_lost.curves else [],
+        "extrema": tables.extrema(view.without_failed) if view.without_failed.curves else [],
         "costs": tables.costs(view),
         "missing": tables.missing(view),
         "n": len(view.grid) if view.curves else 0,
@@ -291,41 +298,41 @@ def part(view: Shown, drawings: Drawings) -> dict[str, Any]:
             for s, c in view.curves.items()
             if c.stopped
         ],
-        "lost": [
+        "failed": [
             f"{format_solver(s)} is {drawn_until(view, s)}: {c.outcome}. {c.message}"
-            for s, c in view.lost.items()
+            for s, c in view.failed.items()
         ],
         "what": RUNS[view.kind].heading,
         "refined": refined(view, drawings),
     }
 
 
-def drawn_until(view: Shown, solver: str) -> str:
-    """How far a lost run is drawn."""
+def drawn_until(view: PlottedRun, solver: str) -> str:
+    """How far a failed run is drawn."""
     if solver not in view.curves:
         return "not drawn"
     return f"drawn until {tables.place(view, view.curves[solver].x[-1])}"
 
 
-def refined(view: Shown, drawings: Drawings) -> dict[str, Any] | None:
+def refined(view: PlottedRun, drawings: Drawings) -> dict[str, Any] | None:
     """What a page shows of a run's refinement; None if there is none."""
     asked = view.case.refine
     if not view.verdicts or not asked:
         return None
-    lost = [
+    failed = [
         f"{format_solver(c.solver)} is not refined: {c.outcome}. {c.message}"
         for c in view.verdicts
-        if c.outcome in LOST
+        if c.outcome in FAILED
     ]
     if "refine" not in drawings.figures:
-        return {"svg": "", "lost": lost}
+        return {"svg": "", "failed": failed}
     stem, text = f"{slug(view.case.name)}-refine", refinements.caption(asked)
     label = f"{view.case.name}, errors over the number of segments; numbers in the table below"
     return {
         "svg": Markup(inline(drawings.figures["refine"], stem, label)),
         "stem": stem,
         "caption": text,
-        "lost": lost,
+        "failed": failed,
         "segments": asked.segments,
         "pairs": [f"{a} → {b}" for a, b in pairwise(asked.segments)],
         "table": refinements.table(view, asked),
@@ -374,15 +381,17 @@ def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> 
     judged = [c for c in rows if c.outcome in CHECKED]
     differs = sum(c.outcome == Outcome.DIFFERS for c in rows)
     coarse = sum(c.outcome == Outcome.UNDECIDED for c in rows)
-    lost = dict.fromkeys(c.outcome for c in rows if c.outcome in LOST)
+    failed = dict.fromkeys(c.outcome for c in rows if c.outcome in FAILED)
     words = []
     if differs:
         words.append(f"Differs: {differs} of {len(judged)} checked curves")
     if coarse:
         words.append(f"Undecided: {coarse} of {len(judged)} checked curves")
-    if lost:
-        solvers = {(c.run, c.solver) for c in rows if c.outcome in LOST}
-        words.append(f"{len(solvers)} run{'s' * (len(solvers) > 1)} {format_list(map(str, lost))}")
+    if failed:
+        solvers = {(c.run, c.solver) for c in rows if c.outcome in FAILED}
+        words.append(
+            f"{len(solvers)} run{'s' * (len(solvers) > 1)} {format_list(map(str, failed))}"
+        )
     if faults:
         words.append("input at fault")
     if words:
@@ -392,7 +401,7 @@ def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> 
     return "✗ Nothing is checked" if state == "bad" else "○ Not checked, as the sidecar says"
 
 
-def open_lines(case: Case, runs: Iterable[Shown]) -> list[str]:
+def open_lines(case: Case, runs: Iterable[PlottedRun]) -> list[str]:
     """What no tolerance covers and what solvers do not deliver, a line each."""
     lines = []
     for run in runs:
@@ -419,7 +428,7 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
     outcomes = {c.outcome for c in rows}
     if faults or not rows:
         return ["Mend the input: the message above names the file and the key."]
-    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *LOST}:
+    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *FAILED}:
         if state == "bad":
             return ["Give the case a [[tolerance]] that covers a channel, or say unchecked = true."]
         if Outcome.AGREES not in outcomes:
@@ -450,7 +459,7 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
         )
     if outcomes & {Outcome.DIVERGED, Outcome.CRASHED}:
         words.append(
-            "Begin with the start pose of a run that is lost, then halve its time step; its curves "
+            "Begin with the start pose of a run that fails, then halve its time step; its curves "
             "are drawn until its loss where the engine had any, and what the engine said stands "
             "with the solver below."
         )
@@ -526,15 +535,15 @@ class CausePanel:
 
 
 def causes(case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]) -> list[CausePanel]:
-    """What there is to tell of a case: a panel for lost runs, and for each different first cause.
+    """What there is to tell of a case: a panel for failed runs, and for each different first cause.
 
-    Runs of which the same is told share a panel.
+    Runs with the same causes share a panel.
     """
     own = [found for (name, *_), found in diagnoses.items() if name == case.name]
-    lost = [found for found in own if found.lost]
-    differing = [found for found in own if not found.lost]
+    failed = [found for found in own if found.failed]
+    differing = [found for found in own if not found.failed]
     return [
-        *(lost_panel(some) for some in alike(lost, lambda d: tuple(d.lines))),
+        *(failed_panel(some) for some in alike(failed, lambda d: tuple(d.lines))),
         *(cause_panel(some) for some in alike(differing, lambda d: (d.lines[0],))),
     ]
 
@@ -549,8 +558,8 @@ def alike(
     return list(groups.values())
 
 
-def lost_panel(found: list[Diagnosis]) -> CausePanel:
-    """The panel of lost runs of which the same is told."""
+def failed_panel(found: list[Diagnosis]) -> CausePanel:
+    """The panel of failed runs for the same reason."""
     return CausePanel("What happened", tuple(found[0].lines), together(found))
 
 
@@ -615,12 +624,12 @@ class NoticedRow:
 
 @dataclass(frozen=True)
 class NoticedPanel:
-    """What is told of the coverage of a case.
+    """The coverage of a case.
 
     Attributes
     ----------
     unnoticed, more : tuple of str
-        Groups of numbers of the model that no run notices, with the reason where one can be told.
+        Groups of numbers of the model that no run notices, with the reason where one is known.
     not_tried : str
         Why no number of the model was tried; empty if they were.
     reads, tried : str
@@ -628,7 +637,7 @@ class NoticedPanel:
     parameters, numbers : tuple of NoticedRow
         Of the reference and of the model, the most sensitive first.
     refused : tuple of str
-        Numbers with which runs are refused or lost.
+        Numbers with which runs are refused or failed.
     """
 
     unnoticed: tuple[str, ...]
@@ -656,15 +665,15 @@ def panel_of(case: Case, found: Coverage) -> NoticedPanel:
         (one for one in found.parameters if one.noticed and not one.refused),
         key=lambda one: one.measure,
     )
-    told = [one for one in found.noticed if not one.refused]
+    changed = [one for one in found.noticed if not one.refused]
     return NoticedPanel(
         lines[:FIRST],
         lines[FIRST:],
         not_tried(case, found) if found.left_out or not found.numbers else "",
-        told_of_reference(case, found),
+        format_reference_coverage(case, found),
         TRIED,
         tuple(map(row_of, known)),
-        tuple(map(row_of, told)),
+        tuple(map(row_of, changed)),
         tuple(sorted(refusals([one for one in found.noticed if one.refused]))),
     )
 

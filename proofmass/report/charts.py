@@ -298,7 +298,7 @@ class Layout:
         return np.array([self.right + self.bar + self.key, ABOVE + self.head + high + BELOW])
 
 
-def chart_sheet(title: str, chart: Chart) -> Figure:
+def chart_figure(title: str, chart: Chart) -> Figure:
     """Panels on the same axes, the legend at their right."""
     box, looks = frame(chart), tones(chart)
     filling = fills(chart)

@@ -18,7 +18,7 @@ from proofmass.analytic.numerics import TURN, Array
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for, scale_of
-from proofmass.outcome import LOST, Outcome
+from proofmass.outcome import FAILED, Outcome
 from proofmass.reference import DRIVE, DRIVE_PARTS, ComparedCurves, compiled, evaluate, grid, laws
 from proofmass.refined import RefinedRow
 from proofmass.report.words import KINDS
@@ -62,7 +62,7 @@ class Jumps:
 
 
 @dataclass(frozen=True)
-class Shown:
+class PlottedRun:
     """One run of a case.
 
     Attributes
@@ -71,15 +71,15 @@ class Shown:
         Which run.
     rows : list of Comparison
         All comparisons of the run, in the order of the sidecar's solvers.
-    curves, truth : dict of str to Curves
+    curves, reference : dict of str to Curves
         By solver: what it found, and the reference at the state its drive really had.  Those of a
-        lost run end where it was lost.
+        failed run end where it failed.
     x_name, x_unit, x_scale : str, str, float
         The run's parameter; multiply x by the scale [1] to get the unit that people read.
     refined, verdicts : list of RefinedRow, list of Comparison
         What a refinement of the run found.
     whole : Curves, optional
-        The reference over the whole run by the laws of its drives, where a run was lost and no
+        The reference over the whole run by the laws of its drives, where a run failed and no
         other came to its end.
     jumps : Jumps
         Where the reference jumps.
@@ -91,7 +91,7 @@ class Shown:
     kind: Kind
     rows: list[Comparison]
     curves: dict[str, Curves] = field(default_factory=dict)
-    truth: dict[str, Curves] = field(default_factory=dict)
+    reference: dict[str, Curves] = field(default_factory=dict)
     x_name: str = "time t"
     x_unit: str = "s"
     x_scale: float = 1.0
@@ -107,23 +107,23 @@ class Shown:
         return list(self.case.run[self.kind].solvers)
 
     @property
-    def lost(self) -> dict[str, Comparison]:
-        """Solvers that were lost or have no curves, with a comparison that says why."""
+    def failed(self) -> dict[str, Comparison]:
+        """Solvers that failed or have no curves, with a comparison that says why."""
         return {
             c.solver: c
             for c in reversed(self.rows)
-            if c.outcome in LOST
+            if c.outcome in FAILED
             or (c.solver not in self.curves and c.outcome == Outcome.UNSUPPORTED)
         }
 
     @property
-    def without_lost(self) -> "Shown":
-        """The same without the curves of lost runs."""
-        lost = self.lost
-        curves, truth = (
-            {s: c for s, c in by.items() if s not in lost} for by in (self.curves, self.truth)
+    def without_failed(self) -> "PlottedRun":
+        """The same without the curves of failed runs."""
+        failed = self.failed
+        curves, reference = (
+            {s: c for s, c in by.items() if s not in failed} for by in (self.curves, self.reference)
         )
-        return replace(self, curves=curves, truth=truth, whole=None)
+        return replace(self, curves=curves, reference=reference, whole=None)
 
     @property
     def channels(self) -> list[str]:
@@ -133,7 +133,7 @@ class Shown:
     @property
     def longest(self) -> Curves:
         """The reference where a solver came farthest; a sweep may stop at a limit position."""
-        return self.whole or max(self.truth.values(), key=lambda truth: len(truth.x))
+        return self.whole or max(self.reference.values(), key=lambda reference: len(reference.x))
 
     @property
     def grid(self) -> Array:
@@ -153,11 +153,11 @@ class Shown:
         """Absolute difference to the reference in the channel's unit; None without the channel."""
         if solver not in self.curves or channel not in self.curves[solver].channels:
             return None
-        mine, own = (by[solver].channels[channel] for by in (self.curves, self.truth))
+        mine, own = (by[solver].channels[channel] for by in (self.curves, self.reference))
         return np.abs(mine - own) / self.case.channels[channel].factor
 
 
-def shown(result: Result, case: Case, kind: Kind) -> Shown:
+def plotted_run(result: Result, case: Case, kind: Kind) -> PlottedRun:
     """Collect one run of a case from the result."""
     rows = [c for c in result.comparisons if c.case == case.name and c.run == kind]
     curves = {
@@ -165,24 +165,24 @@ def shown(result: Result, case: Case, kind: Kind) -> Shown:
         for s in case.run[kind].solvers
         if (case.name, kind, s) in result.curves
     }
-    truth = {s: compared_with(case, kind, c) for s, c in curves.items()}
-    lost, beside = until_loss(result, case, kind)
+    reference = {s: compared_with(case, kind, c) for s, c in curves.items()}
+    failed, beside = until_failure(result, case, kind)
     whole = None
-    if lost and max((c.x.size for c in curves.values()), default=0) < grid(case, kind).size:
+    if failed and max((c.x.size for c in curves.values()), default=0) < grid(case, kind).size:
         whole = reference_by_laws(case, kind)
-    curves = {s: (curves | lost)[s] for s in case.run[kind].solvers if s in curves | lost}
-    truth = {s: (truth | beside)[s] for s in curves}
+    curves = {s: (curves | failed)[s] for s in case.run[kind].solvers if s in curves | failed}
+    reference = {s: (reference | beside)[s] for s in curves}
     finer, verdicts = list[RefinedRow](), list[Comparison]()
     if case.refine and case.refine.run == kind:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
     named = axis(case, kind) if curves else ("time t", "s", 1.0)  # without curves it is not shown
-    found = Shown(case, kind, rows, curves, truth, *named, finer, verdicts, whole)
+    found = PlottedRun(case, kind, rows, curves, reference, *named, finer, verdicts, whole)
     if not curves:
         return found
     farthest = max(curves.values(), key=lambda c: len(c.x))
     jumps = of_reference(case, kind, found.longest, farthest)
-    of = {s: of_solver(case, kind, c, truth[s], jumps) for s, c in curves.items()}
+    of = {s: of_solver(case, kind, c, reference[s], jumps) for s, c in curves.items()}
     return replace(found, jumps=jumps, jumps_of=of)
 
 
@@ -193,18 +193,18 @@ def compared_with(case: Case, kind: Kind, curves: Curves) -> Curves:
     return reference_for(case, kind, curves)
 
 
-def until_loss(
+def until_failure(
     result: Result, case: Case, kind: Kind
 ) -> tuple[dict[str, Curves], dict[str, Curves]]:
-    """Curves of lost runs and their references, by solver, of which the latter can be evaluated."""
-    curves, truth = dict[str, Curves](), dict[str, Curves]()
+    """Curves of failed runs and their references, by solver, where the latter can be evaluated."""
+    curves, reference = dict[str, Curves](), dict[str, Curves]()
     for solver in case.run[kind].solvers:
-        found = result.lost.get((case.name, kind, solver))
+        found = result.failed.get((case.name, kind, solver))
         if found is not None and found.x.size:
             with suppress(Exception):  # a state before a loss may be one that no reference covers
-                truth[solver] = reference_for(case, kind, found)
+                reference[solver] = reference_for(case, kind, found)
                 curves[solver] = found
-    return curves, truth
+    return curves, reference
 
 
 def reference_by_laws(case: Case, kind: Kind) -> Curves | None:
@@ -215,7 +215,7 @@ def reference_by_laws(case: Case, kind: Kind) -> Curves | None:
     return None
 
 
-def beyond_limits(runs: Iterable[Shown]) -> bool:
+def beyond_limits(runs: Iterable[PlottedRun]) -> bool:
     """Whether all runs of a case reached a limit: its model or its reference would so again."""
     outcomes = {c.outcome for run in runs for c in run.rows}
     return bool(outcomes) and outcomes <= {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY}
@@ -262,7 +262,7 @@ def grouped(case: Case, channels: list[str]) -> list[list[str]]:
     return [r[k : k + width] for r in rows for k in range(0, len(r), width)]
 
 
-def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
+def inputs(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], str]]:
     """Drives that are not plain from the axis: the law, and how each solver's drive really moved.
 
     One steady drive is the axis itself; of several steady ones the positions are enough.  At rest
@@ -296,7 +296,7 @@ def inputs(view: Shown) -> dict[str, tuple[Array, dict[str, Array], str]]:
     return found
 
 
-def input_rows(view: Shown, names: list[str]) -> list[list[str]]:
+def input_rows(view: PlottedRun, names: list[str]) -> list[list[str]]:
     """The drives' panels row by row: one drive on one row, several side by side, order by order."""
     each = max(len(names) // max(len(view.case.drive), 1), 1)
     rows = [names[k::each] for k in range(each)] if len(names) > each else [names]
@@ -341,7 +341,7 @@ def parted(x: Array, y: Array, jumps: Iterable[int], limit: int) -> tuple[Array,
 
 
 def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
-    """At most about `limit` points of a curve: least and greatest of each stretch, so none is lost.
+    """At most about `limit` points of a curve: the least and greatest of each stretch.
 
     >>> x = np.linspace(0, 1, 10_000)
     >>> y = np.where(x == x[777], 5.0, 0.0)
@@ -361,36 +361,38 @@ def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
     return x[index], y[index]
 
 
-def of_reference(case: Case, kind: Kind, truth: Curves, curves: Curves) -> Jumps:
+def of_reference(case: Case, kind: Kind, reference: Curves, curves: Curves) -> Jumps:
     """Where the curves of the reference jump, beside those of a solver, whose drives tell rates."""
     suspected = {
         name: suspects(curve, scale_of(case, kind, name, curves, curve))
-        for name, curve in truth.channels.items()
+        for name, curve in reference.channels.items()
     }
     every = sorted({k for found in suspected.values() for k in found})
     if not every:
         return Jumps()
     with suppress(Exception):  # a reference that ends between two samples
-        fine = finer(case, kind, truth.x, every[:MOST])
+        fine = finer(case, kind, reference.x, every[:MOST])
         return collected(
             case,
             kind,
             {
-                name: [k for k in found if stays(truth.x, truth.channels[name], fine, name, k)]
+                name: [
+                    k for k in found if stays(reference.x, reference.channels[name], fine, name, k)
+                ]
                 for name, found in suspected.items()
             },
-            truth,
+            reference,
         )
     return Jumps()
 
 
-def of_solver(case: Case, kind: Kind, curves: Curves, truth: Curves, known: Jumps) -> Jumps:
+def of_solver(case: Case, kind: Kind, curves: Curves, reference: Curves, known: Jumps) -> Jumps:
     """Where the curves of a solver jump, with the reference beside it and where that one jumps."""
     found = {}
     for name, curve in curves.channels.items():
-        if name in truth.channels:
-            scale = scale_of(case, kind, name, curves, truth.channels[name])
-            steps, apart = np.abs(np.diff(curve)), np.abs(np.diff(curve - truth.channels[name]))
+        if name in reference.channels:
+            scale = scale_of(case, kind, name, curves, reference.channels[name])
+            steps, apart = np.abs(np.diff(curve)), np.abs(np.diff(curve - reference.channels[name]))
             found[name] = [
                 k
                 for k in suspects(curve, scale)

@@ -9,21 +9,21 @@ from matplotlib import rc_context
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, ChartTable
 from proofmass.chart import chart_of
-from proofmass.report.charts import chart_sheet
-from proofmass.report.data import Shown, beyond_limits
-from proofmass.report.figures import every, save, sheet, thumbnail
+from proofmass.report.charts import chart_figure
+from proofmass.report.data import PlottedRun, beyond_limits
+from proofmass.report.figures import every, run_figure, save, thumbnail
 from proofmass.report.mechanism import (
     distinct,
     jumps_on,
     mechanism,
     path,
-    path_sheet,
+    path_figure,
     paths,
 )
-from proofmass.report.refinements import refine_sheet
+from proofmass.report.refinements import refine_figure
 from proofmass.report.style import RC, Look
 from proofmass.report.thumbnail import Thumbnail, reduced
-from proofmass.report.views import Viewed, view_sheet
+from proofmass.report.views import Viewed, view_figure
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.motion import Measured, Motion, motion
 from proofmass.sim.picture import Picture
@@ -32,7 +32,7 @@ from proofmass.strict import Kind
 from proofmass.worker import isolated
 
 SECONDS = 300.0  # until the drawings of a case are given up
-SHEETS = ("overlay", "paths", "difference")
+FIGURES = ("overlay", "paths", "difference")
 POSES, OTHER_POSES = 121, 73  # of the first run, and of a second one: the page draws between them
 TRACK = 200  # points of a path
 
@@ -65,7 +65,7 @@ class Drawings:
 
 def drawn(
     case: Case,
-    runs: list[Shown],
+    runs: list[PlottedRun],
     views: list[Viewed],
     style: dict[str, Look],
     folder: Path,
@@ -112,11 +112,11 @@ def draw_chart(case: Case, table: ChartTable, stem: Path, papers: bool) -> Chart
     """What `charted` does in the other process."""
     chart = chart_of(case, table)
     with rc_context(RC):
-        svg = save(chart_sheet(table.title, chart), stem, papers)
+        svg = save(chart_figure(table.title, chart), stem, papers)
     return Charted(svg, f"{chart.y[0]} over {chart.x[0]}", chart.caption)
 
 
-def moving(case: Case, runs: list[Shown]) -> tuple[dict[str, Motion], str]:
+def moving(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
     """The mechanism in each of its runs, and why the first of them has none, or not all poses."""
     found, note, shown = dict[str, Motion](), "", {run.kind: run for run in runs}
     for number, kind in enumerate(case.run):
@@ -150,22 +150,22 @@ def moved_here(
     return motion(case.model_path, plan(case, kind, NATIVE), curves, count, keep or [])
 
 
-def jumps_of_mechanism(run: Shown) -> list[int]:
+def jumps_of_mechanism(run: PlottedRun) -> list[int]:
     """Where the mechanism jumps by the reference or by a solver."""
     every_one = (run.jumps, *run.jumps_of.values())
     return sorted({k for jumps in every_one for k in jumps.mechanism})
 
 
-def measured(run: Shown) -> Measured:
-    """What the positions of the bodies are told by: places and angles that a run compares."""
+def measured(run: PlottedRun) -> Measured:
+    """What tells the positions of the bodies: places and angles that a run compares."""
     names = [n for n in run.channels if run.case.channels[n].si_unit in ("m", "rad")]
     found = {}
     for solver, curves in run.curves.items():
-        truth = (run.whole or run.truth[solver]).channels
-        own = run.truth[solver].channels
+        reference = (run.whole or run.reference[solver]).channels
+        own = run.reference[solver].channels
         there = [name for name in names if name in curves.channels]
         found[solver] = (
-            {name: truth[name] for name in names},
+            {name: reference[name] for name in names},
             {name: curves.channels[name] - own[name] for name in there},
         )
     return found
@@ -173,7 +173,7 @@ def measured(run: Shown) -> Measured:
 
 def draw(
     case: Case,
-    runs: list[Shown],
+    runs: list[PlottedRun],
     views: list[Viewed],
     style: dict[str, Look],
     folder: Path,
@@ -183,7 +183,7 @@ def draw(
 ) -> dict[str, str]:
     """What `drawn` does in the other process."""
     found, asked = {}, runs
-    runs = [run for run in (one.without_lost for one in runs) if run.curves]
+    runs = [run for run in (one.without_failed for one in runs) if run.curves]
     with rc_context(RC):
         if shape:
             along = tracks(runs, shape)
@@ -194,30 +194,30 @@ def draw(
                 thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False
             )
         for run in runs if papers else ():
-            for what in sheets(run, shape):
+            for what in figures_of(run, shape):
                 name = f"{run.kind}-{what}"
                 figure = (
-                    path_sheet(run, shape, style)
+                    path_figure(run, shape, style)
                     if shape and what == "paths"
-                    else sheet(run, style, what)
+                    else run_figure(run, style, what)
                 )
                 found[name] = save(figure, folder / f"{slug}-{name}")
         for run in asked:
             if run.refined and (refine := run.case.refine):
                 stem = folder / f"{slug}-refine"
-                found["refine"] = save(refine_sheet(run, refine, style), stem, papers)
+                found["refine"] = save(refine_figure(run, refine, style), stem, papers)
         for k, view in enumerate(views, 1):
             stem = folder / f"{slug}-view-{k}"
-            found[f"view-{k}"] = save(view_sheet(view, style), stem, papers)
+            found[f"view-{k}"] = save(view_figure(view, style), stem, papers)
     return found
 
 
-def sheets(view: Shown, shape: Picture | None) -> Iterator[str]:
+def figures_of(view: PlottedRun, shape: Picture | None) -> Iterator[str]:
     """The figures of a run: paths only where there are any."""
-    return (what for what in SHEETS if what != "paths" or paths(view, shape))
+    return (what for what in FIGURES if what != "paths" or paths(view, shape))
 
 
-def tracks(views: list[Shown], shape: Picture) -> dict[str, Array]:
+def tracks(views: list[PlottedRun], shape: Picture) -> dict[str, Array]:
     """Paths of the points that sensors follow, by the reference of the first run with curves."""
     return {
         name: every(path(view.longest, name, shape), TRACK, jumps_on(view, name, shape))

@@ -91,7 +91,7 @@ class Explorer:
             raise ImportError(MISSING) from None
         require_sliders(case, sliders, curves)
         self.case, self.curves, self.links, self.model = case, curves, links, model
-        self.properties, self.told = properties, dict[str, str]()
+        self.properties, self.property_texts = properties, dict[str, str]()
         self.kind: Kind = next(iter(case.run)) if run is None else run
         planned = prescribed_run(case, self.kind)
         few = np.linspace(0, len(planned.x) - 1, min(samples, len(planned.x))).round().astype(int)
@@ -101,7 +101,7 @@ class Explorer:
         self.found: dict[str, Curves] = {}
         self.rows: list[Comparison] = []
         self.known: dict[str, Array] = {}
-        self.truth: dict[str, Array] = {}
+        self.reference: dict[str, Array] = {}
         self.wrong = ""
         self.sliders = {
             name: ipywidgets.FloatSlider(
@@ -167,12 +167,12 @@ class Explorer:
         self.found, self.rows, self.table.value = {}, [], ""
         try:
             known = reference_quantities(self.case, self.kind, self.x, self.state, self.parameters)
-            self.truth = channels(self.case, self.x, known)
+            self.reference = channels(self.case, self.x, known)
             driven = self.state[0] if self.state else ()
             joints = {d.joint: v for d, v in zip(self.case.drive, driven, strict=True)}
             self.known, self.wrong = {**joints, **known}, ""
             changed = self.case.model_copy(update={"parameters": self.parameters})
-            self.told = properties(changed) if self.properties else {}
+            self.property_texts = properties(changed) if self.properties else {}
             self.require_curves()
         except InputError as error:
             if error.key.startswith("channels."):
@@ -238,17 +238,17 @@ class Explorer:
             for name, corners in drawn.items()
         }
         paths = [
-            self.truth[name] + 1j * self.truth[f"{name[:-1]}y"]
-            for name in self.truth
+            self.reference[name] + 1j * self.reference[f"{name[:-1]}y"]
+            for name in self.reference
             if name.endswith(".x")
-            and f"{name[:-1]}y" in self.truth
+            and f"{name[:-1]}y" in self.reference
             and self.case.channels[name].si_unit == "m"
-            and np.ptp(self.truth[name]) + np.ptp(self.truth[f"{name[:-1]}y"]) > 0
+            and np.ptp(self.reference[name]) + np.ptp(self.reference[f"{name[:-1]}y"]) > 0
         ]
         cloud = np.concatenate([*paths, *(np.ravel(line) for line in lines.values())] or [self.x])
         cloud = cloud[np.isfinite(cloud)]
         low, high = (f(cloud.real) + 1j * f(cloud.imag) for f in (np.min, np.max))
-        top = 24 + 14 * len(self.told)
+        top = 24 + 14 * len(self.property_texts)
         across, up = LEFT - 40, HIGH - top - 24
         scale = min(across / max((high - low).real, 1e-9), up / max((high - low).imag, 1e-9))
         middle, centre = (low + high) / 2, LEFT / 2 + 1j * (HIGH - top) / 2 + 12j
@@ -280,7 +280,7 @@ class Explorer:
 
     def words(self) -> str:
         """What the reference says of the mechanism as a whole, as lines below it."""
-        rows = self.told.items()
+        rows = self.property_texts.items()
         return "".join(
             f'<text x="12" y="{HIGH - 8 - 14 * (len(rows) - 1 - k)}">{escape(f"{name}: {words}")}'
             "</text>"
@@ -290,7 +290,7 @@ class Explorer:
     def chart(self, names: Sequence[str], top: float, high: float) -> str:
         """Channels over the run: pale the reference, lines what engines found."""
         unit, factor = readable(self.case.channels[names[0]].si_unit)
-        own = [{**self.known, **self.truth}[name] * factor for name in names]
+        own = [{**self.known, **self.reference}[name] * factor for name in names]
         finite = np.concatenate(own)
         finite = finite[np.isfinite(finite)]
         low, most = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)

@@ -66,9 +66,9 @@ def reference_of(case: Case) -> str:
 def about(case: Case) -> str:
     """A line on a reference: the first of its module's documentation."""
     try:
-        truth = module_of(case)
+        reference = module_of(case)
     except InputError:
         return ""
-    if isinstance(truth, Recorded):
+    if isinstance(reference, Recorded):
         return "Measured, or computed by another program."
-    return (inspect.getdoc(truth) or "").partition("\n\n")[0].replace("\n", " ")
+    return (inspect.getdoc(reference) or "").partition("\n\n")[0].replace("\n", " ")

@@ -14,7 +14,16 @@ from PIL import Image
 
 from proofmass.analytic.numerics import Array
 from proofmass.files import write_whole
-from proofmass.report.data import Shown, grouped, input_rows, inputs, parted, readable, thin, ways
+from proofmass.report.data import (
+    PlottedRun,
+    grouped,
+    input_rows,
+    inputs,
+    parted,
+    readable,
+    thin,
+    ways,
+)
 from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
 from proofmass.wording import number, pretty
@@ -69,9 +78,9 @@ def every(points: Array, limit: int, jumps: Iterable[int] = ()) -> Array:
     return np.asarray(points[np.linspace(0, len(points) - 1, limit).round().astype(int)])
 
 
-def limits(ax: Axes, truth: Array, lines: Mapping[str, Array]) -> None:
+def limits(ax: Axes, reference: Array, lines: Mapping[str, Array]) -> None:
     """Scale a panel on the reference; a solver that is far off leaves it, and is named."""
-    finite = truth[np.isfinite(truth)]
+    finite = reference[np.isfinite(reference)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     span = high - low
     if span <= 1e-9 * max(abs(low), abs(high)):  # a constant: do not magnify rounding
@@ -102,7 +111,11 @@ def limits(ax: Axes, truth: Array, lines: Mapping[str, Array]) -> None:
 
 
 def overlay(
-    ax: Axes, view: Shown, channel: str, style: Mapping[str, Look], others: Iterable[Array] = ()
+    ax: Axes,
+    view: PlottedRun,
+    channel: str,
+    style: Mapping[str, Look],
+    others: Iterable[Array] = (),
 ) -> None:
     """A channel: the reference thick and pale, the solvers thin on top of it."""
     unit, scale = readable(view.case.channels[channel].unit)
@@ -124,31 +137,31 @@ def overlay(
 
 def panel(
     ax: Axes,
-    view: Shown,
+    view: PlottedRun,
     title: str,
-    truth: Array,
+    reference: Array,
     lines: dict[str, Array],
     style: Mapping[str, Look],
     unit: str,
     others: Iterable[Array] = (),
     jumps: Mapping[str, Iterable[int]] | None = None,
 ) -> None:
-    """A panel of an overlay with room for `others`; `truth` is on the longest x of its solvers.
+    """A panel of an overlay with room for `others`; `reference` is on the longest x of its solvers.
 
     Of `jumps`, those without a solver are the reference's.
     """
     jumps = jumps or {}
-    ax.plot(*parted(view.longest.x * view.x_scale, truth, jumps.get("", ()), 300), **REFERENCE)
+    ax.plot(*parted(view.longest.x * view.x_scale, reference, jumps.get("", ()), 300), **REFERENCE)
     for solver, y in lines.items():
         own = jumps.get(solver, ())
         draw(ax, view.curves[solver].x * view.x_scale, y, style[solver], jumps=own)
-    limits(ax, np.concatenate([truth, *others]), lines)
+    limits(ax, np.concatenate([reference, *others]), lines)
     ends(ax, view, style)
     ax.set_title(title)
     ax.set_ylabel(f"[{pretty(unit)}]")
 
 
-def ends(ax: Axes, view: Shown, style: Mapping[str, Look]) -> None:
+def ends(ax: Axes, view: PlottedRun, style: Mapping[str, Look]) -> None:
     """Where a solver stopped before the run's last sample."""
     for solver, curves in view.curves.items():
         if curves.stopped:
@@ -161,7 +174,7 @@ def ends(ax: Axes, view: Shown, style: Mapping[str, Look]) -> None:
             )
 
 
-def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -> None:
+def difference(ax: Axes, view: PlottedRun, channel: str, style: Mapping[str, Look]) -> None:
     """Absolute differences of a channel on a log axis, with each tolerance as a dashed line."""
     unit = view.case.channels[channel].unit
     levels, tops = list[float](), list[float]()
@@ -169,7 +182,7 @@ def difference(ax: Axes, view: Shown, channel: str, style: Mapping[str, Look]) -
         error = view.error(solver, channel)
         if error is None:
             continue
-        floor = FLOOR * (float(np.ptp(view.truth[solver].channels[channel])) or 1.0)
+        floor = FLOOR * (float(np.ptp(view.reference[solver].channels[channel])) or 1.0)
         error = np.where(np.isfinite(error), np.maximum(error, floor), np.nan)
         jumps = view.apart(solver, channel)
         draw(ax, view.curves[solver].x * view.x_scale, error, style[solver], 120, jumps)
@@ -200,7 +213,7 @@ def decades(ax: Axes, low: float, high: float) -> None:
     ax.set_ylim(low, high)
 
 
-def tolerances(view: Shown, channel: str) -> dict[float, list[str]]:
+def tolerances(view: PlottedRun, channel: str) -> dict[float, list[str]]:
     """The allowed errors of a channel, and the solvers that each is for."""
     found: dict[float, list[str]] = {}
     for c in view.rows:
@@ -240,12 +253,12 @@ def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[st
             )
 
 
-def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
+def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure:
     """All channels of a run as a grid of panels; `what` is "overlay" or "difference"."""
     driven = inputs(view) if what == "overlay" else {}
     names = input_rows(view, list(driven)) + grouped(view.case, view.channels)
     width = max(map(len, names))
-    head = 0.8 if view.lost else 0.62  # room for the legend, and the note below it
+    head = 0.8 if view.failed else 0.62  # room for the legend, and the note below it
     height = 1.75 * len(names) + 0.13 + head
     figure = Figure(figsize=(3.05 * width + 0.36, height))
     axes = figure.subplots(len(names), width, squeeze=False, sharex=True)
@@ -254,13 +267,13 @@ def sheet(view: Shown, style: Mapping[str, Look], what: str) -> Figure:
             if k >= len(line):
                 ax.remove()
             elif line[k] in driven:
-                truth, moved, unit = driven[line[k]]
+                reference, moved, unit = driven[line[k]]
                 unit, scale = readable(unit)
                 panel(
                     ax,
                     view,
                     line[k],
-                    truth * scale,
+                    reference * scale,
                     {s: y * scale for s, y in moved.items()},
                     style,
                     unit,
@@ -320,17 +333,17 @@ def legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> No
 
 
 def legend(
-    figure: Figure, view: Shown, style: Mapping[str, Look], what: str, height: float
+    figure: Figure, view: PlottedRun, style: Mapping[str, Look], what: str, height: float
 ) -> None:
     """One legend above the grid, and a note that names the solvers without curves."""
     handles = [Line2D([], [], label="reference", **REFERENCE)] * (what == "overlay")
     legend_above(figure, [*handles, *solver_handles(view.curves, style)], height)
-    if view.lost:
-        note = "not drawn: " + ", ".join(f"{s} ({c.outcome})" for s, c in view.lost.items())
+    if view.failed:
+        note = "not drawn: " + ", ".join(f"{s} ({c.outcome})" for s, c in view.failed.items())
         figure.text(0.02, 1 - 0.34 / height, note, fontsize=7, color="#8a1c1c", va="top")
 
 
-def thumbnail(view: Shown, style: Mapping[str, Look]) -> Figure:
+def thumbnail(view: PlottedRun, style: Mapping[str, Look]) -> Figure:
     """One overlay in small, for the index, where a mechanism cannot be drawn."""
     figure = Figure(figsize=(1.8, 1.3))
     overlay(figure.add_axes((0.24, 0.14, 0.74, 0.7)), view, view.channels[0], style)

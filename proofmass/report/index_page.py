@@ -14,7 +14,7 @@ from markupsafe import Markup
 from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
-from proofmass.outcome import CHECKED, GOOD, LOST, OPEN, Outcome
+from proofmass.outcome import CHECKED, FAILED, GOOD, OPEN, Outcome
 from proofmass.report.changes import FACTOR, Change, changes, of_case
 from proofmass.report.families import families, reference_of
 from proofmass.report.marks import MARKS
@@ -374,7 +374,7 @@ def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tu
     order = (
         Outcome.DIFFERS,
         Outcome.UNDECIDED,
-        *LOST,
+        *FAILED,
         *((Outcome.AGREES,) if state == "good" else ()),
     )
     there = {c.outcome for c in rows}

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.reference import compiled
-from proofmass.report.data import Shown, drive_units
+from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.figures import every, legend
 from proofmass.report.style import REFERENCE, Look
 from proofmass.sim.picture import Picture
@@ -551,7 +551,7 @@ def pose_in_words(case: Case, x: float, inputs: Array) -> str:
 PANEL = 2.45  # [inch] side of a panel
 
 
-def paths(view: Shown, picture: Picture | None) -> list[str]:
+def paths(view: PlottedRun, picture: Picture | None) -> list[str]:
     """Names of the points whose two places in the plane of motion are channels, in metres."""
     across, up = picture.axes if picture else ("", "")
     return [
@@ -575,18 +575,18 @@ def path(curves: Curves, name: str, picture: Picture | None) -> Array:
     )
 
 
-def jumps_on(view: Shown, name: str, picture: Picture, solver: str = "") -> set[int]:
+def jumps_on(view: PlottedRun, name: str, picture: Picture, solver: str = "") -> set[int]:
     """Where the path of a point jumps; without a solver that of the reference."""
     jumps = view.jumps_of[solver] if solver else view.jumps
     return {k for a in picture.axes for k in jumps.of(f"{name}.{a}")}
 
 
-def path_sheet(view: Shown, picture: Picture, style: Mapping[str, Look]) -> Figure:
+def path_figure(view: PlottedRun, picture: Picture, style: Mapping[str, Look]) -> Figure:
     """All paths of a run side by side."""
     names = paths(view, picture)
     width = min(len(names), 4)
     rows = -(-len(names) // width)
-    height, head = (PANEL + 0.75) * rows, 0.5 if view.lost else 0.3
+    height, head = (PANEL + 0.75) * rows, 0.5 if view.failed else 0.3
     size = np.array([max((PANEL + 0.75) * width, 6.5), height + head])
     figure = Figure(figsize=tuple(size))
     for k, name in enumerate(names):
@@ -601,11 +601,11 @@ def path_sheet(view: Shown, picture: Picture, style: Mapping[str, Look]) -> Figu
 
 
 def path_panel(
-    ax: Axes, view: Shown, name: str, picture: Picture, style: Mapping[str, Look]
+    ax: Axes, view: PlottedRun, name: str, picture: Picture, style: Mapping[str, Look]
 ) -> None:
     """One path: the reference thick and pale, the solvers thin on top of it; scales are equal."""
-    truth = path(view.longest, name, picture)
-    ax.plot(*every(truth, 400, jumps_on(view, name, picture)).T, **REFERENCE)
+    reference = path(view.longest, name, picture)
+    ax.plot(*every(reference, 400, jumps_on(view, name, picture)).T, **REFERENCE)
     for solver, curves in view.curves.items():
         there = path(curves, name, picture)
         found = every(there, 400, jumps_on(view, name, picture, solver))
@@ -620,7 +620,7 @@ def path_panel(
             markeredgewidth=0.8,
             zorder=3 + look.number / 10,
         )
-    low, high = np.nanmin(truth, axis=0), np.nanmax(truth, axis=0)
+    low, high = np.nanmin(reference, axis=0), np.nanmax(reference, axis=0)
     middle, half = 0.5 * (low + high), 0.56 * float((high - low).max())
     ax.set(
         xlim=(middle[0] - half, middle[0] + half),

@@ -108,7 +108,7 @@ def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
             if names:
                 cells = [cell(data, kind, solver, names) for solver in solvers]
                 rows.append(OverviewRow(quantity, tuple(cells)))
-        if not rows and run["lost"]:
+        if not rows and run["failed"]:
             rows.append(OverviewRow("curves", tuple(cell(data, kind, s, ()) for s in solvers)))
         if rows:
             found.append(OverviewRun(kind, RUNS[kind].title, tuple(rows)))
@@ -123,8 +123,8 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
     own = run["solvers"][solver]["comparisons"]
     there = {name: own[name] for name in names if name in own}
     known = {name: c for name, c in there.items() if c["share"] is not None}
-    if solver in run["lost"]:
-        return ErrorCell(solver, "", run["lost"][solver]["outcome"], bad=True)
+    if solver in run["failed"]:
+        return ErrorCell(solver, "", run["failed"][solver]["outcome"], bad=True)
     broken = [n for n, c in there.items() if c["share"] is None and c["outcome"] == "differs"]
     if broken:
         link = address(kind, solver, broken[0], there[broken[0]]["at"] or 0.0)

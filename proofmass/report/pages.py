@@ -23,7 +23,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.files import write_whole
 from proofmass.report.case_page import gather, render_case
-from proofmass.report.data import Shown, drive_units
+from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.drawing import Drawings, drawn
 from proofmass.report.index_page import STATIC as INDEX_STATIC
 from proofmass.report.index_page import render_index
@@ -143,7 +143,7 @@ def still(name: str, drawings: Drawings) -> Markup:
     return Markup(inline(svg, f"{slug(name)}-thumbnail", name)) if svg else Markup()
 
 
-def write_curves(folder: Path, case: Case, runs: list[Shown]) -> None:
+def write_curves(folder: Path, case: Case, runs: list[PlottedRun]) -> None:
     """Write the curves of a case below a report's folder; of a run without curves there are none.
 
     Files of runs that no longer have any are removed, or they would look like those of this report.
@@ -187,7 +187,7 @@ def named(place: Path, case: Case) -> list[Path]:
     return [place / name for name in names if (place / name).is_file()]
 
 
-def table_of(view: Shown) -> Table:
+def table_of(view: PlottedRun) -> Table:
     """The columns of a run; a solver that stopped early has no numbers from there on."""
     unit = "m" if view.x_unit == "m" else "s" if view.x_unit == "s" else "rad"
     table: Table = {f"{view.x_name} [{unit}]": view.grid}
@@ -199,7 +199,7 @@ def table_of(view: Shown) -> Table:
     return table
 
 
-def columns(view: Shown) -> Iterator[tuple[str, str, dict[str, Array]]]:
+def columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]:
     """Name, unit and curves by solver: the drives as they moved, channels, their references."""
     if view.kind != "equilibrium":
         for row, (drive, unit) in enumerate(
@@ -215,7 +215,7 @@ def columns(view: Shown) -> Iterator[tuple[str, str, dict[str, Array]]]:
                     yield name, f"{unit}{per}", moved
     for name in view.channels:
         symbol = si_unit(view.case.channels[name].unit or "1")[0] or "1"
-        for word, source in (("", view.curves), (" reference", view.truth)):
+        for word, source in (("", view.curves), (" reference", view.reference)):
             found = {s: c.channels[name] for s, c in source.items() if name in c.channels}
             if word and found:
                 yield f"{name}{word}", symbol, found

@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from proofmass.case import Refine
 from proofmass.compare import Comparison
 from proofmass.refined import RefinedRow, limit, order
-from proofmass.report.data import Shown
+from proofmass.report.data import PlottedRun
 from proofmass.report.figures import FLOOR, PAPER, decades, legend_above, solver_handles
 from proofmass.report.style import Look
 from proofmass.report.words import SYMBOLS
@@ -25,7 +25,7 @@ WIDE, HIGH, HEAD = 2.6, 2.2, 0.42  # [inch] a panel with its labels, and the leg
 BELOW = 0.35  # of the errors: where the triangle stands
 
 
-def refine_sheet(view: Shown, refine: Refine, style: Mapping[str, Look]) -> Figure:
+def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -> Figure:
     """A panel for each channel: errors of all solvers, the order as a triangle, the limit."""
     found = channels(view)
     rows = -(-len(found) // 4)
@@ -185,7 +185,7 @@ def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
 
 
 def legend(
-    figure: Figure, view: Shown, refine: Refine, style: Mapping[str, Look], height: float
+    figure: Figure, view: PlottedRun, refine: Refine, style: Mapping[str, Look], height: float
 ) -> None:
     """The solvers, and what an open diamond is."""
     coarse, fine = refine.last
@@ -214,7 +214,7 @@ class RefinementLine:
     limits: tuple[str, ...]
 
 
-def channels(view: Shown) -> dict[str, dict[str, list[RefinedRow]]]:
+def channels(view: PlottedRun) -> dict[str, dict[str, list[RefinedRow]]]:
     """Rows by channel and solver, from few segments to many."""
     found: dict[str, dict[str, list[RefinedRow]]] = {}
     for row in view.refined:
@@ -222,7 +222,7 @@ def channels(view: Shown) -> dict[str, dict[str, list[RefinedRow]]]:
     return found
 
 
-def table(view: Shown, refine: Refine) -> dict[str, list[RefinementLine]]:
+def table(view: PlottedRun, refine: Refine) -> dict[str, list[RefinementLine]]:
     """Lines by channel."""
     found: dict[str, list[RefinementLine]] = {}
     for channel, solvers in channels(view).items():
@@ -257,7 +257,7 @@ def pairs(
     return tuple(number(of(a, b), digits) for a, b in pairwise(rows))
 
 
-def costs(view: Shown) -> Iterator[tuple[str, list[str]]]:
+def costs(view: PlottedRun) -> Iterator[tuple[str, list[str]]]:
     """Seconds of each solver by numbers of segments."""
     for solver, rows in next(iter(channels(view).values()), {}).items():
         yield solver, [number(row.seconds) for row in rows]

@@ -10,9 +10,9 @@ import numpy as np
 from proofmass.case import Case, Tolerance
 from proofmass.compare import Comparison, DetectableChange, changeable
 from proofmass.errors import InputError
-from proofmass.outcome import CHECKED, LOST, Outcome
+from proofmass.outcome import CHECKED, FAILED, Outcome
 from proofmass.reference import properties, unit_of
-from proofmass.report.data import Shown
+from proofmass.report.data import PlottedRun
 from proofmass.report.words import SYMBOLS
 from proofmass.wording import format_list, format_solver, number, pretty
 
@@ -42,13 +42,13 @@ class Group:
     law: str = ""
 
 
-def place(view: Shown, x: float) -> str:
+def place(view: PlottedRun, x: float) -> str:
     """A place on the run's parameter with its unit."""
     value, unit = view.place(x)
     return "—" if math.isnan(value) else f"{number(value)} {unit}"
 
 
-def comparisons(view: Shown) -> list[Group]:
+def comparisons(view: PlottedRun) -> list[Group]:
     """The main table: every channel, and in it every solver.
 
     Cells: worst error, where, the same over the range, RMS, NRMSE, allowed.
@@ -183,7 +183,7 @@ def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
     return found
 
 
-def extrema(view: Shown) -> list[Group]:
+def extrema(view: PlottedRun) -> list[Group]:
     """Least and greatest value of each channel and where; solvers as differences to them.
 
     Cells: least, where, greatest, where.
@@ -191,8 +191,8 @@ def extrema(view: Shown) -> list[Group]:
     groups = []
     for channel in view.channels:
         factor = view.case.channels[channel].factor
-        truth, x = view.longest.channels[channel] / factor, view.longest.x
-        low, high = ends(truth)
+        reference, x = view.longest.channels[channel] / factor, view.longest.x
+        low, high = ends(reference)
         rows = [
             TableRow(
                 "reference",
@@ -200,9 +200,9 @@ def extrema(view: Shown) -> list[Group]:
                 "",
                 "",
                 (
-                    number(truth[low], 6),
+                    number(reference[low], 6),
                     place(view, x[low]),
-                    number(truth[high], 6),
+                    number(reference[high], 6),
                     place(view, x[high]),
                 ),
             )
@@ -210,7 +210,7 @@ def extrema(view: Shown) -> list[Group]:
         for solver, curves in view.curves.items():
             if channel not in curves.channels:
                 continue
-            mine, own = (by.channels[channel] / factor for by in (curves, view.truth[solver]))
+            mine, own = (by.channels[channel] / factor for by in (curves, view.reference[solver]))
             cells: list[str] = []
             for k, q in zip(ends(mine), ends(own), strict=True):
                 cells += [
@@ -235,7 +235,7 @@ def parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
 def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
     """The case and the parameter sets beside it: heads, rows of properties and of parameters."""
     heads = [case.name, *case.compare_with]
-    told = [properties(case), *(properties(case, name) for name in case.compare_with)]
+    own_properties = [properties(case), *(properties(case, name) for name in case.compare_with)]
     given = [
         parameters(case, values)
         for values in (case.parameters, *(b.parameters for b in case.compare_with.values()))
@@ -245,7 +245,7 @@ def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
             [key, *(one.get(key, "—") for one in sets)]
             for key in dict.fromkeys(key for one in sets for key in one)
         ]
-        for sets in (told, given)
+        for sets in (own_properties, given)
     ]
 
 
@@ -266,7 +266,7 @@ def shift(value: float, unit: str) -> str:
     return "same" if value == 0 else f"{signed(value)} {unit}"
 
 
-def costs(view: Shown) -> list[dict[str, str]]:
+def costs(view: PlottedRun) -> list[dict[str, str]]:
     """What each solver's run cost, how far its loops came open, and its settings."""
     rows = []
     for solver in view.solvers:
@@ -275,7 +275,7 @@ def costs(view: Shown) -> list[dict[str, str]]:
             continue
         c, curves = own[0], view.curves.get(solver)
         settings = curves.settings if curves else {}
-        told = [f"{k} {plain(v)}" for k, v in settings.items()]
+        texts = [f"{k} {plain(v)}" for k, v in settings.items()]
         rows.append(
             {
                 "solver": solver,
@@ -283,10 +283,10 @@ def costs(view: Shown) -> list[dict[str, str]]:
                 "violation": number(c.violation),
                 "steps": str(c.steps) if c.steps else "—",
                 "settings": "; ".join(
-                    filter(None, (", ".join(told), *(curves.notes if curves else ())))
+                    filter(None, (", ".join(texts), *(curves.notes if curves else ())))
                 )
                 or "—",
-                "note": c.message if c.outcome in LOST else "",
+                "note": c.message if c.outcome in FAILED else "",
             }
         )
     return rows
@@ -301,7 +301,7 @@ def plain(value: object) -> str:
     return str(value)
 
 
-def missing(view: Shown) -> list[str]:
+def missing(view: PlottedRun) -> list[str]:
     """What solvers cannot deliver, each reason once."""
     rows = sorted(
         (c for c in view.rows if c.outcome == Outcome.UNSUPPORTED),

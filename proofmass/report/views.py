@@ -19,7 +19,7 @@ from matplotlib.ticker import MultipleLocator
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
 from proofmass.plot_data import PlotData, plot_data
-from proofmass.report.data import Shown, readable, thin, ways
+from proofmass.report.data import PlottedRun, readable, thin, ways
 from proofmass.report.figures import PAPER, difference, overlay, panel, solver_handles
 from proofmass.report.style import REFERENCE, SOLID, Look
 from proofmass.wording import format_list, number, pretty
@@ -35,14 +35,14 @@ class Viewed:
         The sidecar's table.
     own, beside : PlotData, dict of str to PlotData
         The reference where a solver came farthest, and with the parameter sets beside it.
-    over : Shown
+    over : PlottedRun
         The run with the view's x in place of its own.
     """
 
     view: View
     own: PlotData
     beside: dict[str, PlotData]
-    over: Shown
+    over: PlottedRun
 
     @property
     def x(self) -> Array:
@@ -64,20 +64,20 @@ class Viewed:
         return np.sum([self.readable(name, by) for name in self.view.stack], axis=0)
 
 
-def viewed(shown: Shown, view: View) -> Viewed:
+def viewed(shown: PlottedRun, view: View) -> Viewed:
     """Put a view's x in place of the run's: measured if it is a channel, else the reference's."""
     case = shown.case
     of_longest = max(shown.curves, key=lambda solver: len(shown.curves[solver].x))
-    longest, own_truth = shown.curves[of_longest], shown.truth[of_longest]
+    longest, own_reference = shown.curves[of_longest], shown.reference[of_longest]
     bare = view.model_copy(update={"y": (), "stack": (), "dashed": (), "marks": {}})
-    curves, truth = {}, {}
+    curves, reference = {}, {}
     for solver, found in shown.curves.items():
-        there = plot_data(case, bare, found, truth=shown.truth[solver]).values[view.x]
-        truth[solver] = replace(shown.truth[solver], x=there)
+        there = plot_data(case, bare, found, reference=shown.reference[solver]).values[view.x]
+        reference[solver] = replace(shown.reference[solver], x=there)
         x = found.channels.get(view.x) if view.x in case.channels else there
         if x is not None:
             curves[solver] = replace(found, x=x)
-    own = plot_data(case, view, longest, truth=own_truth)
+    own = plot_data(case, view, longest, reference=own_reference)
     unit, scale = readable(own.units[view.x])
     return Viewed(
         view,
@@ -86,7 +86,7 @@ def viewed(shown: Shown, view: View) -> Viewed:
         replace(
             shown,
             curves=curves,
-            truth=truth,
+            reference=reference,
             x_name=format_joint(case, view.x, unit),
             x_unit=unit,
             x_scale=scale,
@@ -100,12 +100,12 @@ def format_joint(case: Case, name: str, unit: str) -> str:
     return name + (" angle" if unit == "deg" else " position") * joint
 
 
-def all_viewed(case: Case, shown: list[Shown]) -> list[Viewed]:
+def all_viewed(case: Case, shown: list[PlottedRun]) -> list[Viewed]:
     """The case's views of runs that have curves."""
     return [
         viewed(s, view)
         for view in case.view
-        for s in (one.without_lost for one in shown)
+        for s in (one.without_failed for one in shown)
         if s.curves and s.kind == case.run_of(view)
     ]
 
@@ -173,7 +173,7 @@ WORDS = 28  # letters across in the legend
 HIGH, LOW, KEY = 2.75, 0.95, 2.35  # [inch] heights of panels, width of the legend beside them
 
 
-def view_sheet(view: Viewed, style: Mapping[str, Look]) -> Figure:
+def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:
     """A panel for each curve, or one for the stack; below it what cannot be seen at its scale."""
     names = view.view.y or ("",)
     heights = [HIGH, LOW][: 1 + any(has_below(view, name) for name in names)]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.outcome import CHECKED, GOOD, LOST, OPEN, Outcome
+from proofmass.outcome import CHECKED, FAILED, GOOD, OPEN, Outcome
 from proofmass.reference import reads_model
 from proofmass.units import KINDS, si_unit
 from proofmass.wording import format_list, format_solver, number
@@ -68,7 +68,7 @@ SYMBOLS: dict[str, str] = {
     Outcome.UNCHECKED: "○",
     Outcome.SELF_CONSISTENT: "≈",
     Outcome.UNSUPPORTED: "–",
-    **dict.fromkeys(LOST, "⚠"),
+    **dict.fromkeys(FAILED, "⚠"),
 }
 
 
@@ -130,7 +130,7 @@ def headline(
         sound = format_list(format_solver(s) for s, rows in sweep.items() if clean(rows))
         text = f"{true} in {sound}, not in every solver: " if sound else f"{false}: "
         text += "; ".join(
-            told(s, rows, f" in the {within}")
+            describe(s, rows, f" in the {within}")
             for s, rows in sweep.items()
             if not clean(rows) and not plain(rows)
         )
@@ -142,9 +142,9 @@ def headline(
     else:
         first = f"The {within} was not checked, so model and integrator are judged together"
     parts = [
-        told(s, rows, f" in the {within}")
+        describe(s, rows, f" in the {within}")
         for s, rows in sweep.items()
-        if any(c.outcome in LOST for c in rows)
+        if any(c.outcome in FAILED for c in rows)
     ]
     refined = by_solver(own, "refine")
     if sure := [format_solver(s) for s, rows in refined.items() if clean(rows)]:
@@ -152,12 +152,12 @@ def headline(
             f"{format_list(sure)} converge{'s' * (len(sure) == 1)} with the expected order"
         )
     parts += [
-        told(s, rows, " in its order of convergence")
+        describe(s, rows, " in its order of convergence")
         for s, rows in refined.items()
         if not clean(rows) and not plain(rows)
     ]
     parts += [
-        told(
+        describe(
             s,
             rows,
             f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else " in dynamics",
@@ -173,7 +173,11 @@ def headline(
 def clean(rows: list[Comparison]) -> bool:
     """Whether something was checked, and all of it agrees."""
     outcomes = {c.outcome for c in rows}
-    return Outcome.AGREES in outcomes and not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *LOST}
+    return Outcome.AGREES in outcomes and not outcomes & {
+        Outcome.DIFFERS,
+        Outcome.UNDECIDED,
+        *FAILED,
+    }
 
 
 def plain(rows: list[Comparison]) -> bool:
@@ -202,13 +206,13 @@ def why(rows: list[Comparison]) -> str:
     return f" ({'; '.join(found)})" if found else ""
 
 
-def told(solver: str, rows: list[Comparison], where: str) -> str:
+def describe(solver: str, rows: list[Comparison], where: str) -> str:
     """One solver of one run in a clause."""
     bad = [c for c in rows if c.outcome == Outcome.DIFFERS]
-    lost = next((c.outcome for c in rows if c.outcome in LOST), "")
+    failed = next((c.outcome for c in rows if c.outcome in FAILED), "")
     name = format_solver(solver)
-    if lost:
-        return f"{name} {lost}{where}"
+    if failed:
+        return f"{name} {failed}{where}"
     if bad:
         worst = max(
             bad, key=lambda c: c.error_max / c.allowed if math.isfinite(c.error_max) else math.inf
@@ -244,7 +248,7 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
 def distances(rows: Iterable[Comparison]) -> list[str]:
     """The largest error of positions, of velocities, of accelerations and of all else, apart.
 
-    If it is at least twice the largest one after the first tenth of dynamics, both are told.
+    If it is at least twice the largest one after the first tenth of dynamics, both are stated.
     """
     kinds: dict[str, list[Comparison]] = {kind: [] for kind in (*KINDS, "force or energy")}
     for c in rows:
@@ -283,21 +287,21 @@ def kind_of(unit: str) -> str:
 def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     """How well the engines agree, in one sentence: the worst checked curve of each run.
 
-    Of a run with positions these are told, otherwise what it has.  Curves that no tolerance covers
-    are told only where no other is there.
+    Of a run with positions these are stated, otherwise what it has.  Curves that no tolerance
+    covers are stated only where no other is there.
     """
     rows = [c for c in comparisons if math.isfinite(c.relative_to_range) and c.run in case.run]
     judged = [c for c in rows if c.outcome in CHECKED]
-    told: dict[str, list[str]] = {}
+    texts: dict[str, list[str]] = {}
     for run, words_of in RUNS.items():
         own = [c for c in judged or rows if c.run == run]
         for kind in (*KINDS, *FORCES_AND_ENERGIES, "other"):
             if here := [c.relative_to_range for c in own if kind_of(c.unit) == kind]:
-                told.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{words_of.where}")
+                texts.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{words_of.where}")
                 break
     words = []
     to = "differ by up to" if any(c.outcome == Outcome.DIFFERS for c in rows) else "to"
-    for kind, parts in told.items():
+    for kind, parts in texts.items():
         name = {"velocity": "velocities", "energy": "energies", "other": "curves"}.get(
             kind, f"{kind}s"
         )

@@ -103,7 +103,7 @@ class Number:
 
     @property
     def relative(self) -> bool:
-        """Whether a change of it is told as a share of its value."""
+        """Whether a change of it is stated as a share of its value."""
         return self.value != 0.0
 
 
@@ -296,7 +296,7 @@ def written(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
     return ElementTree.tostring(tree.root, encoding="unicode")
 
 
-def told(values: Iterable[float]) -> str:
+def attribute_text(values: Iterable[float]) -> str:
     """Numbers of an attribute, with all digits."""
     return " ".join(repr(float(value)) for value in values)
 
@@ -314,11 +314,11 @@ def weigh(
         centre, frame = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     for k in range(3):
         centre[k] += by.get(("pos", k), 0.0)
-    element.set("pos", told(centre))
-    element.set("quat", told(frame))
-    element.set("mass", told([model.body_mass[b] + by.get(("mass", 0), 0.0)]))
+    element.set("pos", attribute_text(centre))
+    element.set("quat", attribute_text(frame))
+    element.set("mass", attribute_text([model.body_mass[b] + by.get(("mass", 0), 0.0)]))
     factor = 1.0 + by.get(("inertia", 0), 0.0)
-    element.set("diaginertia", told(model.body_inertia[b] * factor))
+    element.set("diaginertia", attribute_text(model.body_inertia[b] * factor))
 
 
 def turn(source: Source, element: Element, tag: str, index: int, angle: float) -> None:
@@ -331,13 +331,13 @@ def turn(source: Source, element: Element, tag: str, index: int, angle: float) -
     if tag == "joint":
         axis = np.zeros(3)
         mujoco.mju_rotVecQuat(axis, np.array(model.jnt_axis[index]), about)
-        element.set("axis", told(axis))
+        element.set("axis", attribute_text(axis))
         return
     found = np.zeros(4)
     mujoco.mju_mulQuat(found, about, np.array(getattr(model, f"{tag}_quat")[index]))
     for key in ORIENTATIONS:
         element.attrib.pop(key, None)
-    element.set("quat", told(found))
+    element.set("quat", attribute_text(found))
 
 
 def add(
@@ -353,7 +353,7 @@ def add(
             values = np.degrees(values)
     if place.tag == "joint" and place.attribute == "range" and "limited" not in element.attrib:
         element.set("limited", "true")
-    element.set(place.attribute, told(values))
+    element.set(place.attribute, attribute_text(values))
 
 
 def present(source: Source, element: Element, place: Place) -> Any:

@@ -357,14 +357,14 @@ class MovingScene(PictureScene):
         shape = (len(index), len(self.roots), 3)
         places, unfit = np.empty(shape), 0.0
         away = {solver: np.full(shape, np.nan) for solver in measured}
-        truth = max((known for known, _ in measured.values()), key=extent, default={})
-        gauges = {name: gauge for name in truth if (gauge := self.gauge(name)) is not None}
+        reference = max((known for known, _ in measured.values()), key=extent, default={})
+        gauges = {name: gauge for name in reference if (gauge := self.gauge(name)) is not None}
         if not self.tells(gauges):
             gauges = {}
         known = KnownPoses(self, gauges, poses["qpos"])
         for k, sample in enumerate(index.tolist()):
             self.data.qpos[:] = poses["qpos"][k]
-            if wanted := at_sample(truth, gauges, sample):
+            if wanted := at_sample(reference, gauges, sample):
                 self.data.qpos[:] = known.near(wanted, poses["qpos"][k])
                 unfit = max(unfit, self.fit({n: gauges[n] for n in wanted}, wanted))
             self.update()

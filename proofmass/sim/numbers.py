@@ -116,7 +116,7 @@ KINDS = {
     "softness of the loop": "1",
     "softness of the stop": "1",
 }
-"""Kinds of numbers in the order in which they are told, and the unit of most."""
+"""Kinds of numbers in the order in which they are listed, and the unit of most."""
 
 
 def measured(

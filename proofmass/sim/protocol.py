@@ -49,7 +49,7 @@ class Unsupported(Exception):
 
 
 class Diverged(Exception):
-    """The run was lost: not finite, reset by the engine, or the loops came open.
+    """The run failed: not finite, reset by the engine, or the loops came open.
 
     A message that begins with ``NAME warning`` is what the engine itself said.  `curves` are those
     up to the last sample before the loss, where the engine has them.
@@ -138,8 +138,8 @@ class EngineSettings(BaseModel):
             if first["type"] == "missing":
                 raise BadSetting(key, "missing; it is required") from None
             wrong = first["msg"].removeprefix("Value error, ")
-            told = "" if isinstance(first["input"], dict) else f", not {first['input']!r}"
-            raise BadSetting(key, f"{wrong}{told}") from None
+            instead = "" if isinstance(first["input"], dict) else f", not {first['input']!r}"
+            raise BadSetting(key, f"{wrong}{instead}") from None
 
 
 @dataclass(frozen=True)
@@ -685,7 +685,7 @@ class LimitProblem:
     start, reach : float
         From where to where it is increased [SI].
     bound : float, optional
-        Largest value of what is watched that is right [SI]; a run is lost beyond 1, if none is
+        Largest value of what is watched that is right [SI]; a run fails beyond 1, if none is
         given.
     """
 

@@ -224,7 +224,7 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
     Raises
     ------
     BadRod
-        Shorter than its supports are apart, or no way to bend is told.
+        Shorter than its supports are apart, or no way to bend is given.
     """
     rod, bends = chain.rod, chain.arc(chain.rod.turn)
     if target is None:
@@ -260,7 +260,7 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
 
 CONNECT, SITE = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-LIGHT = 0.01  # [kg] a rod whose mass is not told
+LIGHT = 0.01  # [kg] a rod whose mass is not given
 THICK = 0.004  # of the length: radius of the capsules that are drawn
 PLAIN = {
     "damping": [0.0] * 3,

@@ -241,7 +241,7 @@ class Measurement:
         return self.outcome in (Outcome.RAN, Outcome.STOPPED)
 
 
-lost: dict[Path, Measurement] = {}
+failed: dict[Path, Measurement] = {}
 """Of references of free motions that this process could not evaluate, what became of them."""
 
 OUTCOMES: dict[type[Exception], Outcome] = {
@@ -249,7 +249,7 @@ OUTCOMES: dict[type[Exception], Outcome] = {
     NotSolved: Outcome.NOT_SOLVED,
     BadModel: Outcome.NO_START,
 }
-"""What a worker raises, as an outcome; a pose that was not found is told from a diverged run."""
+"""What a worker raises, as an outcome; a pose that was not found is not a diverged run."""
 
 
 def measure(
@@ -297,8 +297,8 @@ def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
     with own_core() as core:
         if task.reference and not again:
             write_missing_reference(task, task.reference)
-            if task.reference in lost:
-                return lost[task.reference]
+            if task.reference in failed:
+                return failed[task.reference]
         found = measure(
             observe, task, again, core, timeout=timeout, memory=task.case.run[task.run].memory
         )
@@ -314,11 +314,11 @@ def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
 def write_missing_reference(task: StudyRun, file: Path) -> None:
     """Write the reference of a free motion, if nobody did; that is no time of a run.
 
-    Where it cannot be evaluated, `lost` says why: no setting of the case has one.
+    Where it cannot be evaluated, `failed` says why: no setting of the case has one.
     """
     limits = task.case.run[task.run]
     with writing.setdefault(file, Lock()):
-        if file.is_file() or file in lost:
+        if file.is_file() or file in failed:
             return
         try:
             found = measure(
@@ -330,10 +330,10 @@ def write_missing_reference(task: StudyRun, file: Path) -> None:
                 memory=limits.memory,
             )
         except InputError as error:
-            lost[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
+            failed[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
         else:
             if isinstance(found, Measurement):
-                lost[file] = replace(found, message=f"its reference: {found.message}")
+                failed[file] = replace(found, message=f"its reference: {found.message}")
 
 
 def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:

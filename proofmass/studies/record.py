@@ -260,17 +260,17 @@ def flat(row: StudyRow) -> dict[str, str]:
     for one in fields(StudyRow):
         value = getattr(row, one.name)
         if one.name in SPREAD:
-            cells |= {f"{SPREAD[one.name]}.{key}": shown(part) for key, part in value.items()}
+            cells |= {f"{SPREAD[one.name]}.{key}": format_cell(part) for key, part in value.items()}
         else:
-            cells[one.name] = value if isinstance(value, str) else shown(value)
+            cells[one.name] = value if isinstance(value, str) else format_cell(value)
     return cells
 
 
-def shown(value: Any) -> str:
+def format_cell(value: Any) -> str:
     """A cell: a number, true or false, an array, a word; nothing for NaN.
 
-    >>> shown(1e-3), shown(float("nan")), shown((0.02, 1.0)), shown("RK4"), shown("8")
-    ('0.001', '', '[0.02, 1.0]', 'RK4', '"8"')
+    >>> [format_cell(value) for value in (1e-3, float("nan"), (0.02, 1.0), "RK4", "8")]
+    ['0.001', '', '[0.02, 1.0]', 'RK4', '"8"']
     """
     if isinstance(value, float) and math.isnan(value):
         return ""
@@ -288,7 +288,7 @@ def read(cell: str) -> Any:
 
 def parsed(cells: dict[str, str]) -> StudyRow:
     """The row of some cells."""
-    told = dict[str, Any]()
+    values = dict[str, Any]()
     for name, kind in get_type_hints(StudyRow).items():
         if name in SPREAD:
             own = {
@@ -296,11 +296,11 @@ def parsed(cells: dict[str, str]) -> StudyRow:
                 for column, cell in cells.items()
                 if column.startswith(SPREAD[name] + ".") and cell
             }
-            told[name] = {key: read(cell) for key, cell in own.items()}
+            values[name] = {key: read(cell) for key, cell in own.items()}
         elif name in cells:
             word = kind is str
-            told[name] = cells[name] if word else read(cells[name]) if cells[name] else NAN
-    return StudyRow(**told)
+            values[name] = cells[name] if word else read(cells[name]) if cells[name] else NAN
+    return StudyRow(**values)
 
 
 def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:

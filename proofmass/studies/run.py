@@ -231,10 +231,13 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
     A repeat that failed, where the first run did not, is a failure of the task.
     """
     first, *repeats = found
-    lost = next((k for k, one in enumerate(repeats) if not one.complete), None)
+    failed = next((k for k, one in enumerate(repeats) if not one.complete), None)
     outcome, message = first.outcome, first.message
-    if lost is not None:
-        outcome, message = repeats[lost].outcome, f"repeat {lost + 1}: {repeats[lost].message}"
+    if failed is not None:
+        outcome, message = (
+            repeats[failed].outcome,
+            f"repeat {failed + 1}: {repeats[failed].message}",
+        )
     ran = [one for one in repeats if one.complete]
     if timed and first.complete:
         ran.insert(0, first)

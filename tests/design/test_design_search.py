@@ -78,7 +78,7 @@ def test_a_search_from_given_designs_is_no_worse_than_they():
     assert REGULAR.figures(again.run()[None]).rmse[0] <= REGULAR.figures(first.found[:1]).rmse[0]
 
 
-def test_a_given_design_that_the_coarse_look_refuses_is_not_lost():
+def test_a_given_design_that_the_coarse_look_refuses_is_not_failed():
     class Narrow:
         low, high, fingerprint = np.zeros(2), np.ones(2), "narrow"
 

@@ -48,7 +48,7 @@ class Verdict:
 
 
 class Judge:
-    """A process that judges one input after the other; it is started again when it is lost.
+    """A process that judges one input after the other; it is started again when it fails.
 
     The causes of differences are sought where they are asked for: they take seconds, and whatever
     goes wrong there is a line of a diagnosis.
@@ -181,14 +181,14 @@ def examine(folder: Path, name: str, causes: bool) -> Verdict:
         return answer
     for error in result.errors:
         answer.detail += f"{error}\n"[:1000]
-        if lost := re.match(r".* failed: (\w+): ", error.wrong):  # nothing but a net caught it
-            answer.findings.append(f"unforeseen {lost[1]} in a run")
+        if failed := re.match(r".* failed: (\w+): ", error.wrong):  # nothing but a net caught it
+            answer.findings.append(f"unforeseen {failed[1]} in a run")
         if error.wrong.startswith("cannot be read: "):
             answer.notes.append(error.wrong[:80])
         if len(str(error).splitlines()) > 2 or len(str(error)) > 1000:
             answer.notes.append(f"long message about {error.key[:30] or error.file.suffix!r}")
-    lost = {(c.outcome, c.message) for c in result.comparisons if c.outcome in ("crashed",)}
-    answer.notes += [f"{outcome} run: {message[:80]}" for outcome, message in sorted(lost)]
+    failed = {(c.outcome, c.message) for c in result.comparisons if c.outcome in ("crashed",)}
+    answer.notes += [f"{outcome} run: {message[:80]}" for outcome, message in sorted(failed)]
     answer.notes += sorted(
         {c.outcome for c in result.comparisons if c.outcome in ("timed out", "out of memory")}
     )

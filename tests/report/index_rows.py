@@ -50,7 +50,7 @@ def of(
     )
 
 
-def lost(case: str, run: str, solver: str, channel: str, outcome: str) -> Comparison:
+def failed(case: str, run: str, solver: str, channel: str, outcome: str) -> Comparison:
     return Comparison(case, solver, run, channel, "m", outcome=outcome, message="why not")
 
 
@@ -60,13 +60,13 @@ ROWS = [
     of("pendulum", "dynamics", "mujoco:default", "angle", 1e-3, None, Outcome.UNCHECKED),
     of("pendulum", "dynamics", "mujoco:default", "rate", 1e-2, None, Outcome.UNCHECKED, "rad/s"),
     of("pendulum", "dynamics", "adams", "angle", 1e-9, unit="rad"),
-    lost("pendulum", "dynamics", "adams", "rate", Outcome.UNSUPPORTED),
+    failed("pendulum", "dynamics", "adams", "rate", Outcome.UNSUPPORTED),
     of("fourbar", "sweep", "mujoco", "pin.x", 1e-14),
     of("fourbar", "sweep", "mujoco", "pin.y", 3e-2, 1e-3, Outcome.DIFFERS, message="30 x"),
     of("fourbar", "sweep", "mujoco", "rocker", 9e-1, 1e0, unit="rad"),
     of("fourbar", "dynamics", "pymunk", "pin.x", 1e-8),
     of("slider_crank", "sweep", "mujoco", "slider", 1e-7),
-    lost("slider_crank", "dynamics", "pymunk", "slider", Outcome.DIVERGED),
+    failed("slider_crank", "dynamics", "pymunk", "slider", Outcome.DIVERGED),
     of("rod_cantilever", "equilibrium", "mujoco", "x", 5e-7),
     of("rod_cantilever", "refine", "mujoco", "x", 1.0, 1e-1, Outcome.AGREES),
     of("hacksaw_recorded", "sweep", "mujoco", "r1", 1e-12),

@@ -17,7 +17,7 @@ from proofmass.check import Result, judge, run_one
 from proofmass.cli import app
 from proofmass.reference import grid
 from proofmass.report.animation import Stage, returns, with_samples
-from proofmass.report.data import Shown, shown
+from proofmass.report.data import PlottedRun, plotted_run
 from proofmass.report.drawing import measured, moved_here
 from proofmass.solve import plan
 from tests.shipped import shipped
@@ -41,7 +41,7 @@ def staged(case: Case, magnify: float = 1.0, poses: int = POSES) -> Stage:
     result = Result(cases=[case])
     ran = run_one(case, kind, solver, partial(compare, detectable=False))
     judge([(case, kind, solver)], {0: ran}, result)
-    view = shown(result, case, kind)
+    view = plotted_run(result, case, kind)
     return Stage(case, [solver], moved_here(case, kind, measured(view), poses), {}, magnify)
 
 
@@ -174,7 +174,7 @@ def test_whether_the_end_is_the_start_again(name: str, last: float | None, close
     x = grid(case, "sweep")
     run = plan(case, "sweep", "mujoco")
     truth = evaluate(case, "sweep", x, run.motion(x))
-    view = Shown(case, "sweep", [], {"mujoco": truth}, {"mujoco": truth})
+    view = PlottedRun(case, "sweep", [], {"mujoco": truth}, {"mujoco": truth})
     assert returns(view) == closed
 
 
@@ -243,7 +243,7 @@ def test_a_file_that_cannot_be_written(models: Path, monkeypatch: pytest.MonkeyP
     assert "error: mine.gif: Is a directory" in answer.output
 
 
-def test_a_lost_solver_is_told_and_the_model_drawn(
+def test_a_failed_solver_is_told_and_the_model_drawn(
     edit: Callable[..., Path], tmp_path: Path
 ) -> None:
     file = edit("pendulum.toml", "n = 1001", "n = 1001\ntimeout = 1e-3")

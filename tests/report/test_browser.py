@@ -10,7 +10,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
-from tests.report.whole import lost_result, whole_result, without_figures
+from tests.report.whole import failed_result, whole_result, without_figures
 from tests.shipped import shipped
 from tests.visit import PHONE, Visit
 
@@ -27,7 +27,7 @@ SLOW = 2000  # [ms] until a page may be used, on a busy machine; 0.3 s are usual
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Pages of six cases: the slider-crank differs, the pendulum is lost.
+    """Pages of six cases: the slider-crank differs, the pendulum fails.
 
     Most are without the drawing at several poses, which is no part of the scripts.
     """
@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for part in parts:
         result.comparisons.extend(part.comparisons)
         result.curves.update(part.curves)
-    rows = [replace(c, **LOST) if c.case == "pendulum" else c for c in result.comparisons]
+    rows = [replace(c, **FAILED) if c.case == "pendulum" else c for c in result.comparisons]
     curves = {key: curve for key, curve in result.curves.items() if key[0] != "pendulum"}
     out = tmp_path_factory.mktemp("browser")
     with without_figures("rod_cantilever"):
@@ -46,13 +46,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-LOST: dict[str, Any] = {
+FAILED: dict[str, Any] = {
     **{name: float("nan") for name in ("error_max", "at", "error_rms", "nrmse", "error_later")},
     "detectable": {},
     "outcome": "diverged",
     "message": "the state is not finite",
 }
-assert set(LOST) <= set(Comparison.__dataclass_fields__)
+assert set(FAILED) <= set(Comparison.__dataclass_fields__)
 
 
 class CaseVisit(Visit):
@@ -75,9 +75,9 @@ def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: An
         assert all(url.startswith(folder.as_uri()) for url in visit.asked)
         timing = "performance.getEntriesByType('navigation')[0].loadEventEnd"
         assert visit.run(timing) < SLOW
-        lost = name == "pendulum"
-        assert visit.run("find('#curves').hidden") == lost
-        assert visit.page.locator("#above canvas").count() == (0 if lost else 1)
+        failed = name == "pendulum"
+        assert visit.run("find('#curves').hidden") == failed
+        assert visit.page.locator("#above canvas").count() == (0 if failed else 1)
         overflow = visit.run("document.documentElement.scrollWidth - innerWidth")
         assert overflow <= 0
 
@@ -112,17 +112,17 @@ EVERY = """() => {
 SAID = "find('main').innerText.match(/NaN|undefined|null|Infinity|object Object/)"
 
 
-def test_what_is_lost_is_told(folder: Path, browser: Any) -> None:
+def test_what_is_failed_is_told(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "pendulum.html") as visit:
         text = visit.page.inner_text("main")
         assert "runs diverged" in text
         assert "the state is not finite" in text
 
 
-def test_a_lost_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> None:
+def test_a_failed_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> None:
     case = load_case(shipped("fourbar.toml"))
     with without_figures():
-        write_report(lost_result(case, whole_result(case), "mujoco"), tmp_path)
+        write_report(failed_result(case, whole_result(case), "mujoco"), tmp_path)
     with CaseVisit(browser, tmp_path / "fourbar.html") as visit:
         assert visit.run("[state.run, state.solver]") == ["dynamics", "mujoco"]
         assert "pin.x left the tolerance first" in visit.page.inner_text(".cause").lower()
@@ -130,10 +130,10 @@ def test_a_lost_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> Non
         assert chip.is_enabled()
         drawn = "pair.plots[0].data[2].filter((value) => value !== null).length"
         assert visit.run(drawn) == 100
-        said = visit.page.inner_text("#lost")
+        said = visit.page.inner_text("#failed")
         assert "MuJoCo is drawn until 1.7" in said
         assert visit.run(INK_AT_THE_END)
-        chip.click()  # without the lost curve nothing is marked there
+        chip.click()  # without the failed curve nothing is marked there
         assert not visit.run(INK_AT_THE_END)
         assert visit.run(SAID) is None
         assert visit.said == []

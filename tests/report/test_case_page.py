@@ -24,7 +24,7 @@ from proofmass.reference import ComparedCurves, evaluate
 from proofmass.report import case_page, write_report
 from proofmass.report.case_data import embedded, kept, motion_data, recorded_data, runs_data
 from proofmass.report.case_page import advice, badge, causes, noticed, panel_of
-from proofmass.report.data import Shown, shown
+from proofmass.report.data import PlottedRun, plotted_run
 from proofmass.report.drawing import measured, moving
 from proofmass.report.overview import FIRST, LAST, overview, place
 from proofmass.report.style import PAPERS, READABLE, contrast, legible, looks
@@ -33,7 +33,7 @@ from proofmass.report.words import closeness
 from proofmass.sidecar import load_case
 from proofmass.sim.motion import Motion, motion
 from proofmass.solve import plan
-from tests.report.whole import lost_result, whole_result, without_figures
+from tests.report.whole import failed_result, whole_result, without_figures
 from tests.shipped import shipped
 
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
@@ -60,8 +60,8 @@ def result(fourbar: Case) -> Result:
 
 
 @pytest.fixture(scope="module")
-def runs(fourbar: Case, result: Result) -> list[Shown]:
-    return [shown(result, fourbar, kind) for kind in fourbar.run]
+def runs(fourbar: Case, result: Result) -> list[PlottedRun]:
+    return [plotted_run(result, fourbar, kind) for kind in fourbar.run]
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_a_page_is_small(name: str, page: str, tmp_path: Path) -> None:
     assert 30_000 < len(page.encode()) < SIZE
 
 
-def test_thinned_curves_keep_extremes_and_the_worst(runs: list[Shown]) -> None:
+def test_thinned_curves_keep_extremes_and_the_worst(runs: list[PlottedRun]) -> None:
     whole = runs_data(runs, 10**9)
     assert [run["every"] for run in whole.values()] == [1, 1]
     room = len(embedded(whole)) // 2
@@ -127,7 +127,7 @@ def test_thinned_curves_keep_extremes_and_the_worst(runs: list[Shown]) -> None:
     assert all(np.abs(places - c.at).min() == 0 for c in run.rows)
 
 
-def test_what_must_stay_stays_without_any_room(runs: list[Shown]) -> None:
+def test_what_must_stay_stays_without_any_room(runs: list[PlottedRun]) -> None:
     data = runs_data(runs, 0)["sweep"]
     assert data["every"] == 361
     assert {0.0, float(runs[0].longest.x[-1])} <= set(unpacked(data["x"], "<f8").tolist())
@@ -155,7 +155,7 @@ def test_curves_of_a_solver_that_stopped_early_end_there(fourbar: Case, result: 
         drive=tuple(part[:, :100] for part in whole.drive or ()),
     )
     cut = replace(result, curves={**result.curves, (fourbar.name, "sweep", "pymunk"): short})
-    run = shown(cut, fourbar, "sweep")
+    run = plotted_run(cut, fourbar, "sweep")
     own = recorded_data(fourbar, [run])["runs"]["sweep"]["solvers"]["pymunk"]
     assert own["stopped"] == "a limit position"
     assert own["end"] == short.x[-1]
@@ -247,7 +247,7 @@ def test_limits_that_are_met_are_told() -> None:
     assert any(spot.spring for spot in found.spots)
 
 
-def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[Shown]) -> None:
+def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[PlottedRun]) -> None:
     found = moving(fourbar, runs)[0]["dynamics"]
     data = motion_data(found)
     size = np.abs(found.places).max(axis=(0, 1))
@@ -303,7 +303,9 @@ def test_of_channels_that_differ_the_worst_by_its_allowance_is_shown(
     ]
     data = {
         "solvers": {"mujoco": {}, "pymunk": {}},
-        **recorded_data(fourbar, [shown(replace(result, comparisons=rows), fourbar, "sweep")]),
+        **recorded_data(
+            fourbar, [plotted_run(replace(result, comparisons=rows), fourbar, "sweep")]
+        ),
     }
     (run,) = overview(data)
     cell = run.rows[0].cells[0]
@@ -346,8 +348,8 @@ def test_a_reference_that_was_compared_is_not_evaluated_again(
         for key, curves in result.curves.items()
     }
     monkeypatch.setattr("proofmass.report.data.reference_for", fail)
-    run = shown(replace(result, curves=known), fourbar, "sweep")
-    for solver, truth in run.truth.items():
+    run = plotted_run(replace(result, curves=known), fourbar, "sweep")
+    for solver, truth in run.reference.items():
         assert truth.channels is known[fourbar.name, "sweep", solver].reference
 
 
@@ -398,7 +400,7 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     Kept(coverage=replace(coverage_found(fourbar), key=key)).write(file_of(fourbar, key, None))
     assert noticed(fourbar)
     monkeypatch.setattr(  # a worker may have another folder of what was found
-        "proofmass.report.case_page.told",
+        "proofmass.report.case_page.find",
         lambda case, beyond, function, otherwise: function(case),
     )
     with without_figures():
@@ -461,10 +463,10 @@ def test_a_search_for_causes_that_failed_is_told(fourbar: Case) -> None:
 
 
 @pytest.mark.parametrize("alone", [False, True])
-def test_a_lost_run_is_drawn_until_its_loss(fourbar: Case, result: Result, alone: bool) -> None:
+def test_a_failed_run_is_drawn_until_its_loss(fourbar: Case, result: Result, alone: bool) -> None:
     solvers = fourbar.run["dynamics"].solvers if alone else ["mujoco"]
-    run = shown(lost_result(fourbar, result, *solvers), fourbar, "dynamics")
-    assert set(run.lost) == set(solvers)
+    run = plotted_run(failed_result(fourbar, result, *solvers), fourbar, "dynamics")
+    assert set(run.failed) == set(solvers)
     assert (run.whole is not None) == alone  # else a solver that came to the end has it
     data = recorded_data(fourbar, [run])["runs"]["dynamics"]
     exact = result.curves[fourbar.name, "dynamics", "mujoco"]
@@ -474,25 +476,25 @@ def test_a_lost_run_is_drawn_until_its_loss(fourbar: Case, result: Result, alone
     assert (own["early"], own["end"]) == (True, exact.x[99])
     truth = evaluate(fourbar, "sweep", exact.x, exact.drive).channels["pin.x"]
     assert np.array_equal(unpacked(data["channels"]["pin.x"]["curve"], "<f8"), truth)
-    assert set(run.without_lost.curves) == set(fourbar.run["dynamics"].solvers) - set(solvers)
+    assert set(run.without_failed.curves) == set(fourbar.run["dynamics"].solvers) - set(solvers)
 
 
-def test_a_lost_run_without_a_reference_is_not_drawn(
+def test_a_failed_run_without_a_reference_is_not_drawn(
     fourbar: Case, result: Result, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object) -> None:
         raise InputError(fourbar.file, "", "cannot be assembled there")
 
-    lost = lost_result(fourbar, result, *fourbar.run["dynamics"].solvers)
+    failed = failed_result(fourbar, result, *fourbar.run["dynamics"].solvers)
     monkeypatch.setattr("proofmass.report.data.reference_for", fail)
-    run = shown(lost, fourbar, "dynamics")
-    assert (run.curves, run.truth, len(run.lost)) == ({}, {}, 4)
+    run = plotted_run(failed, fourbar, "dynamics")
+    assert (run.curves, run.reference, len(run.failed)) == ({}, {}, 4)
 
 
 def test_what_happened_is_told_once_for_all_runs(
     fourbar: Case, result: Result, tmp_path: Path
 ) -> None:
-    found = lost_result(fourbar, result, "mujoco", "pymunk")
+    found = failed_result(fourbar, result, "mujoco", "pymunk")
     (panel,) = causes(fourbar, found.diagnoses)
     assert (panel.title, panel.rows) == ("What happened", ())
     assert panel.where == "The same in 2 runs: MuJoCo in dynamics and pymunk in dynamics."
@@ -525,7 +527,7 @@ def test_an_undecided_curve_is_no_agreement_in_the_first_table():
         "near": {**told, "share": 1e-4, "outcome": "agrees"},
     }
     channels = {name: {"kind": "position"} for name in own}
-    run = {"solvers": {"recorded:rig": {"comparisons": own}}, "lost": {}, "channels": channels}
+    run = {"solvers": {"recorded:rig": {"comparisons": own}}, "failed": {}, "channels": channels}
     (part,) = overview({"solvers": ["recorded:rig"], "runs": {"dynamics": run}})
     (row,) = part.rows
     (cell,) = row.cells

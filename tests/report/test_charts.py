@@ -46,7 +46,7 @@ draw = "energies"
 parameters = { turns = 2 }
 
 [[chart]]
-title = "Lost"
+title = "Failed"
 draw = "broken"
 """
 
@@ -82,11 +82,11 @@ def test_counts_stay_whole_numbers() -> None:
         ("turns = 2", "turns = nan", ["chart.0.parameters.turns: ", "finite"]),
         ("turns = 2", "turns = {}", ["chart.0.parameters.turns: ", "valid"]),
         (
-            'title = "Lost"',
-            'titel = "Lost"',
+            'title = "Failed"',
+            'titel = "Failed"',
             ["chart.1", "unknown key 'titel'", "title, draw, param"],
         ),
-        ('title = "Lost"', 'title = ""', ["chart.1.title", "at least 1"]),
+        ('title = "Failed"', 'title = ""', ["chart.1.title", "at least 1"]),
     ],
 )
 def test_errors_name_the_key_and_what_there_is(
@@ -130,9 +130,9 @@ def test_a_page_has_the_chart_and_names_the_one_that_failed(stub: Path, tmp_path
     assert 'aria-label="fourbar, Energy, energy over angle: Up to 2 &amp; more."' in text
     plain = re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
     assert "<figcaption>Up to 2 &amp; more." in plain
-    assert "“Lost” is not drawn: IndexError: nothing there</p>" in plain
+    assert "“Failed” is not drawn: IndexError: nothing there</p>" in plain
     assert "stored &lt;&amp;&gt;" in text
-    assert plain.count("<figure>") == 2  # mechanism and chart: nothing else is lost
+    assert plain.count("<figure>") == 2  # mechanism and chart: nothing else is missing
     assert plain.index("Charts: ") < plain.index("Sweep: ")
     figures = page.parent / "figures"
     assert not (figures / "fourbar-chart-1.png").exists()  # on demand, see `test_command_line`

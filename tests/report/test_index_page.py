@@ -13,7 +13,7 @@ from markupsafe import Markup
 from proofmass.check import Result
 from proofmass.outcome import Outcome
 from proofmass.report import index_page, pages
-from proofmass.report.data import Shown
+from proofmass.report.data import PlottedRun
 from proofmass.report.drawing import moving as moved
 from proofmass.report.index_page import cell_of, columns_of, place, row_of
 from proofmass.report.pages import files_of, note_on, table_of, write_curves
@@ -62,7 +62,7 @@ def attribute(row: str, name: str) -> str:
 
 
 def test_failures_come_first_then_what_is_worse_then_the_smallest_margin(page):
-    # slider_crank is lost, fourbar 30 times too far, pendulum worse than before, and the margins
+    # slider_crank fails, fourbar 30 times too far, pendulum worse than before, and the margins
     # of the others are 0.5 and 1e-6
     order = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recorded"]
     assert list(rows_of(page)) == order
@@ -77,7 +77,7 @@ def test_the_numbers_above_are_those_of_the_rows(page):
     words = {key: re.sub(r"<[^>]*>|\s+", " ", text).split() for key, text in numbers.items()}
     assert words["agree"][:3] == ["3", "of", "5"]
     assert words["differ"][0] == "2"
-    # not checked: the rate of adams, and the run that is lost; default settings are only shown
+    # not checked: the rate of adams, and the run that fails; default settings are only shown
     assert words["gaps"][:3] == ["2", "of", "12"]
     # pendulum is worse, hacksaw_recorded better, and a case is gone
     assert words["changed"][0] == "3"
@@ -114,7 +114,7 @@ def test_a_failure_speaks_for_a_cell_though_another_error_is_larger():
     assert cell.lanes[0].over
 
 
-def test_a_lost_run_has_a_word_and_no_dot(page):
+def test_a_failed_run_has_a_word_and_no_dot(page):
     cell = cell_of([c for c in whole_result().comparisons if c.outcome == Outcome.DIVERGED])
     assert (cell.error, cell.bad, cell.sort) == ("diverged", True, math.inf)
     assert (cell.lanes[0].at, cell.lanes[0].words) == (None, "pymunk: diverged")
@@ -279,18 +279,18 @@ def test_the_data_of_a_drawing_are_its_bytes(page):
     assert svg.count('class="joint') == 2
 
 
-def shown_curves(case_name: str = "fourbar") -> Shown:
+def shown_curves(case_name: str = "fourbar") -> PlottedRun:
     """Two solvers of a run, the second of which stopped early and has a reference of its own."""
     case = load_case(shipped(f"{case_name}.toml"))
-    view = Shown(case, "dynamics", [])
+    view = PlottedRun(case, "dynamics", [])
     x = view.grid
     drive = (np.atleast_2d(x), np.ones((1, x.size)), np.zeros((1, x.size)))
     short = 5
     cut = tuple(part[:, :short] for part in drive)
     view.curves["mujoco"] = Curves(x, {"pin.x": np.sin(x) / 3, "rocker": x}, drive=drive)
     view.curves["pymunk"] = Curves(x[:short], {"pin.x": x[:short]}, drive=cut)
-    view.truth["mujoco"] = Curves(x, {"pin.x": np.sin(x), "rocker": x})
-    view.truth["pymunk"] = Curves(x[:short], {"pin.x": x[:short] + 1e-16})
+    view.reference["mujoco"] = Curves(x, {"pin.x": np.sin(x), "rocker": x})
+    view.reference["pymunk"] = Curves(x[:short], {"pin.x": x[:short] + 1e-16})
     return view
 
 

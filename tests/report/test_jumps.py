@@ -9,7 +9,7 @@ import pytest
 from proofmass.analytic.numerics import TURN
 from proofmass.case import Case
 from proofmass.report import data
-from proofmass.report.data import Jumps, of_reference, of_solver, shown
+from proofmass.report.data import Jumps, of_reference, of_solver, plotted_run
 from proofmass.report.figures import draw, every
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
@@ -87,19 +87,19 @@ def test_an_engine_jumps_where_its_reference_does_or_makes_no_such_step(fourbar:
 
 def test_a_snap_is_found_and_smooth_curves_have_none(fourbar: Case) -> None:
     snap = load_case(shipped("rod_snap.toml"))
-    run = shown(whole_result(snap, off=1e-4), snap, "sweep")
+    run = plotted_run(whole_result(snap, off=1e-4), snap, "sweep")
     assert run.jumps == Jumps((15, 36))
     assert run.jumps_of == {"mujoco:settled": Jumps((15, 36)), "pymunk": Jumps((15, 36))}
     result = whole_result(fourbar)
     for kind in fourbar.run:
-        run = shown(result, fourbar, kind)
+        run = plotted_run(result, fourbar, kind)
         assert not any(one.every() for one in (run.jumps, *run.jumps_of.values()))
 
 
 def test_what_is_zero_to_rounding_has_no_jumps() -> None:
     """A channel of one balancer is zero, and its rounding makes 26 steps."""
     case = load_case(shipped("balancer_progressive_locked.toml"))
-    run = shown(whole_result(case), case, "sweep")
+    run = plotted_run(whole_result(case), case, "sweep")
     assert not run.jumps.every()
 
 

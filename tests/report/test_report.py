@@ -15,8 +15,8 @@ from proofmass.compare import Comparison, compare, reference_for
 from proofmass.errors import InputError
 from proofmass.reference import evaluate, unit_of
 from proofmass.report import headline, write_report
-from proofmass.report.data import input_rows, inputs, shown, thin
-from proofmass.report.drawing import SHEETS, moving, shape_of, tracks
+from proofmass.report.data import input_rows, inputs, plotted_run, thin
+from proofmass.report.drawing import FIGURES, moving, shape_of, tracks
 from proofmass.report.figures import tolerances
 from proofmass.report.mechanism import path, paths
 from proofmass.report.style import looks
@@ -68,7 +68,7 @@ def result_of(case: Case, **off: float) -> Result:
     return result
 
 
-def lost(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
+def failed(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
     return [
         Comparison(case.name, solver, kind, name, c.unit, outcome=outcome, message="why not")
         for name, c in case.channels.items()
@@ -96,7 +96,7 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     result.curves[case.name, "dynamics", "mujoco:default"] = curves
     result.comparisons.extend(compare(case, "dynamics", "mujoco:default", curves))
     for kind, outcome in ("dynamics", "diverged"), ("sweep", "timed out"):
-        result.comparisons.extend(lost(case, kind, "pymunk", outcome))
+        result.comparisons.extend(failed(case, kind, "pymunk", outcome))
     result.comparisons.append(
         Comparison("loose", "mujoco", "dynamics", "", "", message="no sidecar; it loads and steps")
     )
@@ -170,7 +170,7 @@ def test_duration_differs(fourbar: Case) -> None:
 
 def test_diverged(fourbar: Case) -> None:
     rows = result_of(fourbar, sweep=0.0).comparisons
-    text = headline(fourbar, [*rows, *lost(fourbar, "dynamics", "pymunk:default", "diverged")])
+    text = headline(fourbar, [*rows, *failed(fourbar, "dynamics", "pymunk:default", "diverged")])
     assert text.endswith("pymunk default diverged in dynamics.")
 
 
@@ -246,7 +246,7 @@ def test_index_lists_loose_models_and_faults(report: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "dynamics") for what in SHEETS)]
+    "name", ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "dynamics") for what in FIGURES)]
 )
 def test_figures_as_svg_and_png(report: Path, name: str) -> None:
     stem = report / "figures" / f"fourbar-{name}"
@@ -256,8 +256,8 @@ def test_figures_as_svg_and_png(report: Path, name: str) -> None:
 
 def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
     case = case_of("pendulum")
-    failed = Result(cases=[case], comparisons=lost(case, "dynamics", "pymunk", "crashed"))
-    page = write_report(failed, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
+    result = Result(cases=[case], comparisons=failed(case, "dynamics", "pymunk", "crashed"))
+    page = write_report(result, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
     assert "pymunk is not drawn: crashed" in page
     assert page.count("<figure") == 1  # the mechanism: it needs no solver
     page = write_report(Result(cases=[case]), tmp_path).read_text(encoding="utf-8")
@@ -314,7 +314,7 @@ def test_drawing_has_the_names_of_the_mjcf(name: str, words: list[str], tmp_path
 
 def test_a_path_is_its_two_channels() -> None:
     case = case_of("fivebar")
-    view = shown(result_of(case, sweep=0.01), case, "sweep")
+    view = plotted_run(result_of(case, sweep=0.01), case, "sweep")
     shape = shape_of(case, moving(case, [view])[0])
     assert shape
     assert paths(view, shape) == ["tip"]
@@ -357,7 +357,7 @@ def test_own_numbers_as_reference_and_a_law(report: Path, tmp_path: Path) -> Non
     page = (tmp_path / "peaucellier.html").read_text(encoding="utf-8")
     assert "It holds the engine to account, not the drawing" in page
     assert "must = 0.8625 m</span>" in page
-    rows = [replace(c, outcome="agrees") for c in lost(case, "sweep", "mujoco", "diverged")]
+    rows = [replace(c, outcome="agrees") for c in failed(case, "sweep", "mujoco", "diverged")]
     assert headline(case, rows).startswith("The model moves as its own numbers say: all 9 ch")
     assert "not the drawing" not in (report / "fourbar.html").read_text(encoding="utf-8")
 
@@ -382,7 +382,7 @@ def test_inputs_of_several_drives() -> None:
             ],
         ),
     ):
-        view = shown(result_of(case, sweep=0.0), case, "sweep")
+        view = plotted_run(result_of(case, sweep=0.0), case, "sweep")
         assert input_rows(view, list(inputs(view))) == rows
 
 
@@ -392,7 +392,7 @@ def test_inputs_of_several_drives() -> None:
 )
 def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -> None:
     case = case_of("triple_rocker")
-    view = shown(result_of(case, sweep=0.0), case, "sweep")
+    view = plotted_run(result_of(case, sweep=0.0), case, "sweep")
     for solver, has in zip(("mujoco", "pymunk"), derivatives, strict=True):
         view.curves[solver] = replace(view.curves["mujoco"], derivatives=has)
     panels = inputs(view)
@@ -402,7 +402,7 @@ def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -
 
 
 def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
-    view = shown(result_of(fourbar, sweep=0.0), fourbar, "sweep")
+    view = plotted_run(result_of(fourbar, sweep=0.0), fourbar, "sweep")
     view.curves["pymunk"] = view.curves["mujoco"]
     view.rows.extend([replace(c, solver="pymunk") for c in view.rows])
     assert list(tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]

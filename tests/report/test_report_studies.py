@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report.style import RC
-from proofmass.studies.diet.page import SMALL, diet_sheet, write_diet
+from proofmass.studies.diet.page import SMALL, diet_figure, write_diet
 from proofmass.studies.diet.table import (
     OPTION,
     SAID,
@@ -144,7 +144,7 @@ def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
 def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
     runs = [e for e in ENTRIES if e.costs]
     with rc_context(RC):
-        change, time, memory = diet_sheet(runs).axes
+        change, time, memory = diet_figure(runs).axes
     # at the left edge what changes nothing, at the right one what is beyond the axis
     marks = [line for line in change.lines if line.get_marker() in ("o", "X")]
     assert [m.get_xdata()[0] for m in marks] == [SMALL, 1e9, 2e-3, 0.5]

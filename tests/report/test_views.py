@@ -13,10 +13,10 @@ from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.plot_data import PlotData, plot_data
 from proofmass.report import write_report
-from proofmass.report.data import shown, ways
+from proofmass.report.data import plotted_run, ways
 from proofmass.report.mechanism import sprung
 from proofmass.report.style import RC, looks
-from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread, view_sheet, viewed
+from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread, view_figure, viewed
 from proofmass.sidecar import load_case
 from tests.report.test_report import case_of, curves_of, result_of
 from tests.report.whole import whole_result
@@ -82,7 +82,7 @@ def with_views(*views: View, **beside: dict) -> Case:
 
 
 def view_of(case: Case, off: float = 0.0, kind: str = "sweep") -> Viewed:
-    return viewed(shown(result_of(case, **{kind: off}), case, kind), case.view[0])
+    return viewed(plotted_run(result_of(case, **{kind: off}), case, kind), case.view[0])
 
 
 def test_ways_of_a_swing() -> None:
@@ -100,7 +100,7 @@ def test_a_channel_as_x_is_measured_and_its_reference_is_not() -> None:
     case = with_views(LOOP)
     view, crank = view_of(case, off=0.01), np.linspace(0, 2 * np.pi, 37)
     truth = solve(crank, **case.parameters)["rocker_angle"]
-    assert np.array_equal(view.over.truth["mujoco"].x, truth)
+    assert np.array_equal(view.over.reference["mujoco"].x, truth)
     # off by a hundredth of the range, times a sine
     assert (
         np.abs(
@@ -123,7 +123,7 @@ def test_a_driven_joint_and_a_quantity_as_x() -> None:
 
 def test_a_view_is_of_the_first_run_that_records_it() -> None:
     case = with_views(LOOP, LOOP.model_copy(update={"y": ("rocker",), "run": "dynamics"}))
-    runs = [shown(result_of(case, sweep=0.0, dynamics=0.0), case, k) for k in case.run]
+    runs = [plotted_run(result_of(case, sweep=0.0, dynamics=0.0), case, k) for k in case.run]
     assert [v.over.kind for v in all_viewed(case, runs)] == ["sweep", "dynamics"]
 
 
@@ -131,7 +131,7 @@ def test_panels_hold_the_curves_and_their_difference() -> None:
     case = with_views(LOOP, other=OTHER)
     view = view_of(case, off=0.01)
     with rc_context(RC):
-        coupler, below, moment, _ = view_sheet(view, looks(["mujoco"])).axes
+        coupler, below, moment, _ = view_figure(view, looks(["mujoco"])).axes
     reference, out, *_, thin = coupler.lines
     crank = np.linspace(0, 2 * np.pi, 37)
     truth = solve(crank, **case.parameters)
@@ -167,7 +167,7 @@ def test_a_flat_sum_is_said_and_drawn_flat() -> None:
     view = stacked(spring=2 * (1 - np.cos(angle)), weight=2 * np.cos(angle))
     assert spread(view).startswith("2 to 2 J, a spread of ")
     with rc_context(RC):
-        pile, below = view_sheet(view, {}).axes
+        pile, below = view_figure(view, {}).axes
     first, second = (c.get_paths()[0].vertices for c in pile.collections)
     assert first[:, 1].max() == pytest.approx(2.0)  # 2 (1 - cos 90°)
     assert second[:, 1].max() == pytest.approx(2.0)  # on top of the first, so up to the sum
@@ -181,7 +181,7 @@ def test_what_is_below_zero_goes_downwards() -> None:
     assert spread(view) == "0.5 to 1.5 J, a spread of 1 J, 100 % of its mean"
     with rc_context(RC):
         up, down, both = (
-            c.get_paths()[0].vertices[:, 1] for c in view_sheet(view, {}).axes[0].collections
+            c.get_paths()[0].vertices[:, 1] for c in view_figure(view, {}).axes[0].collections
         )
     assert (up.min(), up.max(), down.min(), down.max()) == (0, 2, -1, 0)
     assert both.min() == pytest.approx(-1.5)  # below the part that is below zero
@@ -234,7 +234,7 @@ def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Pa
         ('dashed = "target"', 'dashed = "targets"', ["view.0.dashed", "'targets'", "target"]),
         ('"contacts"', '"contact"', ["view.0.marks", "sprung_crank", "no function 'contact'"]),
         ('x = "crank"', 'x = "target"\nx_unit = "1"', ["view.0.marks", "first drive", "'target'"]),
-        ('unit = "J"', "", ["view.1.unit", "'stored'", "must be told"]),
+        ('unit = "J"', "", ["view.1.unit", "'stored'", "must be given"]),
         ('"stored", "lifted"', '"stored", "moment"', ["view.1.stack", "units J, N m"]),
         (
             "stiffness = 4.0",
@@ -291,10 +291,10 @@ def test_solvers_that_lack_the_x_are_not_drawn() -> None:
     case = with_views(LOOP)
     result = result_of(case, sweep=0.0)
     del result.curves[case.name, "sweep", "mujoco"].channels["rocker"]
-    view = viewed(shown(result, case, "sweep"), case.view[0])
+    view = viewed(plotted_run(result, case, "sweep"), case.view[0])
     assert not view.over.curves
     assert "markers open" in caption(view)
-    assert len(view_sheet(view, looks(["mujoco"])).axes) == 4
+    assert len(view_figure(view, looks(["mujoco"])).axes) == 4
 
 
 @pytest.mark.parametrize("stiffness", ["3", "0 2"])
@@ -311,7 +311,7 @@ def test_springs_are_drawn_as_spirals(models, edit, tmp_path, stiffness) -> None
 
 def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
     case = load_case(shipped("rod_snap.toml"))
-    run = shown(whole_result(case), case, "sweep")
+    run = plotted_run(whole_result(case), case, "sweep")
     before = all_viewed(case, [run])
     assert before
 
@@ -323,8 +323,8 @@ def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
         assert view.own.values.keys() == known.own.values.keys()
         for name, values in view.own.values.items():
             assert np.array_equal(values, known.own.values[name])
-        for solver, truth in view.over.truth.items():
-            assert np.array_equal(truth.x, known.over.truth[solver].x)
+        for solver, truth in view.over.reference.items():
+            assert np.array_equal(truth.x, known.over.reference[solver].x)
     curves = next(iter(run.curves.values()))
     with pytest.raises(pytest.fail.Exception):
         plot_data(case, case.view[0], curves)  # it would be, if nobody knew the channels

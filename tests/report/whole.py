@@ -59,8 +59,8 @@ def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> 
     return result
 
 
-def lost_result(case: Case, result: Result, *solvers: str, samples: int = 100) -> Result:
-    """The same with dynamics of solvers lost after so many samples."""
+def failed_result(case: Case, result: Result, *solvers: str, samples: int = 100) -> Result:
+    """The same with dynamics of solvers failed after so many samples."""
     keys = {(case.name, "dynamics", solver) for solver in solvers}
     cut = {}
     for key in keys:
@@ -74,7 +74,7 @@ def lost_result(case: Case, result: Result, *solvers: str, samples: int = 100) -
     return replace(
         result,
         curves={key: c for key, c in result.curves.items() if key not in keys},
-        lost=cut,
+        failed=cut,
         comparisons=[
             Comparison(c.case, c.solver, c.run, c.channel, c.unit, outcome="diverged", message="!")
             if (c.case, c.run, c.solver) in keys
@@ -82,7 +82,7 @@ def lost_result(case: Case, result: Result, *solvers: str, samples: int = 100) -
             for c in result.comparisons
         ],
         diagnoses={
-            key: Diagnosis(*key, remarks=("pin.x left the tolerance first",), lost=True)
+            key: Diagnosis(*key, remarks=("pin.x left the tolerance first",), failed=True)
             for key in sorted(keys)
         },
     )

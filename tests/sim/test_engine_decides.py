@@ -43,7 +43,7 @@ MUJOCO = (
     *AT_REST,
 )
 """All that `sim` asks MuJoCo to compute of a pose, with steps and without."""
-LOST = (InputError, BadModel, *FAILURES)
+FAILED = (InputError, BadModel, *FAILURES)
 
 
 def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[str]:
@@ -52,7 +52,7 @@ def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[
     try:
         curves = simulate(solver.partition(":")[0], case.model_path, run)
         check_driven(run, curves)
-    except LOST as error:
+    except FAILED as error:
         return {FAILURES.get(type(error), "bad input")}
     monkeypatch.undo()  # the reference may read the model by the engine's own functions
     return {

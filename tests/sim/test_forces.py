@@ -245,7 +245,7 @@ def test_friction_of_a_driven_joint_is_not_part_of_its_moment(tmp_path):
     assert set(curves.channels) == set(FORCES)
 
 
-def test_a_lost_sample_shifts_forces(monkeypatch):
+def test_a_failed_sample_shifts_forces(monkeypatch):
     """The accelerations of the step after the sample alone are off by the first order."""
     step, errors = 1e-3, []
     for shifted in (False, True):

@@ -301,8 +301,8 @@ def errors(folder: Path) -> dict[str, dict]:
     """Errors of the runs that a folder keeps, by the runs' keys; a busy machine gives some up."""
     files = (folder / "trade" / "runs").glob("*.0.json")
     found = {file.name: json.loads(file.read_text())["found"] for file in files}
-    lost = [one for one in found.values() if one["outcome"] not in ("ran", "timed out")]
-    assert not lost
+    failed = [one for one in found.values() if one["outcome"] not in ("ran", "timed out")]
+    assert not failed
     return {name: one["errors"] for name, one in found.items() if one["outcome"] == "ran"}
 
 

@@ -223,7 +223,7 @@ def test_a_system_without_a_load_average_has_none(monkeypatch):
 @pytest.mark.parametrize(
     ("error", "outcome"),
     [
-        (Diverged("lost"), "diverged"),
+        (Diverged("failed"), "diverged"),
         (Unsupported("a hinge"), "unsupported"),
         (Crashed("signal 6"), "crashed"),
         (TimedOut("no answer"), "timed out"),
@@ -373,7 +373,7 @@ def test_a_reference_that_fails_is_tried_once_and_a_time_limit_is_no_verdict(
         raise error
 
     monkeypatch.setattr(measure, "isolated", fail)
-    monkeypatch.setattr(measure, "lost", {})
+    monkeypatch.setattr(measure, "failed", {})
     released = load_case(shipped("fourbar_released.toml"))
     task = StudyRun(released, "dynamics", EULER, reference=tmp_path / "a.reference.npz")
     for _ in range(2):

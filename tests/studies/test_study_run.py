@@ -177,14 +177,14 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
 
 
 def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
-    lost = Measurement(outcome="diverged", message="lost at 1 s")
+    failed = Measurement(outcome="diverged", message="failed at 1 s")
     monkeypatch.setattr(
         runs,
         "measure_task",
-        lambda task, again, timeout: found(0.01) if task.value == 0.005 else lost,
+        lambda task, again, timeout: found(0.01) if task.value == 0.005 else failed,
     )
     bad, good = run(FEW, Store(tmp_path), Here(), repeats=2)
-    assert (bad.outcome, bad.message) == ("diverged", "lost at 1 s")
+    assert (bad.outcome, bad.message) == ("diverged", "failed at 1 s")
     assert (bad.errors, bad.repeats) == ({}, ())
     assert (good.outcome, len(good.repeats)) == ("ran", 3)
 

@@ -50,7 +50,7 @@ ROWS = [
         NAN,
         {"iterations": 10, "word": "8"},
         outcome="diverged",
-        message="lost at\ntime 1 s",
+        message="failed at\ntime 1 s",
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""What the studies decide by: causes to move, orders that theory expects, boundaries, lost runs."""
+"""What the studies decide by: causes to move, orders of theory, boundaries, failed runs."""
 
 from contextlib import contextmanager
 from dataclasses import replace
@@ -276,8 +276,8 @@ def test_what_an_error_follows_is_told_by_all_that_was_moved():
             "moving three: diverged; moving four: ran"
         ),
     )
-    lost = [moved("one", 0.0, outcome="diverged"), moved("two", 0.0, outcome="diverged")]
-    for nothing in (judge(1.0, found, "position"), judge(1.0, lost, "velocity")):
+    failed = [moved("one", 0.0, outcome="diverged"), moved("two", 0.0, outcome="diverged")]
+    for nothing in (judge(1.0, found, "position"), judge(1.0, failed, "velocity")):
         assert nothing[0] == "unknown"
     assert judge(1.0, [moved("one", 1 / 1.11)], "velocity")[0] == "one"  # of which a fifth is one
     assert judge(1.0, [moved("one", 1 / 1.09)], "velocity")[0] == "unknown"
@@ -457,7 +457,7 @@ def test_what_is_not_known_is_closed_in_to_a_tenth():
 
 
 def test_where_theory_has_a_boundary_what_is_not_known_hides_none():
-    """An engine leaves its reference behind at 9, and was lost 1 % before."""
+    """An engine leaves its reference behind at 9, and failed 1 % before."""
 
     def trial(x: float) -> TrialResult:
         late = Failure("no reference", BoundaryKind.OURS)
@@ -640,7 +640,7 @@ def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
     )
 
 
-def test_points_are_of_settings_that_ran_or_were_lost():
+def test_points_are_of_settings_that_ran_or_were_failed():
     measured = measured_series(
         at(velocity=0.05), at("stopped", velocity=0.04), at("not finite"), at(velocity=0.0)
     )
@@ -677,7 +677,7 @@ def test_a_line_goes_on_until_none_of_its_kinds_falls_any_more():
     assert measured_series(at("timed out")).done(1.0)
 
 
-OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.OURS
+OFF, FAILED, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.OURS
 
 
 @pytest.mark.parametrize(
@@ -691,16 +691,16 @@ OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.O
         (
             Measurement(outcome="diverged", message="MuJoCo warning x"),
             "diverged: MuJoCo warning x",
-            LOST,
+            FAILED,
             False,
         ),
-        (Measurement(outcome="diverged", message="open"), "diverged: open", LOST, True),
-        (Measurement(outcome="not finite", message="x at 3"), "not finite: x at 3", LOST, True),
-        (Measurement(outcome="stopped", message="x"), "stopped: x", LOST, False),
+        (Measurement(outcome="diverged", message="open"), "diverged: open", FAILED, True),
+        (Measurement(outcome="not finite", message="x at 3"), "not finite: x at 3", FAILED, True),
+        (Measurement(outcome="stopped", message="x"), "stopped: x", FAILED, False),
         (
             Measurement(outcome="crashed", message="killed by signal 6: x"),
             "crashed: killed by signal 6: x",
-            LOST,
+            FAILED,
             False,
         ),
         (
@@ -723,7 +723,7 @@ OFF, LOST, OURS = BoundaryKind.INACCURATE, BoundaryKind.UNSTABLE, BoundaryKind.O
         ),
     ],
 )
-def test_when_a_run_is_lost_and_whether_the_engine_said_so(found, message, limit, silent):
+def test_when_a_run_is_failed_and_whether_the_engine_said_so(found, message, limit, silent):
     assert find_failure(found, "sweep") == (
         None if message is None else Failure(message, limit, silent)
     )
@@ -825,7 +825,7 @@ def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
         assert planar.find_failure(FOURBAR) == Failure("no start: why", OURS)
 
     def trial(parameters, x):
-        return TrialResult(Failure(f"{parameters} {x}", LOST))
+        return TrialResult(Failure(f"{parameters} {x}", FAILED))
 
     assert [
         (

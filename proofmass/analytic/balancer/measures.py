@@ -603,8 +603,8 @@ def properties(**parameters: Any) -> dict[str, str]:
         )
     if "expected" in parameters:
         found |= looped(b, parameters)
-    told = warnings(**without_friction(parameters))
-    return found | ({"mind": "; ".join(told)} if told else {})
+    found_warnings = warnings(**without_friction(parameters))
+    return found | ({"mind": "; ".join(found_warnings)} if found_warnings else {})
 
 
 def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:

@@ -666,10 +666,10 @@ def newton_errors(
     Chart
         A panel for each unknown.
     """
-    time, sweeps, truth = swept(crank, coupler, offset, mode, peak, (True,))
+    time, sweeps, reference = swept(crank, coupler, offset, mode, peak, (True,))
     panels = []
     for name, unit in zip(UNKNOWNS, UNITS, strict=True):
-        error = np.abs(sweeps[True][name] - truth[name])
+        error = np.abs(sweeps[True][name] - reference[name])
         panels.append(
             Panel(
                 (ChartLine(time, error, "|Newton-Raphson - closed form|"),),
@@ -693,9 +693,9 @@ def swept(
     """Times of the report's grid [s], sweeps by form, and the closed form at the same states."""
     time = np.linspace(0.0, 2.0 * turn_time(peak), POSES)
     law = motor(time, peak=peak)
-    truth = solve(*law, crank=crank, coupler=coupler, offset=offset, mode=mode)
+    reference = solve(*law, crank=crank, coupler=coupler, offset=offset, mode=mode)
     guess = np.round(
-        [truth[name][0] for name in UNKNOWNS], 4
+        [reference[name][0] for name in UNKNOWNS], 4
     )  # as the report starts: text line 1712
     sweeps = {
         form: newton_sweep(
@@ -703,4 +703,4 @@ def swept(
         )
         for form in forms
     }
-    return time, sweeps, truth
+    return time, sweeps, reference

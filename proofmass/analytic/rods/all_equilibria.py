@@ -943,7 +943,7 @@ def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) ->
     ).T
     _, first = np.unique((say / SAME).round(), axis=0, return_index=True)
     apart: list[int] = []
-    for i in first:  # neighbours that rounding has told apart
+    for i in first:  # neighbours that rounding has separated
         if not apart or np.abs(say[apart] - say[i]).max(axis=1).min() > SAME:
             apart.append(int(i))
     return which[apart]

@@ -52,8 +52,8 @@ const current = () => data.runs[state.run];
 const comparison = (solver, channel = state.channel) =>
   current().solvers[solver]?.comparisons[channel];
 const judged = (c) => c && ["agrees", "differs", "undecided"].includes(c.outcome);
-// Whether nothing of a lost run is there to be drawn.
-const gone = (run, name) => Boolean(run.lost[name]) && !run.solvers[name]?.differences;
+// Whether nothing of a failed run is there to be drawn.
+const gone = (run, name) => Boolean(run.failed[name]) && !run.solvers[name]?.differences;
 const solversOf = (run) => Object.keys(run.solvers).filter((name) => run.solvers[name].differences);
 
 // The channels of a run, largest error over allowance first, then those that are not judged.
@@ -343,7 +343,7 @@ function shownSolvers() {
       jumps: run.solvers[name].jumps[state.channel] ?? [],
       allowed: judged(comparison(name)) ? comparison(name).allowed : null,
       at: comparison(name)?.at ?? null,
-      end: run.solvers[name].early ? (run.lost[name] ? "lost" : "ends") : "",
+      end: run.solvers[name].early ? (run.failed[name] ? "failed" : "ends") : "",
     }));
 }
 
@@ -409,9 +409,9 @@ function reasons() {
   const lines = Object.entries(run.solvers).map(([name, solver]) => {
     const { label, css } = data.solvers[name];
     const head = `<b class="${css} coloured">${escaped(label)}</b>`;
-    if (run.lost[name]) {
+    if (run.failed[name]) {
       const until = gone(run, name) ? "" : `, drawn until ${escaped(endOf(run, name))}`;
-      return `<p>${head} <b class="bad">${escaped(run.lost[name].outcome)}</b>${until}: ${escaped(run.lost[name].why)}</p>`;
+      return `<p>${head} <b class="bad">${escaped(run.failed[name].outcome)}</b>${until}: ${escaped(run.failed[name].why)}</p>`;
     }
     const c = solver.comparisons[state.channel];
     const stopped = solver.stopped
@@ -545,12 +545,12 @@ function drawChips() {
     .join("");
   const chips = Object.keys(run.solvers).map((name, number) => {
     const solver = data.solvers[name];
-    const lost = gone(run, name);
-    const on = state.shown.has(name) && !lost;
-    const words = lost ? escaped(run.lost[name].outcome) : "";
+    const failed = gone(run, name);
+    const on = state.shown.has(name) && !failed;
+    const words = failed ? escaped(run.failed[name].outcome) : "";
     return (
       `<button type="button" class="chip ${solver.css}" data-solver="${escaped(name)}" aria-pressed="${on}"` +
-      ` ${lost ? "disabled" : ""} title="show or hide (${number + 1})">${markerSign(solver)}` +
+      ` ${failed ? "disabled" : ""} title="show or hide (${number + 1})">${markerSign(solver)}` +
       `<b>${escaped(solver.label)}</b><output>${words}</output></button>`
     );
   });
@@ -564,18 +564,18 @@ function drawChips() {
     .map((name) => `<button type="button" data-engine="${escaped(name)}" aria-pressed="${name === state.solver}">${escaped(data.solvers[name].label)}</button>`)
     .join("");
   find("#scrub").max = run.x.length - 1;
-  const lost = Object.entries(run.lost).map(
+  const failed = Object.entries(run.failed).map(
     ([name, why]) =>
       `${data.solvers[name].label} is ${gone(run, name) ? "not drawn" : `drawn until ${endOf(run, name)}`}:` +
       ` ${why.outcome}. ${why.why}`,
   );
   for (const [name, solver] of Object.entries(run.solvers)) {
     if (solver.stopped) {
-      lost.push(`${data.solvers[name].label} ends at ${endOf(run, name)}: ${solver.stopped}.`);
+      failed.push(`${data.solvers[name].label} ends at ${endOf(run, name)}: ${solver.stopped}.`);
     }
   }
-  find("#lost").textContent = lost.join(" ");
-  find("#lost").hidden = !lost.length;
+  find("#failed").textContent = failed.join(" ");
+  find("#failed").hidden = !failed.length;
 }
 
 // ---- what changes the state
@@ -920,9 +920,9 @@ function start() {
   const named = load();
   if (!named) {
     const differs = all.find((run) => ordered(run)[0].ratio > 1);
-    const lost = all.find((run) => Object.keys(run.lost).some((name) => !gone(run, name)));
-    const first = differs ?? lost ?? all[all.length - 1];
-    choose(first.kind, Object.keys(first.lost).find((name) => !gone(first, name)));
+    const failed = all.find((run) => Object.keys(run.failed).some((name) => !gone(run, name)));
+    const first = differs ?? failed ?? all[all.length - 1];
+    choose(first.kind, Object.keys(first.failed).find((name) => !gone(first, name)));
     if (differs) {
       state.power = Math.max(0, mechanism()?.power(state.solver) ?? 0);
     }

@@ -35,9 +35,9 @@ function stripOf(row, place) {
   }
   const at = place(row.at);
   const held = row.start === null ? "" : lineAt("held", place(row.start), at);
-  const lost = row.found ? lineAt("lost", at, row.down ? 0 : 100) : "";
+  const failed = row.found ? lineAt("failed", at, row.down ? 0 : 100) : "";
   const theory = row.theory === null ? "" : tickAt("theory", place(row.theory));
-  return lost + held + theory + markAt(at, row.mark, row.silent ? "hollow" : "");
+  return failed + held + theory + markAt(at, row.mark, row.silent ? "hollow" : "");
 }
 
 const chart = new RowChart(

@@ -33,7 +33,7 @@ from proofmass.sim.mujoco.sensors import (
     withhold_interactions,
 )
 from proofmass.sim.mujoco.settings import stepped_with
-from proofmass.sim.mujoco.settling import lost
+from proofmass.sim.mujoco.settling import failure
 from proofmass.sim.protocol import Curves, Diverged, Run
 
 TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # in a warning of MuJoCo
@@ -238,14 +238,14 @@ def step_through(
 def check(
     model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, curves: Curves, said: list[str]
 ) -> None:
-    """Raise `Diverged` if the run was lost, with its curves until then.
+    """Raise `Diverged` if the run failed, with its curves until then.
 
     MuJoCo itself resets the state and carries on in silence, so its warnings are read; the words of
     the first, `said`, have its time.
     """
     gaps, pose = cast(Array, curves.violations), record.rows["qpos"]
     finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)
-    warning = lost(data)
+    warning = failure(data)
     if not warning and finite.all():
         return
     k = int(np.argmin(finite)) if not finite.all() else finite.size
@@ -255,7 +255,7 @@ def check(
     else:
         when = f"t = {curves.x[k]:.4g} s" if k < finite.size else "some time"
     if warning:
-        words = f"{warning}; lost at {when}"
+        words = f"{warning}; failed at {when}"
     elif not np.isfinite(pose[k]).all():
         words = f"not finite at {when}"
     else:
@@ -300,8 +300,8 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 
 def check_finite(data: mujoco.MjData, rows: Array, times: Array) -> None:
-    """Raise `Diverged` if the run was lost."""
-    if warning := lost(data):
+    """Raise `Diverged` if the run failed."""
+    if warning := failure(data):
         raise Diverged(warning)
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():

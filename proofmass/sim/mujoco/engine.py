@@ -83,7 +83,7 @@ def simulate(model: Path, run: Run) -> Curves:
     Unsupported
         The model holds something that this kind of run does not cover; it is named.
     Diverged
-        The run was lost.
+        The run failed.
     """
     with refusing():
         if run.settings.get("flex"):

@@ -32,7 +32,7 @@ from proofmass.sim.mujoco.model import refuse_dry_friction
 from proofmass.sim.protocol import BadModel, Run, Unsupported
 
 DEPENDENT = 1e-10  # of the largest singular value: rows that say nothing new, to rounding
-FLAT = 1e-9  # of the largest stiffness: less cannot be told from none by differences
+FLAT = 1e-9  # of the largest stiffness: less cannot be distinguished from none by differences
 
 
 class RestEquations:
@@ -226,7 +226,7 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     return rest
 
 
-class Lost(BadModel):
+class RestNotFound(BadModel):
     """No rest close by."""
 
 
@@ -242,7 +242,7 @@ class RestingLinkage(Linkage):
     Attributes
     ----------
     shortest : float
-        Share of a stride [1]: a rest that cannot be followed so far is lost.
+        Share of a stride [1]: a rest that cannot be followed so far fails.
     rated : bool
         Whether rates of the path are asked for, which takes a finer stiffness.
     """
@@ -294,7 +294,7 @@ class RestingLinkage(Linkage):
                 found = self.follow(begin + (done + share) * way)
                 same = np.array_equal(side, self.stops.side)
                 if self.jumped(pose, promised, found @ way * share if same else promised):
-                    raise Lost("it moved as its tangent did not promise")
+                    raise RestNotFound("it moved as its tangent did not promise")
                 tangent = found
                 done, share = done + share, min(2.0 * share, longest)
             except BadModel as error:
@@ -328,7 +328,7 @@ class RestingLinkage(Linkage):
         self.step(here, descend=False)
         if np.abs(self.balance.inverse).max() > LEVER:
             error = BadModel("the loops cannot be closed")
-        elif isinstance(error, Lost):
+        elif isinstance(error, RestNotFound):
             error = UnstableRest(UNSTABLE)
         kind = UnstableRest if isinstance(error, UnstableRest) else BadModel
         return kind(f"{error} beyond {self.format_drives(here)}")
@@ -361,7 +361,7 @@ class RestingLinkage(Linkage):
         self.stops.begin(self.data.qpos)
         try:
             tangent = self.rest(here, self.far, descend=True)
-        except Lost as error:
+        except RestNotFound as error:
             raise Unsupported(f"{left}, and the start pose is not near rest: {error}") from None
         if self.balance.least() < -FLAT:
             raise BadModel(f"the start pose is an unstable equilibrium{held}")
@@ -389,7 +389,7 @@ class RestingLinkage(Linkage):
             last = move * min(1.0, limit / max(size, NEAR))
             mujoco.mj_integratePos(self.model, self.data.qpos, last, 1.0)
             self.near(begin, far)
-        raise Lost("no rest was found")
+        raise RestNotFound("no rest was found")
 
     def near(self, begin: Array, far: float) -> None:
         """Raise where a joint has left its beginning by more than `far`."""
@@ -398,7 +398,7 @@ class RestingLinkage(Linkage):
         moved = np.abs(moved / self.reach)
         if not moved.max() <= far:
             joint = self.model.joint(self.model.dof_jntid[moved.argmax()]).name
-            raise Lost(f"joint {joint!r} moves by more than {far:g} (rad, or extents)")
+            raise RestNotFound(f"joint {joint!r} moves by more than {far:g} (rad, or extents)")
 
     def step(
         self, values: Array, descend: bool, fresh: bool = True, fine: bool = False

@@ -44,7 +44,7 @@ from proofmass.sim.mujoco.sensors import (
     withhold_interactions,
 )
 from proofmass.sim.mujoco.settings import spelled
-from proofmass.sim.mujoco.settling import lost
+from proofmass.sim.mujoco.settling import failure
 from proofmass.sim.protocol import ChangingLoad, Curves, Drive, NotSolved, OwnMotion, OwnRun, Run
 
 HALVINGS, FEWEST = 6, 3
@@ -389,7 +389,7 @@ def by_steps(
                     left -= min(left, stride)
                     if time.process_time() - began > limit:
                         raise OutOfTime(f"{limit:.3g} s of processor time were over")
-                if words := lost(data):
+                if words := failure(data):
                     raise FloatingPointError(words)
                 kept.sample(model, data)
         except (OutOfTime, FloatingPointError) as error:
@@ -410,7 +410,7 @@ def without_steps(
     free_of_steps(model, inputs)
     began = time.process_time()
     stopped: Exception | None = None
-    with collected_warnings(), np.errstate(all="ignore"):  # what is not finite is told
+    with collected_warnings(), np.errstate(all="ignore"):  # what is not finite is reported
         mujoco.mj_forward(model, data)
         try:
             for t, state in integrated(model, data, times, allowed, began + limit, inputs):

@@ -519,7 +519,7 @@ def write_rods(root: Element, path: Path, rods: Sequence[Rod]) -> None:
     """
     spec = mujoco.MjSpec.from_file(str(path))
     loops = len(spec.equalities)
-    with collected_warnings():  # what it warns of was told when the model was loaded
+    with collected_warnings():  # what it warns of was reported when the model was loaded
         exact = compile_with_rods(spec, rods)
     plain = root.find("default") is None
     for rod in rods:

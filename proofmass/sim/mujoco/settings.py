@@ -43,7 +43,7 @@ class SettingPlace:
     bit : int
         Of ``disableflags``: set where a flag is disabled.
     quiet : bool
-        Whether it is told, and written, only where it is not MuJoCo's own.
+        Whether it is stated, and written, only where it is not MuJoCo's own.
     """
 
     tag: str

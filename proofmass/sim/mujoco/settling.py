@@ -31,7 +31,7 @@ W = mujoco.mjtWarning
 FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 
 
-def lost(data: mujoco.MjData) -> str:
+def failure(data: mujoco.MjData) -> str:
     """The warning after which MuJoCo went on from a reset pose or with nonsense; empty if none."""
     return next(
         (
@@ -79,8 +79,8 @@ def until_still(
         hold()
         mujoco.mj_step(model, data, block)
         speed = float(np.abs(data.qvel).max())
-        if warning := lost(data):
-            raise Diverged(f"{warning}; lost on the way to rest{where}")
+        if warning := failure(data):
+            raise Diverged(f"{warning}; failed on the way to rest{where}")
         if max(speed, before) < still:
             return steps
         before = speed

@@ -299,8 +299,8 @@ def at_samples(pose: Array, velocity: Array, record: Array, per: int, back: Arra
     return pose[place[samples]], before, velocity[place[samples]]
 
 
-LOST = 0.1
-"""Gap, as a share of the mechanism's extent, beyond which a run is lost."""
+OPEN_LOOP = 0.1
+"""Gap, as a share of the mechanism's extent, beyond which a run fails."""
 USUAL, MOST = 100, 3000
 """Iterations of a step: at first, and at most."""
 LEFT = 0.1
@@ -321,7 +321,7 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
     if settings["iterations"] is None and (needed := _needed(links, states[0])) > USUAL:
         used["iterations"] = needed
         states = stepped(links, run, per, used)
-    gaps, lost = _lost(links, states[0])
+    gaps, failed = _failed(links, states[0])
     with np.errstate(all="ignore"):  # beyond the loss of a run, which is cut off
         shown = {n: c for n, c in channels.items() if c.order > -2}
         found = {n: unwrapped(n, _curve(links, c, states, dt)) for n, c in shown.items()}
@@ -344,17 +344,17 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
         used,
         violations=gaps,
     )
-    if lost.any():
-        k = int(np.argmax(lost))
+    if failed.any():
+        k = int(np.argmax(failed))
         raise Diverged(
-            f"lost at time {run.x[k]:.4g} s: the loops are open by {gaps[k]:.3g} m",
+            f"failed at time {run.x[k]:.4g} s: the loops are open by {gaps[k]:.3g} m",
             curves.first(k) if k else None,
         )
     return curves
 
 
 def _needed(links: Links, pose: Array) -> int:
-    if _lost(links, pose)[1].any():
+    if _failed(links, pose)[1].any():
         return MOST
     return min(enough(links, pose[:: len(pose) // LOOKED_AT + 1], LEFT), MOST)
 
@@ -369,11 +369,11 @@ def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array,
     return place, rate, acceleration
 
 
-def _lost(links: Links, pose: Array) -> tuple[Array, Array]:
-    """Largest gap [m] of each pose, and where it or anything else says that the run was lost."""
+def _failed(links: Links, pose: Array) -> tuple[Array, Array]:
+    """Largest gap [m] of each pose, and where it or anything else says that the run failed."""
     with np.errstate(all="ignore"):
         gap = gaps(links, pose).max(axis=-1, initial=0.0)
-    return gap, ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= LOST * links.extent))
+    return gap, ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= OPEN_LOOP * links.extent))
 
 
 def _curve(links: Links, c: Sensor, states: States, dt: float) -> Array:

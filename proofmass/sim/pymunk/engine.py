@@ -78,7 +78,7 @@ def simulate(model: Path, run: Run) -> Curves:
     Unsupported
         The model holds something that the rebuild does not cover; it is named.
     Diverged
-        The run was lost.
+        The run failed.
     """
     links, settings = read_model(model, run)
     wanted, missing = find_channels(links, run)

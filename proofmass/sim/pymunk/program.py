@@ -16,7 +16,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.program_text import escaped, template
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
 from proofmass.sim.pymunk.contacts import ContactShape
-from proofmass.sim.pymunk.dynamics import LOST, SURE, start_state
+from proofmass.sim.pymunk.dynamics import OPEN_LOOP, SURE, start_state
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.loads import at_start, changing_forces, followed, names_of
 from proofmass.sim.pymunk.model import find_channels, read_model, with_controls
@@ -89,7 +89,7 @@ def write_program(
     str
         Python source.  ``python run.py [FILE]`` writes the channels that pymunk delivers at the
         samples to a CSV file and prints the number of steps and their wall time [s].  Where the
-        run is lost it says so and ends with exit code 1.
+        run fails it says so and ends with exit code 1.
 
     Raises
     ------
@@ -341,7 +341,7 @@ def _rendered(
         potential=potential,
         forces=forces,
         changing=changing,
-        lost=LOST,
+        open_loop=OPEN_LOOP,
         contacts=writer.contacts(settings) if links.contacts else None,
     )
 
@@ -516,10 +516,10 @@ class Writer:
         if not own:
             return {"words": f"{called(joint)}: a load of {joint.load:g} {force}", "lines": lines}
         poly = "".join(f" + {c:g} x^{n}" for n, c in ((2, square), (3, cube)) if c)
-        told = [f"a spring, {k:g} x{poly} [{force}], x = 0 at {joint.rest:g} {unit}"] * any(
+        texts = [f"a spring, {k:g} x{poly} [{force}], x = 0 at {joint.rest:g} {unit}"] * any(
             joint.acting
         ) + [f"a damper, {joint.damping:g} {force} s/{unit}"] * bool(joint.damping)
-        return {"words": f"{called(joint)}: {' and '.join(told)}", "lines": lines}
+        return {"words": f"{called(joint)}: {' and '.join(texts)}", "lines": lines}
 
     def _point_spring(
         self, spring: LinkSpring, made: pymunk.DampedSpring, a: str, b: str
@@ -532,10 +532,10 @@ class Writer:
             lines, slack = [wrapped(f"spring = {text}")], f"slack from {low:g} to {high:g} m"
             force = f"spring_force({self._beyond('length', spring)}, {digits(made.stiffness)}"
             lines += ["spring.force_func = lambda _, length: (", f"    {force}, 0.0, 0.0))"]
-        told = [f"a spring, {spring.stiffness:g} N/m, {slack}"] * bool(spring.stiffness)
-        told += [f"a damper, {spring.damping:g} N s/m"] * bool(spring.damping)
+        texts = [f"a spring, {spring.stiffness:g} N/m, {slack}"] * bool(spring.stiffness)
+        texts += [f"a damper, {spring.damping:g} N s/m"] * bool(spring.damping)
         named = f'spring "{format_comment(spring.name)}"' if spring.name else "a spring"
-        return {"words": f"{named} between points: {' and '.join(told)}", "lines": lines}
+        return {"words": f"{named} between points: {' and '.join(texts)}", "lines": lines}
 
     def _gear(self, gear: LinkGear, a: str, b: str) -> dict[str, Any]:
         ratio, phase = digits(gear.ratio), digits(gear.phase)
@@ -592,7 +592,7 @@ class Writer:
         return {"words": f"{called(owner)}: {words}", "lines": [*before, wrapped(f"add({text})")]}
 
     def drive(self, k: int, joint: LinkJoint, motor: Motor, kind: str) -> dict[str, Any]:
-        """How a drive is made, and how it is told the value after the next step."""
+        """How a drive is made, and how it is given the value after the next step."""
         a, b = self.names[joint.hold.a], self.names[joint.hold.b]
         if isinstance(motor, SlideDrive):
             aims = [f"move = {less(f'values[{k}]', motor.start)}"] + [

@@ -423,10 +423,10 @@ class HeldSpace:
                     self.past = (*self.past[1 - BEFORE :], last)
                     return
                 if settled == SETTLED:
-                    raise self._lost(target, "at rest")
+                    raise self._failed(target, "at rest")
         close(self.links, began, target)
         kind = NotSolved if np.isfinite(self.velocity).all() else Diverged
-        raise self._lost(target, f"not at rest after {count + 1} steps", kind)
+        raise self._failed(target, f"not at rest after {count + 1} steps", kind)
 
     def ahead(self, target: Array, here: list[float]) -> None:
         """Begin where the last rests point to, if the drives go `here` on in the same direction.
@@ -475,7 +475,7 @@ class HeldSpace:
         off = missing(self.links, self.pose, target) / self.links.bounds
         return bool(np.abs(off).max(initial=0.0) > ROUGH)
 
-    def _lost(self, target: Array, how: str, kind: type[Diverged] = Diverged) -> Exception:
+    def _failed(self, target: Array, how: str, kind: type[Diverged] = Diverged) -> Exception:
         """The error of a pose that is not what it should be: stops are in the way, or nothing."""
         names = [f"'{joint.name}'" for joint in beyond(self.stops, self.pose)]
         if names and self._missed(target):

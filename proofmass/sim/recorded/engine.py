@@ -1,7 +1,7 @@
 """Recorded curves as a party that is judged: those of another program, or of a test rig.
 
 Nothing is computed from the model; it tells which quantity each channel measures.  The curves of a
-CSV file are brought to the samples of a run by a spline, whose error is told with them.
+CSV file are brought to the samples of a run by a spline, whose error is stated with them.
 """
 
 import time

@@ -172,7 +172,7 @@ def run_diet(
                 progress=lambda what: status.update(what[:70]),
             ).run()
         finish(scene, found, file)
-    for part in shown(found.table):
+    for part in result_parts(found.table):
         console().print(part, markup=False)
     print()
     for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
@@ -206,7 +206,7 @@ def finish(scene: DietScene, found: Diet, file: Path) -> None:
     write_entries(found.table, file.with_suffix(".csv"))
 
 
-def shown(entries: Sequence[Entry]) -> Iterator[str | Table]:
+def result_parts(entries: Sequence[Entry]) -> Iterator[str | Table]:
     """What standard output shows: what to make of it, what could be run, and what is needed."""
     yield from (f"{text}\n" for text in sentences(entries))
     rows = Table(box=None, header_style="bold", pad_edge=False)
@@ -509,4 +509,4 @@ def key_of(monitored: MonitoredRun) -> object:
         bound.case.reference,
         sorted(bound.case.parameters.items(), key=lambda item: item[0]),
     )
-    return bound.run, bound.allowed, bound.truth, case
+    return bound.run, bound.allowed, bound.reference, case

@@ -481,7 +481,7 @@ def all_digits() -> Iterator[None]:
 
 
 def shortest(text: str) -> str:
-    """The same XML with numbers as short as they can be told.
+    """The same XML with numbers as short as they can be.
 
     >>> shortest('<geom rgba="0.40000000596046448 1 1 1" size="0.10000000000000001 1e-05 3"/>')
     '<geom rgba="0.4 1 1 1" size="0.1 1e-05 3"/>'
@@ -491,7 +491,7 @@ def shortest(text: str) -> str:
         name, values = match.groups()
         if not all(NUMBER.fullmatch(value) for value in values.split()):
             return match[0]
-        told = [
+        words = [
             f"{float(v):.7g}"
             if name in FLOATS
             else repr(float(v)).removesuffix(".0")
@@ -499,7 +499,7 @@ def shortest(text: str) -> str:
             else v
             for v in values.split()
         ]
-        return f'{name}="{" ".join(told)}"'
+        return f'{name}="{" ".join(words)}"'
 
     return re.sub(r'(\w+)="([^"]*)"', short, text)
 

@@ -41,7 +41,7 @@ from proofmass.wording import number
 ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands above and below
 LEFT_END = -50.0  # % saved: a timing that was disturbed more does not stretch the axis
 LETTERS = 42  # of a feature's name
-SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are told apart
+SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are distinguished
 LOOKS = {
     "harmless": ("o", FIRST.colour),
     "drawn": ("o", "white"),
@@ -114,7 +114,7 @@ def part(
     shown = ranked(entries)
     monitored = [e.message for e in entries if e.kind == SAID]
     with rc_context(RC):
-        save(diet_sheet([e for e in shown if e.outcome in LOOKS]), folder / stem)
+        save(diet_figure([e for e in shown if e.outcome in LOOKS]), folder / stem)
     most = {
         "time": max((abs(e.saved_time) for e in shown if e.saved), default=0.0) or 1.0,
         "memory": max((abs(e.saved_memory) for e in shown if e.costs), default=0.0) or 1.0,
@@ -314,26 +314,26 @@ def format_time(seconds: float) -> str:
 def sentence(entry: Entry) -> str:
     """What became of a feature or an option, what it costs, and what its removal changes."""
     before, after = entry.costs
-    told = f"{entry.outcome.capitalize()}: {WORDS[entry.outcome]}."
+    text = f"{entry.outcome.capitalize()}: {WORDS[entry.outcome]}."
     one, two = ("before", "after") if entry.kind == OPTION else ("with it", "without")
     own = times(entry)
-    told += f" A step takes {format_time(before.seconds)} {one}, {format_time(own[0])} {two}"
+    text += f" A step takes {format_time(before.seconds)} {one}, {format_time(own[0])} {two}"
     if entry.saved:
-        told += f" ({format_time(own[1])} to {format_time(own[2])} with {SURE})"
+        text += f" ({format_time(own[1])} to {format_time(own[2])} with {SURE})"
     if entry.saved and not entry.measurable:
-        told += ", no change that is measured"
-    told += f". Memory: {number(before.size / 1024)} KB {one}, {number(after.size / 1024)} {two}."
+        text += ", no change that is measured"
+    text += f". Memory: {number(before.size / 1024)} KB {one}, {number(after.size / 1024)} {two}."
     run, channel, share = entry.worst
     if isnan(share):
-        return told
+        return text
     if not share:
-        return f"{told} No channel changes."
+        return f"{text} No channel changes."
     return (
-        f"{told} The largest change is {number(share, 2)} of what is allowed, {channel} in {run}."
+        f"{text} The largest change is {number(share, 2)} of what is allowed, {channel} in {run}."
     )
 
 
-def diet_sheet(entries: Sequence[Entry]) -> Figure:
+def diet_figure(entries: Sequence[Entry]) -> Figure:
     """Three columns over the features that the model can be run without: change, time, memory."""
     height = ROW * max(len(entries), 2) + 2 * HEAD
     figure = Figure(figsize=(WIDE, height))

@@ -39,7 +39,7 @@ from proofmass.worker import isolated
 
 ROUNDING = 1e-9  # of a channel's largest value; 1e7 times that of one number
 NUDGE = 1e-12  # [rad or m] what a start pose so near changes is no change
-LOST = 0.1  # of a channel's largest value: a motion that the nudge changes by more is chaos
+CHAOS = 0.1  # of a channel's largest value: a motion that the nudge changes by more is chaos
 FEWEST = 10  # samples before that
 SAMPLES = 501
 SHARE = 0.1  # of what an error leaves of its tolerance: a change that uses it up would be a loss
@@ -48,7 +48,10 @@ COMPILING = 120.0  # s, as a run has that states no limit
 FEW = 500  # steps whose iterations are counted
 TIMED = 2000  # steps that are timed
 BRIEF = 0.05  # s, of a run that is timed or counted, where fewer steps take as long
-FINER = (4, 8)  # times shorter steps, of solutions that are called fine; the last one is the truth
+FINER = (
+    4,
+    8,
+)  # times shorter steps, of solutions that are called fine; the last one is the reference
 FINE = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}  # beside shorter steps
 WORSE = 0.1  # of its error, by which that may grow where no tolerance says more
 LONGER = 64  # steps from sample to sample, so that as many times longer steps can be tried
@@ -57,7 +60,7 @@ SPARSE = 50  # samples that are left at least
 
 @dataclass(frozen=True)
 class Bound:
-    """The truth that a run is compared with when the engine has other options.
+    """The reference that a run is compared with when the engine has other options.
 
     Attributes
     ----------
@@ -65,22 +68,22 @@ class Bound:
         The run, with as many samples as the comparison needs.
     allowed : dict of str to float
         The largest allowed error of each channel [its unit].
-    truth : dict of str to ndarray
+    reference : dict of str to ndarray
         The fine solution, channel by channel [its unit]; empty where the reference of a case is the
-        truth.
+        reference.
     case : Case, optional
         The case whose reference is evaluated, at the state that the drives had in the run.
     """
 
     run: Run
     allowed: dict[str, float]
-    truth: dict[str, Array] = field(default_factory=dict)
+    reference: dict[str, Array] = field(default_factory=dict)
     case: Case | None = None
 
     def errors(self, curves: Curves) -> dict[str, float]:
         """Largest error of each channel, over what it may be."""
-        truth = (
-            self.truth
+        reference = (
+            self.reference
             if self.case is None
             else bounded(
                 self.case,
@@ -92,7 +95,7 @@ class Bound:
             ).channels
         )
         return {
-            name: float(np.abs(curves.channels[name] - truth[name]).max()) / most
+            name: float(np.abs(curves.channels[name] - reference[name]).max()) / most
             for name, most in self.allowed.items()
         }
 
@@ -114,7 +117,8 @@ class MonitoredRun:
     level : frozenset of str
         Channels that are known up to a constant, and read as their change: potential energies.
     bound : Bound, optional
-        The truth for other options; without it they may change a channel as little as a feature.
+        The reference for other options; without it they may change a channel as little as a
+        feature.
     """
 
     name: str
@@ -320,10 +324,10 @@ def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]
         return
     if len(found) < 2 or edited.monitored:
         return
-    told = "; ".join(", ".join(group) for group in found)
+    text = "; ".join(", ".join(group) for group in found)
     yield (
         f"{len(found)} groups of bodies move without acting on each other in this run, through "
-        f"no contact, equality, tendon or actuator: {told}. All of what is monitored of them is "
+        f"no contact, equality, tendon or actuator: {text}. All of what is monitored of them is "
         f"kept. --watch NAME, with a joint, body, site or sensor of the group that matters, "
         f"leaves the others out."
     )
@@ -375,7 +379,7 @@ def compile_elsewhere(file: Path) -> None:
 
 
 def compiles(file: Path) -> bool:
-    """Whether MuJoCo compiles a model; the reason is told where the model is read."""
+    """Whether MuJoCo compiles a model; the reason is reported where the model is read."""
     try:
         return compile_model(file) is not None
     except BadModel:
@@ -389,11 +393,11 @@ def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Mon
     """
     before = done(case.model_path, edited.compiled(run.rods), run)
     kind = cast(Kind, run.kind)
-    truth = bounded(case, kind, reference_for, case, kind, before).channels
+    reference = bounded(case, kind, reference_for, case, kind, before).channels
     allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
-        most = allowed_error(case, run.kind, solver, name, before, truth[name])
-        error = float(np.abs(curve - truth[name]).max())
+        most = allowed_error(case, run.kind, solver, name, before, reference[name])
+        error = float(np.abs(curve - reference[name]).max())
         left, rounding = SHARE * ((most or 0.0) - error), ROUNDING * scale(before, name)
         allowed[name] = np.full(curve.size, max(left, rounding))
         # a tolerance may be narrower than that rounding: no option may lead beyond it
@@ -436,8 +440,8 @@ def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
         name: np.abs(curve - beside.channels[name]) / scale(before, name)
         for name, curve in before.channels.items()
     }
-    lost = np.max(list(grown.values()), axis=0) > LOST
-    n = int(np.argmax(lost)) if lost.any() else x.size
+    chaotic = np.max(list(grown.values()), axis=0) > CHAOS
+    n = int(np.argmax(chaotic)) if chaotic.any() else x.size
     if n < min(FEWEST, x.size):
         name = max(grown, key=lambda name: float(grown[name][n]))
         raise InputError(
@@ -487,11 +491,11 @@ def with_fine_solution(
 ) -> tuple[MonitoredRun, str]:
     """A free motion with what other options of the engine are held against, and that in words.
 
-    The truth is the fine solution of the same model: steps that are 8 times shorter, constraints
-    solved by Newton's method to 1e-14.  Where the model as it is leaves it by a tenth of a
-    channel's largest value nothing can be told from there on, and options are held to what features
-    are held to.  A channel may be off it by a tenth more than as it is, by rounding, or by a share
-    `error` of its range.
+    The reference is the fine solution of the same model: steps that are 8 times shorter,
+    constraints solved by Newton's method to 1e-14.  Where the model as it is leaves it by a tenth
+    of a channel's largest value nothing is known from there on, and options are held to what
+    features are held to.  A channel may be off it by a tenth more than as it is, by rounding, or by
+    a share `error` of its range.
     """
     model = edited.compiled()
     step, x = model.opt.timestep, monitored.run.x
@@ -522,9 +526,9 @@ def with_fine_solution(
         return monitored, f"{no}to hold them against: {wrong.wrong}."
     sizes = {name: scale(monitored.before, name) for name in own}
     off = {name: np.abs(curve - fine[name]) / sizes[name] for name, curve in own.items()}
-    lost = np.max(list(off.values()), axis=0) > LOST
-    if lost.any():
-        k = int(np.argmax(lost))
+    chaotic = np.max(list(off.values()), axis=0) > CHAOS
+    if chaotic.any():
+        k = int(np.argmax(chaotic))
         name = max(off, key=lambda name: float(off[name][k]))
         return monitored, (
             f"{no}to hold them against: {name} is off it by a tenth of its size after "

@@ -1,1 +1,1 @@
-"""Limits of parameters: how far each goes until an engine's run is lost."""
+"""Limits of parameters: how far each goes until an engine's run fails."""

@@ -73,7 +73,7 @@ class TrialResult(NamedTuple):
 def is_engine_warning(message: str) -> bool:
     """Whether the engine itself said that a run diverged; otherwise only its curves show it.
 
-    >>> is_engine_warning("MuJoCo warning badqacc; lost at some time")
+    >>> is_engine_warning("MuJoCo warning badqacc; failed at some time")
     True
     >>> is_engine_warning("not finite at t = 2 s")
     False
@@ -112,8 +112,8 @@ def exactly(value: float) -> str:
     >>> exactly(61.75), exactly(61.7523)
     ('61.75', '61.7523')
     """
-    told = (number(value, digits) for digits in range(DIGITS, 17))
-    return next((text for text in told if float(text) == value), repr(value))
+    texts = (number(value, digits) for digits in range(DIGITS, 17))
+    return next((text for text in texts if float(text) == value), repr(value))
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ from proofmass.studies.stress.boundary import (
     is_engine_warning,
 )
 from proofmass.studies.stress.limit_search import (
+    LARGE,
     LONG,
-    LOST,
     TIMEOUT,
     LimitSearch,
     NotApplicable,
@@ -151,8 +151,8 @@ def drifted(
             )
         )
     off = found.invariants.get("energy", 0.0)
-    lost = Failure(f"energy off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
-    return TrialResult(None if off <= OFF else lost, found.step)
+    failed = Failure(f"energy off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
+    return TrialResult(None if off <= OFF else failed, found.step)
 
 
 def measure_energy(task: StudyRun) -> Measurement:
@@ -219,7 +219,7 @@ def resized(stressed: StressedCase, least: float, factor: float) -> TrialResult:
 
 
 def unlike(found: Measurement, own: Measurement, run: Kind) -> Failure | None:
-    """Why a run at another size is lost: errors must be those at its own, by dimensional analysis.
+    """Why a run at another size fails: errors must be those at its own, by dimensional analysis.
 
     An error ten times as large is that of another curve; rounding differs from size to size.
     """
@@ -793,7 +793,7 @@ def parted(curves: dict[str, Array]) -> Failure | None:
     """A failure if a curve of a way there and back differs on the way back."""
     for name, values in curves.items():
         apart = float(np.abs(values - values[::-1]).max())
-        if apart > LOST * np.ptp(values):
+        if apart > LARGE * np.ptp(values):
             return Failure(
                 f"{name} comes back {apart:.2g} away from where it went",
                 BoundaryKind.UNSTABLE,

@@ -52,10 +52,10 @@ BESIDE = 1.01, 1.02, 1.03, 1.04, 1.06, 1.1, 1.2, 1.4
 it must fail.  Bisection alone finds one of several boundaries, and a stride is a factor of 4.
 Errors that go up and down with the parameter do so in 2 to 4 % of it."""
 JUST = 1.02
-"""From the first of several boundaries to the value before it that is told to hold."""
+"""From the first of several boundaries to the value before it that is said to hold."""
 
 
-LOST = 0.1
+LARGE = 0.1
 """Error, as a share of the reference's range, that nothing is right beyond."""
 JUDGED: dict[Kind, tuple[str, ...]] = {
     "sweep": ("position", "force"),
@@ -106,7 +106,7 @@ class LimitSearch(VariedRange):
         holds, breaks, failure = bisect(test, self.start, self.reach, within, coarse)
         again = NAN
         near = max(holds / breaks, breaks / holds) < JUST
-        if near and is_lost(failure):
+        if near and is_failure(failure):
             holds, breaks, failure, again = find_several(
                 test, self.start, self.reach, holds, breaks, failure
             )
@@ -148,11 +148,11 @@ def bisect(
 
     Examples
     --------
-    >>> lost = Failure("beyond", BoundaryKind.UNSTABLE)
-    >>> holds, breaks, _ = bisect(lambda x: None if x < 2 else lost, 0.1, 100.0)
+    >>> failed = Failure("beyond", BoundaryKind.UNSTABLE)
+    >>> holds, breaks, _ = bisect(lambda x: None if x < 2 else failed, 0.1, 100.0)
     >>> holds < 2 <= breaks, breaks / holds < 1.01
     (True, True)
-    >>> bisect(lambda x: None if x > 1e-3 else lost, 1.0, 1e-2)
+    >>> bisect(lambda x: None if x > 1e-3 else failed, 1.0, 1e-2)
     (0.01, nan, None)
     """
     failure = test(start)
@@ -215,28 +215,28 @@ def find_several(
 
     Examples
     --------
-    >>> lost = Failure("beyond", BoundaryKind.UNSTABLE)
+    >>> failed = Failure("beyond", BoundaryKind.UNSTABLE)
     >>> def test(x):  # fails from 2.2 to 2.3, and from 2.5 on
-    ...     return lost if 2.2 <= x < 2.3 or x >= 2.5 else None
-    >>> holds, breaks, _, again = find_several(test, 1.0, 9.0, 2.48, 2.5, lost)
+    ...     return failed if 2.2 <= x < 2.3 or x >= 2.5 else None
+    >>> holds, breaks, _, again = find_several(test, 1.0, 9.0, 2.48, 2.5, failed)
     >>> holds < 2.2 <= breaks < 2.25, 2.45 < again < 2.5
     (True, True)
-    >>> find_several(lambda x: lost if x >= 2 else None, 1.0, 9.0, 1.99, 2.0, lost)[-1]
+    >>> find_several(lambda x: failed if x >= 2 else None, 1.0, 9.0, 1.99, 2.0, failed)[-1]
     nan
     """
     up = reach > start
 
-    def is_lost_at(value: float) -> bool:
-        return is_lost(test(value))
+    def fails_at(value: float) -> bool:
+        return is_failure(test(value))
 
     def holds_at(value: float) -> bool:
         return test(value) is None
 
     one_before = next(filter(holds_at, printed(holds, not up)), holds)
-    one_beyond = next(filter(is_lost_at, printed(breaks, up)), breaks)
-    told = float(number(np.sqrt(holds * breaks)))
-    first = find_last(is_lost_at, one_beyond, start, not up, beside(told, JUST, start, not up))
-    last = find_last(holds_at, one_before, reach, up, beside(told, JUST, reach, up))
+    one_beyond = next(filter(fails_at, printed(breaks, up)), breaks)
+    between = float(number(np.sqrt(holds * breaks)))
+    first = find_last(fails_at, one_beyond, start, not up, beside(between, JUST, start, not up))
+    last = find_last(holds_at, one_before, reach, up, beside(between, JUST, reach, up))
     if first == one_beyond and last == one_before:
         return holds, breaks, failure, NAN
     return beside(first, JUST, start, not up), first, test(first), last
@@ -439,7 +439,7 @@ def find_failure(found: Measurement, run: Kind) -> Failure | None:
         )
         return Failure(f"{found.outcome}: {found.message}", limit_kind(found), unseen)
     for kind in JUDGED[run]:
-        if not found.errors.get(kind, 0.0) <= LOST:
+        if not found.errors.get(kind, 0.0) <= LARGE:
             return Failure(
                 f"{format_kind(kind)} off by {found.errors[kind]:.2g} of its range",
                 BoundaryKind.INACCURATE,
@@ -448,7 +448,7 @@ def find_failure(found: Measurement, run: Kind) -> Failure | None:
     return None
 
 
-def is_lost(failure: Failure | None) -> bool:
+def is_failure(failure: Failure | None) -> bool:
     """Whether a value fails for a reason of the engine's."""
     return failure is not None and failure.limit != BoundaryKind.OURS
 

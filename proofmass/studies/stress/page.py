@@ -2,7 +2,7 @@
 
 The axis tells by which factor each parameter was increased or decreased from the case's own value.
 A row is a boundary: from where to where its parameter holds, where it ends, and what theory says.
-Numbers that are none are None in the data of the page's script.  `stress_sheet` is the same figure
+Numbers that are none are None in the data of the page's script.  `stress_figure` is the same figure
 for papers.
 """
 
@@ -86,7 +86,7 @@ def part(
     """All that a page shows of one case."""
     stem = f"{slug(name)}-stress"
     with rc_context(RC):
-        save(stress_sheet(found), folder / stem)
+        save(stress_figure(found), folder / stem)
     known = all(one.theory == one.theory for one in found)
     reach = max((far(one) for one in found), default=1.0)
     return {
@@ -144,15 +144,15 @@ def breaks_first(found: Sequence[Boundary]) -> Iterator[dict[str, Any]]:
 
 def first(found: Sequence[Boundary]) -> dict[str, str]:
     """The boundary that is met first, in words."""
-    lost = [one for one in found if one.found or (one.holds != one.holds and not one.unknown)]
+    failed = [one for one in found if one.found or (one.holds != one.holds and not one.unknown)]
     if not found:
         return {"value": "—", "more": ""}
-    if not lost:
+    if not failed:
         return {
             "value": measured(min(found, key=lambda one: factor_to(one, one.reach))),
             "more": "",
         }
-    one = min(lost, key=lambda one: factor_to(one, end(one)) if one.found else 1.0)
+    one = min(failed, key=lambda one: factor_to(one, end(one)) if one.found else 1.0)
     silence = ", in silence" if one.silent else ""
     return {"value": measured(one), "more": f"{one.setting}: {one.limit}{silence}"}
 
@@ -249,7 +249,7 @@ class KindLook(NamedTuple):
 
 
 KINDS = {
-    BoundaryKind.UNSTABLE: KindLook("D", "#D55E00", "unstable: the run is lost"),
+    BoundaryKind.UNSTABLE: KindLook("D", "#D55E00", "unstable: the run fails"),
     BoundaryKind.INACCURATE: KindLook("o", "#0072B2", "inaccurate"),
     BoundaryKind.REFUSED: KindLook("s", "#7b4ba0", "refused by the engine"),
     BoundaryKind.OURS: KindLook("X", "#555555", "not known beyond"),
@@ -351,10 +351,10 @@ def sentence(one: Boundary) -> str:
             f"Does not hold at {with_unit(one, number(one.start))}, the first value: {one.ending}."
         )
     elif one.found:
-        told = exactly if one.several else number
+        format_value = exactly if one.several else number
         words = (
-            f"Holds {way} to {with_unit(one, told(one.holds))} and fails at "
-            f"{with_unit(one, told(one.breaks))}: {one.ending}."
+            f"Holds {way} to {with_unit(one, format_value(one.holds))} and fails at "
+            f"{with_unit(one, format_value(one.breaks))}: {one.ending}."
         )
         if one.several:
             last = with_unit(one, one.last)
@@ -388,7 +388,7 @@ NEAR = 0.02
 """How close to theory a measured boundary must be."""
 
 
-def stress_sheet(found: Sequence[Boundary]) -> Figure:
+def stress_figure(found: Sequence[Boundary]) -> Figure:
     """Bars by parameter; with theory for all, over values and with the ratios beside."""
     known = all(one.theory == one.theory for one in found)
     groups = [
@@ -458,7 +458,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
     colour = style[0].colour
     if one.holds != one.holds:
         ax.annotate(
-            "not known" if one.unknown else "lost from the start",
+            "not known" if one.unknown else "failed from the start",
             (0.01, y),
             xycoords=("axes fraction", "data"),
             fontsize=6.5,
@@ -544,8 +544,8 @@ def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     ]
     plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
     handles += [
-        Line2D([], [], marker="o", label="lost, and said so", **plain),
-        Line2D([], [], marker="o", markerfacecolor="white", label="lost in silence", **plain),
+        Line2D([], [], marker="o", label="failed, and said so", **plain),
+        Line2D([], [], marker="o", markerfacecolor="white", label="failed in silence", **plain),
         Line2D([], [], marker=">", label="holds to the end", **plain),
     ]
     if any(one.unknown for one in found):

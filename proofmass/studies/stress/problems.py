@@ -122,7 +122,7 @@ def stepping(
     steps: int = STEPS,
     kind: BoundaryKind = BoundaryKind.UNSTABLE,
 ) -> TrialResult:
-    """Step a model: a failure when it is lost, or ends beyond a bound in silence."""
+    """Step a model: a failure when it fails, or ends beyond a bound in silence."""
     x = step * EVERY * np.arange(steps // EVERY + 1.0)
     settings = {"timestep": step, **settings}
     curves = run_model(engine, text, Run("dynamics", x, (channel,), settings=settings))
@@ -216,7 +216,7 @@ def pendulums() -> Iterator[LimitSearch]:
 
 
 def hung(engine: str, settings: dict[str, Any], gravity: float) -> TrialResult:
-    """Step a pendulum by a second at a time; a thousandfold is lost, and still small."""
+    """Step a pendulum by a second at a time; a thousandfold fails, and still small."""
     return stepping(engine, pendulum(gravity), 1.0, settings, bound=1e-3)
 
 
@@ -388,5 +388,5 @@ def swinging(
     place, reference = found["place"] / 1e-3, np.cos(x)
     energy = (found["kinetic"] + found["potential"]) / (0.5 * 1e-6)
     off = np.abs(place - reference).max() / 2 if what == "place" else 1 - energy[-1]
-    lost = Failure(f"off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
-    return TrialResult(lost if off > 0.1 else None, step_taken("dynamics", curves))
+    inaccurate = Failure(f"off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
+    return TrialResult(inaccurate if off > 0.1 else None, step_taken("dynamics", curves))

@@ -45,7 +45,7 @@ def run_stress(
 
         found = measured(paths or [], output, jobs, dask, only)
         write_boundaries(found, output / "stress.csv")
-        console().print(shown(found))
+        console().print(result_table(found))
         print(write_stress(output, output).first)
 
 
@@ -67,7 +67,7 @@ def measured(
         return stress(searches, workers, advance)
 
 
-def shown(found: list[Boundary]) -> Table:
+def result_table(found: list[Boundary]) -> Table:
     """A row for each boundary, on standard output, and what the kinds of limits are."""
     table = Table(
         box=None,

@@ -319,8 +319,8 @@ def format_rods(case: Case, kind: str) -> str:
 def printed(choice: Choice, case: Case) -> str:
     """What to paste, with the evidence as comments in it."""
     lines = snippet(choice.check.used, choice.row.steps, case.model_path)
-    told = [fill(line, 92, subsequent_indent="  ") for line in words(choice, case)]
+    own_lines = [fill(line, 92, subsequent_indent="  ") for line in words(choice, case)]
     if choice.check.ran:
-        told.append("The start state and the drives are in the program that -o run.py writes.")
-    text = "\n".join(told).replace("--", "-")
+        own_lines.append("The start state and the drives are in the program that -o run.py writes.")
+    text = "\n".join(own_lines).replace("--", "-")
     return f"{engine_of(choice.row.engine).comment(text)}\n{lines}"

@@ -57,12 +57,12 @@ def run_choose(
         limits = Limits(seconds("--longest", longest), seconds("--budget", budget))
         if not has_series(case, kind):
             raise typer.Exit(1)
-        runs, verdicts, told = Store(store / "runs"), list[Verdict](), ""
+        runs, verdicts, sensitivity = Store(store / "runs"), list[Verdict](), ""
         if kind == "dynamics":
             with pool(jobs, dask) as workers, counting(letters=40) as advance:
                 (motion,) = motions_of([case], [kind], runs, workers, longest)
                 case = within(case, kind, motion)  # up to the horizon of a chaotic motion
-                told = motion.words if motion else ""
+                sensitivity = motion.words if motion else ""
                 rows = search(
                     case,
                     of,
@@ -86,9 +86,11 @@ def run_choose(
             choice = choose_with_drive(
                 case, kind, rows, error, of, solver, verdicts, check, runs, limits
             )
-            choice = replace(choice, motion=told)
+            choice = replace(choice, motion=sensitivity)
         except Cannot as why:
-            errors.print(f"{case.name}: {'; '.join(filter(None, (str(why), told)))}", markup=False)
+            errors.print(
+                f"{case.name}: {'; '.join(filter(None, (str(why), sensitivity)))}", markup=False
+            )
             raise typer.Exit(1) from None
         if output is None:
             print(printed(choice, case))
@@ -128,7 +130,7 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
         best = min((model, *tried), key=lambda one: one.rate if one.rate == one.rate else inf)
         lines = [
             f"{case.name}, dynamics: what stands still creeps with {wanted:g} m/s at most",
-            *(f"{told_as(case, one)}: {one.words}" for one in (*tried[::-1], model)),
+            *(f"{format_setting(case, one)}: {one.words}" for one in (*tried[::-1], model)),
         ]
         if not best.rate <= wanted:
             errors.print("\n".join(lines), markup=False, highlight=False)
@@ -146,13 +148,13 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
         errors.print(text, markup=False, highlight=False)
 
 
-def told_as(case: Case, one: Creep) -> str:
+def format_setting(case: Case, one: Creep) -> str:
     """A setting in words: what is not as in the sidecar."""
     own = case.settings.get(one.setting.engine, {})
     more = {k: v for k, v in one.setting.parameters.items() if own.get(k) != v}
     chosen = engine_of(one.setting.engine).chooses
-    told = ", ".join(f"{k} {v:g}" for k, v in more.items() if k not in chosen)
-    return f"{engine_of(one.setting.engine).title} {told or 'as in the model'}"
+    text = ", ".join(f"{k} {v:g}" for k, v in more.items() if k not in chosen)
+    return f"{engine_of(one.setting.engine).title} {text or 'as in the model'}"
 
 
 def choose_with_drive(

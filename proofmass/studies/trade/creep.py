@@ -86,9 +86,9 @@ def still(case: Case) -> list[str]:
     x = grid(case, "dynamics")
     late = at_last(x)
     most = STILL * size(compiled(case), case.start)
-    truth = evaluate(case, "dynamics", x, None).channels
+    reference = evaluate(case, "dynamics", x, None).channels
     places = [name for name, c in case.channels_of("dynamics").items() if c.si_unit == "m"]
-    found = [name for name in places if np.ptp(truth[name][late]) <= most]
+    found = [name for name in places if np.ptp(reference[name][late]) <= most]
     if not found:
         raise InputError(
             case.file,

@@ -85,19 +85,19 @@ class DisturbedMotion:
         """
         if not self.growth >= NOTABLE:
             return ""
-        told = (
+        text = (
             f"a start disturbed by {number(NUDGE)} moves it {number(self.growth, 2)} times as "
             f"far in {number(self.until)} s"
         )
-        told = (
-            f"chaotic: {told}, e times every {number(1 / self.rate, 2)} s"
+        text = (
+            f"chaotic: {text}, e times every {number(1 / self.rate, 2)} s"
             if self.rate > 0
-            else f"sensitive to its start: {told}"
+            else f"sensitive to its start: {text}"
         )
         if not self.horizon > 0:
-            return told
+            return text
         return (
-            f"{told}; by {number(SHARE)} of its range after {number(self.horizon)} s, so "
+            f"{text}; by {number(SHARE)} of its range after {number(self.horizon)} s, so "
             f"errors are judged up to there"
         )
 

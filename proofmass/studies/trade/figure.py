@@ -234,10 +234,10 @@ FRONT: dict[str, Any] = {
     "solid_capstyle": "round",
     "zorder": 1,
 }
-LOST = 10.0  # ranges: a run that is off by more is drawn at the upper edge
+TOP = 10.0  # ranges: a run that is off by more is drawn at the upper edge
 
 
-def trade_sheet(
+def trade_figure(
     rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
 ) -> Figure:
     """The diagram of one run of a case: a row of panels for each kind of error.
@@ -262,7 +262,7 @@ def trade_sheet(
     return figure
 
 
-def other_parameters_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
+def other_parameters_figure(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
     """Errors over parameters other than the step, a column each, coarse at the left."""
     kinds, parameters = shown_kinds(rows), list(dict.fromkeys(row.varied for row in rows))
     looks = {name: looks[name] for name in map(name_of, rows)}
@@ -276,8 +276,8 @@ def other_parameters_sheet(rows: Sequence[StudyRow], looks: Mapping[Name, Look])
                 own = [row for row in shown if name_of(row) == series]
                 x = [value_of(row) for row in own]
                 curve(ax, x, own, kind, looks[series])
-                ends[series] = x[-1], min(own[-1].errors[kind], LOST)
-            scale(ax, [min(row.errors[kind], LOST) for row in shown])
+                ends[series] = x[-1], min(own[-1].errors[kind], TOP)
+            scale(ax, [min(row.errors[kind], TOP) for row in shown])
             label = label_of(next(row for row in rows if row.varied == parameter))
             if label:
                 ax.invert_xaxis()
@@ -380,8 +380,8 @@ def panels(
             if own:
                 x = [cost(row) for row in own]
                 curve(ax, x, own, kind, looks[series], best)
-                ends[series] = x[-1], min(own[-1].errors[kind], LOST)
-        scale(ax, [min(row.errors[kind], LOST) for row in shown])
+                ends[series] = x[-1], min(own[-1].errors[kind], TOP)
+        scale(ax, [min(row.errors[kind], TOP) for row in shown])
         failures(ax, rows, ax is left, looks)
         letters(ax, ends, looks)
         draw_floors(ax, ends, looks, verdicts, named=ax is right)
@@ -411,7 +411,7 @@ def curve(
     best: Sequence[StudyRow] = (),
 ) -> None:
     """One series, from coarse to fine; settings on the front are filled."""
-    y = [min(row.errors[kind], LOST) for row in rows]
+    y = [min(row.errors[kind], TOP) for row in rows]
     layer = 3 + look.number / 20
     ax.plot(
         x,
@@ -441,7 +441,7 @@ def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
     if best:
         ax.step(
             [row.seconds for row in best],
-            [min(row.errors[kind], LOST) for row in best],
+            [min(row.errors[kind], TOP) for row in best],
             where="post",
             **FRONT,
         )

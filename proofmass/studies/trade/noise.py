@@ -26,10 +26,10 @@ SEVERAL = 0.1
 
 
 class Interval(NamedTuple):
-    """Least, told and greatest wall time of a setting [s]."""
+    """Least, stated and greatest wall time of a setting [s]."""
 
     low: float
-    told: float
+    stated: float
     high: float
 
     def overlaps(self, other: "Interval") -> bool:

@@ -29,15 +29,15 @@ from proofmass.sim.protocol import ParameterValue
 from proofmass.studies.record import KINDS, NAN, Setting, StudyRow, read_table
 from proofmass.studies.trade.choose import MARGIN, beside, enough, floor_at, would_need
 from proofmass.studies.trade.figure import (
-    LOST,
+    TOP,
     Name,
     dressed,
     good,
     letter,
     name_of,
-    other_parameters_sheet,
+    other_parameters_figure,
     planned,
-    trade_sheet,
+    trade_figure,
     varied_in,
     work,
 )
@@ -80,8 +80,8 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
     pages = Pages(output, home, SCRIPTS)
     parts = []
     for (case, run), own in groupby(sorted(rows, key=place), key=place):
-        told = [v for v in verdicts if (v.case, v.run) == (case, run)]
-        parts.append(write_part(list(own), told, pages, files))
+        own_verdicts = [v for v in verdicts if (v.case, v.run) == (case, run)]
+        parts.append(write_part(list(own), own_verdicts, pages, files))
     index = pages.write(
         "index.html",
         "trade_index.html",
@@ -159,9 +159,9 @@ def write_figures(rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: P
     """The diagram for papers, and the errors over other parameters, if any was varied."""
     looks, varied = dressed(rows), varied_in(rows)
     with rc_context(RC):
-        save(trade_sheet([row for row in rows if row.varied == varied], verdicts, looks), stem)
+        save(trade_figure([row for row in rows if row.varied == varied], verdicts, looks), stem)
         if others := other_parameters(rows):
-            save(other_parameters_sheet(others, looks), stem.with_name(f"{stem.name}-parameters"))
+            save(other_parameters_figure(others, looks), stem.with_name(f"{stem.name}-parameters"))
 
 
 def prices(
@@ -199,7 +199,7 @@ def series_records(
     colours: Mapping[str, Tone],
 ) -> Iterator[dict[str, Any]]:
     """The table, series by series, every number already a word."""
-    told = list(verdicts)
+    own_verdicts = list(verdicts)
     for name, look in looks.items():
         own = [row for row in rows if name_of(row) == name]
         yield {
@@ -211,7 +211,7 @@ def series_records(
             "rows": [cells(row, kinds(rows)) for row in own],
             "orders": {
                 v.kind: (number(v.observed), number(v.expected), off(v.observed, v.expected))
-                for v in told
+                for v in own_verdicts
                 if name_of(v) == name
             },
         }
@@ -319,7 +319,7 @@ def page_data(
             series_data(name, look, tones[look.colour], verdicts) for name, look in looks.items()
         ],
         "settings": [setting_data(row, rows, names.index(name_of(row)), usual) for row in rows],
-        "top": LOST,
+        "top": TOP,
     }
 
 
@@ -469,21 +469,21 @@ def advised(
     found = []
     for wanted in ASKED:
         cheapest = dict[str, StudyRow]()
-        told = dict[str, Advice]()
+        advice = dict[str, Advice]()
         for engine in dict.fromkeys(row.engine for row in rows):
             own = [row for row in rows if row.engine == engine]
             able = enough(own, kind, wanted)
             if able:
                 cheapest[engine] = able[0]
-                told[engine] = use(rows, own, able, kind, wanted, verdicts, usual)
+                advice[engine] = use(rows, own, able, kind, wanted, verdicts, usual)
             else:
-                told[engine] = short(rows, own, kind, wanted, verdicts)
-        order = sorted(told, key=lambda name: cheapest[name].seconds if name in cheapest else inf)
+                advice[engine] = short(rows, own, kind, wanted, verdicts)
+        order = sorted(advice, key=lambda name: cheapest[name].seconds if name in cheapest else inf)
         first = [interval(cheapest[name], usual) for name in order[:2] if name in cheapest]
         found.append(
             Asked(
                 number(wanted),
-                tuple(told[name] for name in order),
+                tuple(advice[name] for name in order),
                 len(first) == 2 and first[0].overlaps(first[1]),
             )
         )
@@ -561,9 +561,9 @@ def timed(row: StudyRow, usual: float) -> str:
     >>> timed(StudyRow("", "", "", "", "", "", 1.0, seconds=0.01, repeats=(0.01, 0.02)), 1.0)
     '10 ms (10 to 20)'
     """
-    low, told, high = interval(row, usual)
-    unit, factor = next(((u, f) for u, f in UNITS if told * f >= 1), UNITS[-1])
-    words = f"{number(told * factor, 2)} {unit}"
+    low, middle, high = interval(row, usual)
+    unit, factor = next(((u, f) for u, f in UNITS if middle * f >= 1), UNITS[-1])
+    words = f"{number(middle * factor, 2)} {unit}"
     if not high > low:
         return words
     return f"{words} ({number(low * factor, 2)} to {number(high * factor, 2)})"

@@ -124,9 +124,9 @@ def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: f
         return ProgramRun(**{"seconds": float("nan"), **read(file)})
     with own_core() as core:
         ran = limited(case, "dynamics", run_program, case, setting, text, timeout, core)
-    told = {key: value for key, value in asdict(ran).items() if value == value}
+    known = {key: value for key, value in asdict(ran).items() if value == value}
     if not ran.failure.startswith(LATE):
-        write_whole(file, json.dumps(told))
+        write_whole(file, json.dumps(known))
     return ran
 
 

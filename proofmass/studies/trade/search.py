@@ -49,7 +49,7 @@ NARROWER = 1 / 3
 """Share of the logarithm of the ratio of two steps that the next one leaves out at least."""
 ALIKE = 1e-3
 """Share by which the errors of two families differ at most where nothing matters that differs."""
-SAME = 0.2  # by which orders differ that are told to be the same
+SAME = 0.2  # by which orders differ that count as the same
 BEST = 3  # settings that are refined at once for the sake of their drives
 RUNS = 12  # of a family at most
 REFERENCE_TIMES = 5.0
@@ -176,7 +176,7 @@ def error(row: StudyRow, of: str) -> float:
 
 
 def order(coarse: StudyRow, fine: StudyRow, of: str) -> float:
-    """The order of convergence that two rows show; minus infinity where the finer one is lost."""
+    """The order of convergence that two rows show; minus infinity where the finer one fails."""
     return order_of((coarse.value, error(coarse, of)), (fine.value, max(error(fine, of), 1e-300)))
 
 
@@ -280,8 +280,8 @@ def search(
         )
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
-            lost = longest if row.outcome == Outcome.TIMED_OUT else 0.0
-            limits.spent += row.seconds if isfinite(row.seconds) else lost
+            failed = longest if row.outcome == Outcome.TIMED_OUT else 0.0
+            limits.spent += row.seconds if isfinite(row.seconds) else failed
         if is_shared(case, "dynamics") and any(row.outcome == Outcome.NO_REFERENCE for row in rows):
             break  # all settings have the same one
     rows = [row for family in found for row in family.rows]
@@ -427,7 +427,7 @@ def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> b
         return False
     *_, before, end = last
     falls = order(before, end, of)
-    if lost := all(error(row, of) >= COARSE for row in last):
+    if failed := all(error(row, of) >= COARSE for row in last):
         most = COARSE / SLACK
     elif error(before, of) < COARSE:
         most = error(end, of) / SLACK ** max(1.0, falls)
@@ -438,7 +438,7 @@ def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> b
         if other is family or other.engine != family.engine or len(rows) < 2:
             continue
         ahead = any(error(row, of) <= most and row.seconds <= end.seconds for row in rows)
-        if ahead and (lost or order(rows[-2], rows[-1], of) > falls - SAME):
+        if ahead and (failed or order(rows[-2], rows[-1], of) > falls - SAME):
             return True
     return False
 

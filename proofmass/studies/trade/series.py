@@ -42,7 +42,7 @@ CLEAR = 10.0
 1.9."""
 ALIKE = 0.05
 """What two orders in turn may differ by, to be one order, of their sum: 0.1 of first order."""
-LOST = (Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.CRASHED, Outcome.NO_REFERENCE)
+FAILED = (Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.CRASHED, Outcome.NO_REFERENCE)
 """Outcomes of settings that are no better than any error."""
 
 Points = Sequence[tuple[float, float]]
@@ -86,7 +86,7 @@ class MeasuredSeries:
         return list(dict.fromkeys(kind for row in self.rows for kind in row.errors))
 
     def points(self, kind: str) -> list[tuple[float, float]]:
-        """Sizes and errors of the settings, infinite where a run was lost.
+        """Sizes and errors of the settings, infinite where a run failed.
 
         It begins where the motion is the right one, if it is so anywhere.
         """
@@ -99,8 +99,8 @@ class MeasuredSeries:
         return [
             (size, error)
             for size, row in zip(self.series.sizes, self.rows, strict=False)
-            if (error := inf if row.outcome in LOST else row.errors.get(kind, NAN)) > 0
-            and row.outcome in (Outcome.RAN, *LOST)
+            if (error := inf if row.outcome in FAILED else row.errors.get(kind, NAN)) > 0
+            and row.outcome in (Outcome.RAN, *FAILED)
         ]
 
     def place(self, size: float) -> int:
@@ -135,7 +135,7 @@ def still(points: Points) -> bool:
 
 
 def rising(points: Points) -> bool:
-    """Whether the last two refinements made the error worse, or were lost."""
+    """Whether the last two refinements made the error worse, or failed."""
     errors = [error for _, error in points[-3:]]
     return (
         len(errors) == 3
@@ -266,7 +266,7 @@ def still_falls(points: Points) -> float:
 def worse(points: Points) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """The two settings in turn of which the finer one is worse by most; None if none is by much.
 
-    A run that was lost has no error; it is told by its outcome.
+    A run that failed has no error; it is known by its outcome.
 
     >>> worse([(1e-3, 1.9e-2), (0.5e-3, 6.8e-2), (0.25e-3, 4e-4)])
     ((0.001, 0.019), (0.0005, 0.068))
@@ -280,7 +280,7 @@ def worse(points: Points) -> tuple[tuple[float, float], tuple[float, float]] | N
 
 
 SAFE = 0.8  # of the error that is needed: orders change a little
-APART = 1.4  # times a step that the one before it must be, for an order to be told from both
+APART = 1.4  # times a step that the one before it must be, for an order to be found from both
 
 
 LIKELY = 0.9

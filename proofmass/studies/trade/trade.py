@@ -525,7 +525,7 @@ def verdict(
 
 
 def added_by_drive(row: StudyRow, kind: str) -> str:
-    """What the drives add to an error, which is told at the state that they really had.
+    """What the drives add to an error, which is stated at the state that they really had.
 
     >>> row = StudyRow("", "", "", "", "", "", 1.0, errors={"position": 1e-6},
     ...                asked={"position": 3e-5})
@@ -577,11 +577,11 @@ def write_study(study: Trade, folder: Path) -> None:
     write_table(study.rows, folder / "trade.csv")
     if study.perturbed:
         write_table(study.perturbed, folder / "floors.csv")
-    told = [
+    records = [
         {k: v for k, v in asdict(one).items() if not (isinstance(v, float) and isnan(v))}
         for one in study.verdicts
     ]
-    write_whole(folder / "verdicts.json", json.dumps(told, indent=1, allow_nan=False))
+    write_whole(folder / "verdicts.json", json.dumps(records, indent=1, allow_nan=False))
 
 
 def read_verdicts(file: Path) -> list[Verdict]:

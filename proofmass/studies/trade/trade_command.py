@@ -92,14 +92,14 @@ def show(study: Trade, kind: str) -> None:
     ):
         right = name not in ("case", "series", SAID)
         table.add_column(name, justify="right" if right else "left", no_wrap=right)
-    told = {(v.case, v.series): v for v in study.verdicts if v.kind == kind}
+    by_series = {(v.case, v.series): v for v in study.verdicts if v.kind == kind}
     last = ""
     for (case, series), rows in groupby(study.rows, lambda row: (row.case, row.series)):
         own = list(rows)
         figures = [number(cost(own, kind, error)) for error in WANTED]
         best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
-        verdict = told.get((case, series), Verdict(case, "", "", series, kind))
-        lost = next(
+        verdict = by_series.get((case, series), Verdict(case, "", "", series, kind))
+        failed = next(
             (
                 f"{format_varied(row)}: {row.outcome}: {row.message}"
                 for row in own
@@ -114,7 +114,7 @@ def show(study: Trade, kind: str) -> None:
             number(verdict.floor),
             number(best),
             *figures,
-            "; ".join(filter(None, (verdict.cause, verdict.reached, verdict.worse, lost))),
+            "; ".join(filter(None, (verdict.cause, verdict.reached, verdict.worse, failed))),
         )
         last = case
     if table.row_count:

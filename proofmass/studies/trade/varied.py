@@ -94,7 +94,7 @@ def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
 
 
 def studied(case: Case) -> Studied:
-    """What an engine is told of the dynamics run of a case."""
+    """What an engine is given of the dynamics run of a case."""
     driven = bool(case.drive)
     return Studied(
         compiled(case),

@@ -27,7 +27,7 @@ from proofmass.studies.trade.program import ProgramRun, drive_words, imposed, tr
 from proofmass.wording import number
 from proofmass.worker import TimedOut
 
-LOST: tuple[type[Exception], ...] = (BadModel, *FAILURES)
+FAILED: tuple[type[Exception], ...] = (BadModel, *FAILURES)
 """What a run may raise."""
 PART = 0.381966  # of a sample; irrational, or some steps would fall where others fell before
 
@@ -56,7 +56,7 @@ class Check:
         Why there is no program.
     again : bool
         Whether the setting was run from a shifted start: only where the first run is good enough.
-    lost : str
+    failed : str
         Why the run from the shifted start has no result.
     """
 
@@ -69,7 +69,7 @@ class Check:
     others: tuple[tuple[Imposed, ProgramRun], ...] = ()
     reason: str = ""
     again: bool = True
-    lost: str = ""
+    failed: str = ""
 
     def holds(self, wanted: float) -> bool:
         """Whether both are as good as is asked for."""
@@ -91,26 +91,26 @@ class Check:
             )
         if self.note:
             return f"{first}; from a shifted start: {self.note}"
-        if self.lost:
-            return f"{first}; from a shifted start: {self.lost}"
+        if self.failed:
+            return f"{first}; from a shifted start: {self.failed}"
         if not self.again:
             return first
         return f"{first}; {number(self.shifted, 2)} from a shifted start"
 
     def other_drives(self, of: str, wanted: float) -> list[str]:
         """What other ways to move the drives give, a sentence each."""
-        told = []
+        texts = []
         for drive, ran in self.others:
             if ran.failure:
-                told.append(f"its drive moved by {drive_words(drive)} instead: {ran.failure}")
+                texts.append(f"its drive moved by {drive_words(drive)} instead: {ran.failure}")
                 continue
             error = ran.errors.get(of, NAN)
             enough = "" if error <= wanted else ", not good enough"
-            told.append(
+            texts.append(
                 f"its drive moved by {drive_words(drive)} instead: {number(error, 2)} off "
                 f"in {number(ran.seconds, 2)} s{enough}"
             )
-        return told
+        return texts
 
 
 def verify(
@@ -124,7 +124,7 @@ def verify(
     drive: str = "",
     compare: bool = False,
 ) -> Check:
-    """Run a setting as a program, and from a shifted start; the error of a lost run is NaN.
+    """Run a setting as a program, and from a shifted start; the error of a failed run is NaN.
 
     Parameters
     ----------
@@ -155,11 +155,11 @@ def verify(
             check = Check(error, NAN, "", used)
     except Unsupported as error:
         check = replace(check, note=str(error))
-    except LOST:
+    except FAILED:
         pass
     if check.fresh <= wanted:
-        shifted, note, lost = shifted_once(case, kind, check.used, of, store)
-        check = replace(check, shifted=shifted, note=note, lost=lost)
+        shifted, note, failed = shifted_once(case, kind, check.used, of, store)
+        check = replace(check, shifted=shifted, note=note, failed=failed)
     else:
         check = replace(check, again=False)
     if compare and check.drive and check.holds(wanted) and not drive:
@@ -186,18 +186,18 @@ def shifted_once(
             return None, str(error), ""
         except TimedOut:
             raise
-        except LOST as error:
+        except FAILED as error:
             return None, "", str(error)
 
     try:
         if store is None:
-            found, note, lost = make()
+            found, note, failed = make()
         else:
             key = key_of(StudyRun(case, kind, setting))
-            found, note, lost = once(store.folder / f"{key}.{of}.shifted.json", make)
+            found, note, failed = once(store.folder / f"{key}.{of}.shifted.json", make)
     except TimedOut as error:
         return NAN, "", str(error)
-    return (NAN if found is None else found), note, lost
+    return (NAN if found is None else found), note, failed
 
 
 def as_program(
@@ -341,12 +341,12 @@ def from_start(case: Case, kind: Kind, curves: Curves) -> Curves:
 
     The general planar solver takes the first time for that of the start pose.
     """
-    truth = evaluate(case, kind, np.array([0.0, curves.x[0]]), None).channels
+    reference = evaluate(case, kind, np.array([0.0, curves.x[0]]), None).channels
     return replace(
         curves,
         x=np.append(0.0, curves.x),
         channels={
-            name: np.append(truth[name][0], values) for name, values in curves.channels.items()
+            name: np.append(reference[name][0], values) for name, values in curves.channels.items()
         },
     )
 

@@ -60,10 +60,10 @@ def format_error(row: StudyRow, of: str) -> str:
     >>> format_error(row, "position")
     '3e-5 off, and 1e-6 off the motion that its drives really had'
     """
-    told = f"{number(row.reached(of), 2)} off"
+    text = f"{number(row.reached(of), 2)} off"
     if not by_drives(row, of):
-        return told
-    return f"{told}, and {number(row.errors[of], 2)} off the motion that its drives really had"
+        return text
+    return f"{text}, and {number(row.errors[of], 2)} off the motion that its drives really had"
 
 
 def by_drives(row: StudyRow, of: str) -> bool:

@@ -13,10 +13,10 @@ from proofmass.analytic.rods.rod_pair import MANY, sharing
 from proofmass.case import Case
 from proofmass.chart import chart_of
 from proofmass.errors import InputError
-from proofmass.report.charts import chart_sheet
+from proofmass.report.charts import chart_figure
 from proofmass.report.style import RC
 from proofmass.sidecar import load_case
-from tests.report.test_chart_sheet import bold, dashed
+from tests.report.test_chart_figure import bold, dashed
 from tests.shipped import shipped
 
 NATURAL = shipped("rfr2_natural.toml")
@@ -35,7 +35,7 @@ def equilibria(natural: Case) -> Chart:
 @pytest.fixture(scope="module")
 def figure(equilibria: Chart) -> Figure:
     with rc_context(RC):
-        drawn = chart_sheet("Title", equilibria)
+        drawn = chart_figure("Title", equilibria)
         drawn.draw_without_rendering()
     return drawn
 

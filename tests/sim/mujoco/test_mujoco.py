@@ -1,4 +1,4 @@
-"""Laws of the MuJoCo side: assembly, virtual work, convergence and its error floor, lost runs."""
+"""Laws of the MuJoCo side: assembly, virtual work, convergence and its error floor, failed runs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -240,7 +240,7 @@ def test_a_joint_equality_drives_its_follower(tmp_path):
     np.testing.assert_allclose(curves.channels["ab"], 0.5, atol=1e-14)  # all three: rounding
 
 
-def test_a_run_that_the_engine_resets_is_lost(tmp_path):
+def test_a_run_that_the_engine_resets_is_failed(tmp_path):
     # undamped spring, dt * omega = 100 where RK4 holds to 2.83; MuJoCo resets and carries on
     xml = ARM.format(spring='stiffness="1e8"', more="", gear=1).replace(
         "<sensor>", '<sensor><jointpos name="a" joint="a"/>'

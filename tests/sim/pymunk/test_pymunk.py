@@ -321,7 +321,7 @@ def test_too_few_iterations_diverge():
     run = Run(
         "dynamics", np.linspace(0, 7, 71), ("rocker",), (turning(),), settings={"iterations": 3}
     )
-    with pytest.raises(Diverged, match="lost at time"):
+    with pytest.raises(Diverged, match="failed at time"):
         simulate(FOURBAR, run)
 
 

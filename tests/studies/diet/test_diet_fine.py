@@ -76,7 +76,7 @@ def test_the_truth_of_a_free_motion_is_its_fine_solution(tmp_path, monkeypatch):
         assert run.x.tolist() == X[::2].tolist()  # 51 samples
     assert held.bound.run == replace(fine.asked[0], settings={})
     assert held.bound.case is None
-    assert held.bound.truth["a"].tolist() == (2.0 * X[::2]).tolist()
+    assert held.bound.reference["a"].tolist() == (2.0 * X[::2]).tolist()
     # off by 2e-3 at the end; b is not off at all, so that rounding of its size is allowed
     assert held.bound.allowed == {
         "a": pytest.approx(1.1 * 2e-3, rel=1e-9),
@@ -160,7 +160,7 @@ def test_potential_energies_are_held_as_changes(tmp_path, monkeypatch):
     fine = Fine(tmp_path, monkeypatch, {"energy": line(2.0)}, {"energy": line(2.0, 7.0)})
     held, _ = fine.held(X, level=frozenset({"energy"}))
     assert held.bound.allowed["energy"] == pytest.approx(2e-9)
-    assert held.bound.truth["energy"][0] == 0.0
+    assert held.bound.reference["energy"][0] == 0.0
 
 
 def test_where_a_model_leaves_its_fine_solution_nothing_is_held_against_it(tmp_path, monkeypatch):

@@ -49,7 +49,7 @@ def ran(monkeypatch):
     return given
 
 
-def test_a_trial_tells_why_it_is_lost_and_in_which_steps(own, ran):
+def test_a_trial_tells_why_it_is_failed_and_in_which_steps(own, ran):
     asked = ran(Measurement({"position": 0.5}, step=0.25))
     assert own.try_case(OTHER, timestep=0.5) == TrialResult(
         Failure("position off by 0.5 of its range", BoundaryKind.INACCURATE, silent=True), 0.25
@@ -77,7 +77,7 @@ def test_a_run_in_steps_takes_just_those_that_are_asked_for(parameters, step, ow
 
 
 def test_another_step_than_asked_for_is_an_error_of_the_program(own, ran):
-    """What is found of a step would be told of another; a lost run has none."""
+    """What is found of a step would be told of another; a failed run has none."""
     for step in (1.001e-3, 1e-3 * (1 + 1e-8), 2e-3, 5e-4):
         ran(Measurement(step=step))
         with pytest.raises(RuntimeError) as error:

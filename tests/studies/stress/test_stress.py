@@ -26,7 +26,7 @@ from proofmass.studies.stress.boundary import (
 )
 from proofmass.studies.stress.extremes import extremes, limits, resized, sizes
 from proofmass.studies.stress.limit_search import LimitSearch, bisect
-from proofmass.studies.stress.page import stress_sheet, write_stress
+from proofmass.studies.stress.page import stress_figure, write_stress
 from proofmass.studies.stress.stress import cache_trials, stress
 from proofmass.studies.variants import with_longer_run
 from proofmass.worker import TimedOut
@@ -89,7 +89,7 @@ def test_an_open_loop_is_seen_though_all_is_finite(stressed):
     assert failure.silent
 
 
-def test_a_run_that_is_finite_and_wrong_is_lost(stressed):
+def test_a_run_that_is_finite_and_wrong_is_failed(stressed):
     """Steps of half a second on a pendulum of two, in which no loop can come open."""
     pendulum = stressed("pendulum", integrator="Euler")
     run = pendulum.case.run["dynamics"].model_copy(update={"n": 21})
@@ -400,7 +400,7 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     assert grounds  # of the bars and in the legend, each other than the lines on it
     assert all(ground != lines for ground, lines in grounds)
     for some, here in ((rows[:2], False), (rows[2:], True)):
-        told = [text.get_text() for text in stress_sheet(some).legends[0].get_texts()]
+        told = [text.get_text() for text in stress_figure(some).legends[0].get_texts()]
         assert ("not known beyond" in told) == here
     assert (tmp_path / "figures" / "fourbar-stress.png").stat().st_size > 5000
 

@@ -235,7 +235,7 @@ def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch
         held.try_in_steps(held.case, 1.0, timestep=0.0137)
 
 
-def test_a_run_that_is_lost_has_no_step_to_tell(stressed, monkeypatch):
+def test_a_run_that_is_failed_has_no_step_to_tell(stressed, monkeypatch):
     held = stressed("pendulum")
     monkeypatch.setattr(
         "proofmass.studies.stress.limit_search.measure_once",

@@ -22,7 +22,7 @@ STEP = Boundary(
     theory=0.2,
     law="a law",
 )
-LOST = replace(STEP, setting="RK4", limit=BoundaryKind.UNSTABLE, silent=False, failure="gone")
+FAILED = replace(STEP, setting="RK4", limit=BoundaryKind.UNSTABLE, silent=False, failure="gone")
 HOLDS = replace(
     STEP, setting="implicit", holds=1.0, breaks=nan, limit=BoundaryKind.HOLDS, failure="",
     silent=False, theory=inf,
@@ -39,7 +39,7 @@ NEVER = replace(
     LIGHTER, parameter="gravity", holds=nan, breaks=nan, limit=BoundaryKind.UNSTABLE, failure="no"
 )
 OTHER = replace(STEP, what="pendulum", theory=nan, law="")
-ALL = [STEP, LOST, HOLDS, LIGHTER, OURS, NEVER, OTHER]
+ALL = [STEP, FAILED, HOLDS, LIGHTER, OURS, NEVER, OTHER]
 
 
 @pytest.mark.parametrize(
@@ -114,11 +114,11 @@ def test_limits_stand_at_their_places(page: Path, browser: Any) -> None:
         assert marker == at
         decade = (at - start) / 2.00217  # decades from 1e-3 to 0.1005
         assert theory - at == pytest.approx(0.29887 * decade, abs=0.02)  # log10(0.2 / 0.1005)
-        lost = places(0, ".lost", "x1", "x2")
-        assert lost == [at, 100.0]  # it fails above
-        assert places(3, ".lost", "x2") == [0.0]  # a lighter body fails below
+        failed = places(0, ".failed", "x1", "x2")
+        assert failed == [at, 100.0]  # it fails above
+        assert places(3, ".failed", "x2") == [0.0]  # a lighter body fails below
         assert places(3, ".held", "x1")[0] > places(3, ".held", "x2")[0]
-        for k, none in ((2, ".lost"), (2, ".theory"), (4, ".lost"), (5, ".held")):
+        for k, none in ((2, ".failed"), (2, ".theory"), (4, ".failed"), (5, ".held")):
             assert visit.page.locator(f"#row-fourbar-stress-{k} {none}").count() == 0
 
 
@@ -167,7 +167,7 @@ def test_the_keyboard_goes_from_limit_to_limit(page: Path, browser: Any) -> None
         active = visit.page.get_attribute(".row-list", "aria-activedescendant")
         assert active == "row-fourbar-stress-1"
         assert visit.page.get_attribute(f"#{active}", "aria-selected") == "true"
-        assert sentence(LOST) in tip.inner_text()
+        assert sentence(FAILED) in tip.inner_text()
         visit.page.keyboard.press("End")
         visit.page.keyboard.press("Enter")
         assert visit.page.get_attribute("tr.led-to", "id") == "fourbar-stress-5"

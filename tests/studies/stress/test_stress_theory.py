@@ -31,7 +31,7 @@ QUICK = [
 def near(found: Boundary) -> bool:
     """Within 2 % of theory, of which bisection takes up to 0.5.
 
-    The rest is how long a model is stepped: what grows slowly is lost a little beyond the limit.
+    The rest is how long a model is stepped: what grows slowly fails a little beyond the limit.
     """
     if found.parameter in ("dt ω", "dt √(k/m)", "dt kv/I"):
         assert found.step == pytest.approx(found.holds, rel=1e-12)  # what the engine took

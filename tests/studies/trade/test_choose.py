@@ -192,31 +192,31 @@ def test_a_floor_is_named(fourbar: Case) -> None:
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=33.0))
     with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
-    lost = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
+    failed = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
     with pytest.raises(
         Cannot,
         match=r"^no setting ran, of \d+: \d+ diverged; the first, "
         r"[^;]*: diverged: open by 1 m$",
     ):
-        chosen(fourbar, lost, 1e-3)
+        chosen(fourbar, failed, 1e-3)
 
 
 def test_many_reasons_are_two(fourbar: Case) -> None:
-    """A reason of its own for each setting, such as the time at which it was lost."""
-    lost = [
-        replace(row, outcome=outcome, message=f"lost at {k} s", errors={})
+    """A reason of its own for each setting, such as the time at which it failed."""
+    failed = [
+        replace(row, outcome=outcome, message=f"failed at {k} s", errors={})
         for k, (row, outcome) in enumerate(
             zip(series_rows("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False)
         )
     ]
     with pytest.raises(Cannot) as why:
-        chosen(fourbar, lost, 1e-3)
+        chosen(fourbar, failed, 1e-3)
     first, second = str(why.value).split("; ")
-    assert first == f"no setting ran, of {len(lost)}: " + ", ".join(
+    assert first == f"no setting ran, of {len(failed)}: " + ", ".join(
         f"{n} {word}"
-        for n, word in sorted([(4, "diverged"), (len(lost) - 4, "timed out")], reverse=True)
+        for n, word in sorted([(4, "diverged"), (len(failed) - 4, "timed out")], reverse=True)
     )
-    assert second == "the first, quick, timestep 16 ms: diverged: lost at 0 s"
+    assert second == "the first, quick, timestep 16 ms: diverged: failed at 0 s"
     other = [replace(row, errors={"velocity": 1.0}) for row in series_rows("quick")]
     with pytest.raises(Cannot, match="ran without position errors"):
         chosen(fourbar, other, 1e-3)
@@ -261,13 +261,13 @@ def stiff(models: Path, edit: Callable[..., Path]) -> Path:
     return edit(
         "slider_crank.toml",
         r"(?s)\[\[tolerance\]\].*",
-        '[[tolerance]]\nrelative_to_range = 1e-3\nwhy = "other steps are lost"\n',
+        '[[tolerance]]\nrelative_to_range = 1e-3\nwhy = "other steps fail"\n',
     )
 
 
 @pytest.mark.slow
 def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
-    """Where most other steps are lost."""
+    """Where most other steps fail."""
     folder = stiff.parent / "trade"
     rows = search(load_case(stiff), "position", 5e-3, Store(folder / "runs"), repeats=0)
     assert "MuJoCo, as in the model" in {row.series for row in rows if row.outcome == "ran"}
@@ -434,7 +434,7 @@ def test_a_setting_of_rods_holds_without_another_start(monkeypatch: pytest.Monke
     assert "from a shifted start: rods start in the arcs" in check.words
 
 
-def test_a_lost_run_does_not_hold(fourbar: Case) -> None:
+def test_a_failed_run_does_not_hold(fourbar: Case) -> None:
     """One iteration a step leaves loops open."""
     row = StudyRow(
         "trade",
@@ -613,7 +613,7 @@ def test_settings_that_are_enough_have_a_margin_of_two() -> None:
         at("cheap", 5e-5),
         at("off", 5.1e-5),
         at("untimed", seconds=0.0),
-        at("lost", outcome="stopped"),
+        at("failed", outcome="stopped"),
     ]
     assert [row.series for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
     assert enough(rows, "velocity", 1e-4) == []
@@ -625,7 +625,7 @@ def test_why_none_is_enough() -> None:
         at("poor", 1e-3),
         at("fine", 1.23e-5, 1e-4),
         at("none", nan),
-        at("lost", 0.0, outcome="stopped"),
+        at("failed", 0.0, outcome="stopped"),
     ]
     short = (
         "no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
@@ -639,13 +639,15 @@ def test_why_none_is_enough() -> None:
         none,
     )
     assert best([], "position", 1.0, []) == ("no setting was measured",)
-    lost = [
+    failed = [
         at("one", nan),
         at("two", outcome="diverged", message="why"),
         at("three", outcome="diverged"),
     ]
-    assert best(lost[1:], "velocity", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
-    assert best(lost, "velocity", 1.0, []) == (
+    assert (
+        best(failed[1:], "velocity", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
+    )
+    assert best(failed, "velocity", 1.0, []) == (
         "no setting ran, of 3: 2 diverged, 1 ran without velocity errors",
         "the first, one, timestep 1 ms: ran",
     )
@@ -754,7 +756,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
         monkeypatch.setattr(module, "limited", fails(why))
         check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
-        assert (check.fresh, check.note, check.lost) == (1.0, "", str(why))
+        assert (check.fresh, check.note, check.failed) == (1.0, "", str(why))
         assert check.words.endswith(f"from a shifted start: {why}")
         assert not check.holds(9.0)
 

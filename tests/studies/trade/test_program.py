@@ -123,7 +123,7 @@ def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_
     assert 0 < off < position
 
 
-def test_a_servo_of_too_high_a_gain_is_lost() -> None:
+def test_a_servo_of_too_high_a_gain_is_failed() -> None:
     """RK4 is explicit in the damper: kv h / I = 2 gain above 2.8 throws the crank away."""
     case, setting = short("fourbar"), Setting("mujoco", COARSE)
     text = written(case, setting, Imposed("servo", 2.0), "")

@@ -478,14 +478,14 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     assert errors[1] > 100 * errors[0]
 
 
-def test_a_lost_run_says_so_as_simulate_does(tmp_path):
+def test_a_failed_run_says_so_as_simulate_does(tmp_path):
     """A five-bar near a singular pose, in too few iterations."""
     case = load_case(shipped("fivebar.toml"))
     run = replace(run_of(case), settings={"timestep": 2e-3, "iterations": 50, "error_bias": 0.0})
-    with pytest.raises(Diverged) as lost:
+    with pytest.raises(Diverged) as failed:
         simulate(case.model_path, run)
     done = started(tmp_path / "bare", write_program(case.model_path, run, motion_of(run), ""))
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{lost.value}\n")
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{failed.value}\n")
     assert not (tmp_path / "bare" / "curves.csv").exists()
 
 

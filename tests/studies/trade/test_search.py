@@ -139,9 +139,9 @@ def test_the_cheapest_is_found_within_a_tenth(
 
 
 def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """A dear family ends with its first step, one that is lost after three."""
+    """A dear family ends with its first step, one that fails after three."""
     world = World(
-        monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3), lost=(0, 0, 0, 0)
+        monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3), failed=(0, 0, 0, 0)
     )
     search(fourbar, "position", 1e-6, Store(tmp_path))
     counts = {
@@ -149,7 +149,7 @@ def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path)
         for name in world.families
     }
     assert counts["dear"] == 1
-    assert counts["lost"] == module.HOPELESS
+    assert counts["failed"] == module.HOPELESS
     assert counts["good"] >= 1
 
 
@@ -379,15 +379,15 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
 
 
 def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -> None:
-    """With its error, or why it is lost."""
+    """With its error, or why it fails."""
     given = {
-        Imposed("servo", 2.0): ProgramRun(failure="lost"),
+        Imposed("servo", 2.0): ProgramRun(failure="failed"),
         Imposed("servo", 0.5): ProgramRun({"position": 3e-4}, 2.0, 9),
         Imposed("servo", 0.2): ProgramRun({"position": 2e-3}, 1.0, 9),
     }
     monkeypatch.setattr(
         "proofmass.studies.trade.verify.ran_as",
-        lambda case, setting, drive, *_: given.get(drive, ProgramRun(failure="lost")),
+        lambda case, setting, drive, *_: given.get(drive, ProgramRun(failure="failed")),
     )
     setting = Setting("mujoco", {"timestep": 1e-3})
     check = Check(
@@ -399,7 +399,7 @@ def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -
     told = replace(check, others=tuple(found)).other_drives("position", 1e-4)
     assert told == [
         "its drive moved by a servo of gain 0.5 instead: 3e-4 off in 2 s, not good enough",
-        "its drive moved by an equality of gain 0.5 instead: lost",
+        "its drive moved by an equality of gain 0.5 instead: failed",
     ]
     assert "enough" not in replace(check, others=tuple(found)).other_drives("position", 1e-3)[0]
 

@@ -68,10 +68,10 @@ def falling(*slopes: float) -> list[tuple[float, float]]:
 
 
 def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
-    """A line whose runs had these errors; infinite: the run was lost."""
+    """A line whose runs had these errors; infinite: the run failed."""
     rows = []
     for each in zip(*kinds.values(), strict=True):
-        lost = inf in each
+        failed = inf in each
         rows.append(
             StudyRow(
                 "trade",
@@ -82,8 +82,8 @@ def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
                 "timestep",
                 0.0,
                 {},
-                {} if lost else dict(zip(kinds, each, strict=True)),
-                outcome=Outcome.DIVERGED if lost else Outcome.RAN,
+                {} if failed else dict(zip(kinds, each, strict=True)),
+                outcome=Outcome.DIVERGED if failed else Outcome.RAN,
             )
         )
     return MeasuredSeries(steps(), rows)
@@ -94,7 +94,7 @@ def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
     [
         ((0.05, 0.0105, 0.0101, 0.0097), True),  # what it comes to is below a hundredth
         ((0.0104, 0.0102, 0.01), False),  # which a hundredth itself is not
-        ((1e-3, inf, inf), True),  # finer runs are lost: what went before was good enough
+        ((1e-3, inf, inf), True),  # finer runs fail: what went before was good enough
         ((1e-3, 2e-3, inf), True),
         ((0.05, 1e-3, inf, inf), True),
         ((0.05, 0.02, inf, inf), False),
@@ -182,7 +182,7 @@ def test_an_end_that_falls_with_the_order_one_half_still_falls():
         (falling(2.0), 2.0),  # of one refinement, if there are no more
         (falling(0.03), nan),
         (falling(2.0, 0.03), nan),  # it falls no further
-        (refined(1e-2, 2.5e-3, inf), nan),  # a finer run was lost
+        (refined(1e-2, 2.5e-3, inf), nan),  # a finer run failed
         (refined(0.2, 0.05), nan),
         (refined(0.8, 0.2), nan),  # from the error of another motion
         (refined(1e-3), nan),

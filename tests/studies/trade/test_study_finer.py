@@ -41,8 +41,8 @@ def test_a_line_at_its_floor_promises_nothing():
     assert promises(rows, [], "position", NEEDED)
     assert not promises(rows, verdict("RK4", 2.0, 1e-8, "softness"), "position", NEEDED)
     assert not promises(coarse(order=0.1, scale=1e-6), [], "position", NEEDED)
-    lost = [*rows[:-1], replace(rows[-1], outcome="diverged", errors={})]
-    assert not promises(lost, [], "position", NEEDED)
+    failed = [*rows[:-1], replace(rows[-1], outcome="diverged", errors={})]
+    assert not promises(failed, [], "position", NEEDED)
 
 
 def test_the_cheapest_promise_is_the_first():

@@ -148,17 +148,17 @@ def test_a_line_ends_where_nothing_falls_at_its_budget_and_after_a_run_without_e
     assert measured_series([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
 
 
-def test_runs_that_are_lost_at_finer_steps_end_a_line():
-    lost = measured_series([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
-    points = lost.points("velocity")
+def test_runs_that_are_failed_at_finer_steps_end_a_line():
+    failed = measured_series([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
+    points = failed.points("velocity")
     assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
     assert level(points) == 1e-4
     assert flat(points) is least(points) is None, "nothing shows a floor"
-    assert lost.done(1.0)
+    assert failed.done(1.0)
     assert np.isnan(observed(points))
 
 
-def test_runs_that_are_lost_or_far_off_at_coarse_steps_are_none():
+def test_runs_that_are_failed_or_far_off_at_coarse_steps_are_none():
     coarse = measured_series([0.5, 3.0, 1e-2, 1e-3, 1e-4])
     coarse.rows[1] = replace(coarse.rows[1], outcome="diverged", errors={})
     assert [error for _, error in coarse.points("velocity")] == [1e-2, 1e-3, 1e-4]

@@ -292,7 +292,7 @@ def test_the_largest_of_several_causes_is_the_floor_s():
     assert judge(1.0, found, "velocity")[0] == "two"
 
 
-def test_a_lost_run_is_told_and_moves_nothing():
+def test_a_failed_run_is_told_and_moves_nothing():
     found = [(moving("softness"), row(0.0, "diverged"))]
     assert judge(1.0, found, "velocity") == ("unknown", "moving softness: diverged")
     assert judge(1.0, [*found, (moving("step"), row(0.5))], "velocity")[0] == "step"

@@ -4,7 +4,7 @@
     python -I tests/studies/stress/bare/with_mujoco.py "pendulum, Euler"     # one
 
 Nothing of proofmass is imported: what `proofmass stress` says of MuJoCo must hold here as well.
-The mechanisms are the files in `models/linkages/`; springs are written here.  A run is lost when
+The mechanisms are the files in `models/linkages/`; springs are written here.  A run fails when
 MuJoCo warns, when it is not finite, when a loop is open by a tenth of the model's extent, or when
 a position is off by a tenth of its range.  Every position is looked at after every step.
 """
@@ -21,7 +21,7 @@ import numpy as np
 
 MODELS = Path(__file__).parents[4] / "models" / "linkages"
 WITHIN = 2e-3  # share of a limit to which it is bisected
-LOST = 0.1
+FAILED = 0.1
 GRAVITY = 9.81
 WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -30,17 +30,17 @@ WARNINGS = (
 )
 
 
-def limit(lost, low, high):
-    """Where something is lost first: strides of a quarter from `low` on, then halves."""
+def limit(failed, low, high):
+    """Where something fails first: strides of a quarter from `low` on, then halves."""
     stride = 1.25 if high > low else 0.8
-    assert not lost(low)
-    while not lost(low * stride):
+    assert not failed(low)
+    while not failed(low * stride):
         low *= stride
-        assert (low < high) is (stride > 1), "not lost at all"
+        assert (low < high) is (stride > 1), "not failed at all"
     high = low * stride
     while max(high / low, low / high) > 1 + WITHIN:
         middle = math.sqrt(low * high)
-        low, high = (low, middle) if lost(middle) else (middle, high)
+        low, high = (low, middle) if failed(middle) else (middle, high)
     return math.sqrt(low * high)
 
 
@@ -57,7 +57,7 @@ def off(found, wanted):
 
 
 def stepped(model, steps, read, start=lambda model, data: None):
-    """What `read` gives of the state before the first step and after each; None if it is lost."""
+    """What `read` gives of the state before the first step and after each; None if it fails."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     start(model, data)
@@ -129,18 +129,18 @@ def pendulum(integrator=None, step=1e-3, gravity=1.0, seconds=10.0):
 
 def pendulum_step(integrator):
     """Largest time step [s] of ten seconds."""
-    return limit(lambda h: pendulum(integrator, h) > LOST, 0.02, 2.0)
+    return limit(lambda h: pendulum(integrator, h) > FAILED, 0.02, 2.0)
 
 
 def pendulum_gravity():
     """How many times gravity may be, at 1 ms with RK4."""
-    return limit(lambda g: pendulum(gravity=g) > LOST, 100.0, 1e5)
+    return limit(lambda g: pendulum(gravity=g) > FAILED, 100.0, 1e5)
 
 
 def pendulum_spring(seconds=0.1, step=1e-3):
     """The stiffest spring in the pivot [N m/rad], of 1 kg m2, over a tenth of a second with RK4."""
 
-    def lost(stiffness):
+    def failed(stiffness):
         model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
         model.jnt_stiffness[0] = stiffness
         found = stepped(model, round(seconds / step), lambda data: data.qpos.copy())
@@ -153,9 +153,9 @@ def pendulum_spring(seconds=0.1, step=1e-3):
             step / each,
             each * round(seconds / step),
         )
-        return off(found, true[::each, :1]) > LOST
+        return off(found, true[::each, :1]) > FAILED
 
-    return limit(lost, 1e5, 1e7)
+    return limit(failed, 1e5, 1e7)
 
 
 # -- a four-bar: crank 1, coupler 2, rocker 2.5, ground 3 m; 1 kg/m
@@ -245,27 +245,27 @@ def looked(data):
 
 
 def apart(model, rows):
-    """Whether a run is lost before any truth is asked."""
+    """Whether a run fails before any truth is asked."""
     return (
-        rows is None or not np.isfinite(rows).all() or rows[:, 4].max() > LOST * model.stat.extent
+        rows is None or not np.isfinite(rows).all() or rows[:, 4].max() > FAILED * model.stat.extent
     )
 
 
 def fourbar_step(integrator, seconds=2.0):
     """Largest time step [s] of a four-bar that is let go."""
 
-    def lost(step):
+    def failed(step):
         model, steps = fourbar(step, integrator), round(seconds / step)
         rows = stepped(model, steps, looked)
         if apart(model, rows):
             return True
-        return off(rows[:, :4], places(between(step * np.arange(steps + 1)))) > LOST
+        return off(rows[:, :4], places(between(step * np.arange(steps + 1)))) > FAILED
 
-    return limit(lost, 2e-3, 1.0)
+    return limit(failed, 2e-3, 1.0)
 
 
 def driven(step, integrator=None, times=1.0):
-    """Whether a turn of the crank at so many rad/s is lost, with a flywheel that nothing slows."""
+    """Whether a turn of the crank at so many rad/s fails, with a flywheel that nothing slows."""
     model = fourbar(step, integrator)
     model.dof_armature[0] = 1e12
 
@@ -278,7 +278,7 @@ def driven(step, integrator=None, times=1.0):
         data.qpos[:], data.qvel[:] = place, times * rates
 
     rows = stepped(model, round(2 * math.pi / times / step), looked, start)
-    return apart(model, rows) or off(rows[:, :4], places(rows[:, 5])) > LOST
+    return apart(model, rows) or off(rows[:, :4], places(rows[:, 5])) > FAILED
 
 
 def fourbar_speed():
@@ -352,14 +352,14 @@ def spring_step(integrator, zeta, flag=""):
 def hung_gravity(integrator):
     """Largest gravity dt2 / L of a point mass that hangs."""
 
-    def lost(gravity):
+    def failed(gravity):
         model = mujoco.MjModel.from_xml_string(f"""<mujoco>
   <option gravity="0 {-gravity!r} 0"/><worldbody><body><joint axis="0 0 1"/>
   <inertial pos="0 -1 0" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body></worldbody>
   <keyframe><key qpos="1e-6"/></keyframe></mujoco>""")
         return grows(model, 1.0, integrator, bound=1e-3)
 
-    return limit(lost, 0.5, 50.0)
+    return limit(failed, 0.5, 50.0)
 
 
 def servo_gain(integrator):
@@ -374,7 +374,7 @@ def servo_gain(integrator):
 def loop_softness(integrator):
     """Largest dt / timeconst of an equality, without refsafe."""
 
-    def lost(ratio):
+    def failed(ratio):
         model = oscillator(
             '<equality><joint joint1="joint" solimp="0.9 0.9 0.001"/></equality>'
             '<keyframe><key qpos="0.001"/></keyframe>',
@@ -385,7 +385,7 @@ def loop_softness(integrator):
         model.eq_solref[0] = 1 / ratio, 1.0
         return grows(model, 1.0, integrator)
 
-    return limit(lost, 0.3, 50.0)
+    return limit(failed, 0.3, 50.0)
 
 
 def flat_cylinder(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):

@@ -18,22 +18,22 @@ import numpy as np
 import pymunk
 
 WITHIN = 2e-3  # share of a limit to which it is bisected
-LOST = 0.1
+FAILED = 0.1
 GRAVITY = 9.81
 ITERATIONS = 3000
 
 
-def limit(lost, low, high):
-    """Where something is lost first: strides of a quarter from `low` on, then halves."""
+def limit(failed, low, high):
+    """Where something fails first: strides of a quarter from `low` on, then halves."""
     stride = 1.25 if high > low else 0.8
-    assert not lost(low)
-    while not lost(low * stride):
+    assert not failed(low)
+    while not failed(low * stride):
         low *= stride
-        assert (low < high) is (stride > 1), "not lost at all"
+        assert (low < high) is (stride > 1), "not failed at all"
     high = low * stride
     while max(high / low, low / high) > 1 + WITHIN:
         middle = math.sqrt(low * high)
-        low, high = (low, middle) if lost(middle) else (middle, high)
+        low, high = (low, middle) if failed(middle) else (middle, high)
     return math.sqrt(low * high)
 
 
@@ -148,28 +148,28 @@ def pendulum(step, steps, gravity, before, stiffness=0.0, built=SWUNG):
     return np.array(rows)[:, None]
 
 
-def pendulum_lost(step, gravity=1.0, seconds=10.0, built=SWUNG):
+def pendulum_failed(step, gravity=1.0, seconds=10.0, built=SWUNG):
     """Whether the pendulum's angle is off by a tenth of its range."""
     steps, speed = round(seconds / step), math.sqrt(GRAVITY * gravity)
     wanted = swing(step * np.arange(-1, steps + 1), speed)
     found = pendulum(step, steps, GRAVITY * gravity, float(wanted[0]), built=built)
-    return off(found, wanted[1:, None]) > LOST
+    return off(found, wanted[1:, None]) > FAILED
 
 
 def pendulum_step(built=SWUNG):
     """Largest time step [s]."""
-    return limit(lambda step: pendulum_lost(step, built=built), 0.01, 1.0)
+    return limit(lambda step: pendulum_failed(step, built=built), 0.01, 1.0)
 
 
 def pendulum_gravity():
     """How many times gravity may be, at 1 ms."""
-    return limit(lambda gravity: pendulum_lost(1e-3, gravity), 20.0, 1e4)
+    return limit(lambda gravity: pendulum_failed(1e-3, gravity), 20.0, 1e4)
 
 
 def pendulum_spring(seconds=0.1, step=1e-3):
     """The stiffest spring in the pivot [N m/rad], over a tenth of a second at 1 ms."""
 
-    def lost(stiffness):
+    def failed(stiffness):
         steps, each = round(seconds / step), 40  # fine steps of the truth in one that is tried
         true = integrate(
             lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
@@ -178,9 +178,9 @@ def pendulum_spring(seconds=0.1, step=1e-3):
             each * steps,
         )[::each, 0]
         found = pendulum(step, steps, GRAVITY, float(true[1]), stiffness)  # let go at rest: even
-        return off(found, true[:, None]) > LOST
+        return off(found, true[:, None]) > FAILED
 
-    return limit(lost, 1e4, 1e6)
+    return limit(failed, 1e4, 1e6)
 
 
 # -- a four-bar: crank 1, coupler 2, rocker 2.5, ground 3 m; 1 kg/m
@@ -258,7 +258,7 @@ def middles(crank):
 def fourbar_step(seconds=2.0):
     """Largest time step [s] of a four-bar that is let go."""
 
-    def lost(step):
+    def failed(step):
         steps, space = round(seconds / step), space_of(GRAVITY)
         bodies = [pymunk.Body(m, m**3 / 12) for m in BARS[:3]]  # 1 kg/m
         space.add(*bodies)
@@ -283,14 +283,14 @@ def fourbar_step(seconds=2.0):
             gap = abs(end - coupler.local_to_world((1.0, 0.0)))
             rows.append((rocker.angle, coupler.angle, end.x, end.y, gap))
         rows = np.array(rows)
-        if not np.isfinite(rows).all() or rows[:, 4].max() > LOST * 3.0:
+        if not np.isfinite(rows).all() or rows[:, 4].max() > FAILED * 3.0:
             return True
         pairs = np.array([closed(a) for a in between(step * np.arange(steps + 1))])
         beta, gamma = np.unwrap(pairs, axis=0).T
         wanted = np.column_stack([gamma, beta, 3 + 2.5 * np.cos(gamma), 2.5 * np.sin(gamma)])
-        return off(rows[:, :4], wanted) > LOST
+        return off(rows[:, :4], wanted) > FAILED
 
-    return limit(lost, 4e-3, 1.0)
+    return limit(failed, 4e-3, 1.0)
 
 
 # -- springs, begun a thousandth out of their place
@@ -311,7 +311,7 @@ def grows(space, body, step, steps=3000, bound=1.0):
 def spring_step(zeta, high=50.0):
     """Largest dt omega of a wheel on a spring and a damper."""
 
-    def lost(z):
+    def failed(z):
         # a spring alone is solved in one iteration
         space, body = space_of(0.0, iterations=1), pymunk.Body(1.0, 1.0)
         body.angle = 1e-3
@@ -319,14 +319,14 @@ def spring_step(zeta, high=50.0):
         return grows(space, body, z)
 
     if zeta > 0.25:
-        return math.inf if not any(map(lost, np.geomspace(0.3, high, 12).tolist())) else math.nan
-    return limit(lost, 0.3, high)
+        return math.inf if not any(map(failed, np.geomspace(0.3, high, 12).tolist())) else math.nan
+    return limit(failed, 0.3, high)
 
 
 def row_step(masses=5):
     """Largest dt sqrt(k/m) of masses in a row on springs."""
 
-    def lost(z):
+    def failed(z):
         space = space_of(0.0)
         last = space.static_body
         for k in range(masses):
@@ -336,13 +336,13 @@ def row_step(masses=5):
             last = body
         return grows(space, last, z, steps=1000, bound=0.1)  # far from 1 m, where springs turn over
 
-    return limit(lost, 0.1, 10.0)
+    return limit(failed, 0.1, 10.0)
 
 
 def hung_gravity():
     """Largest gravity dt2 / L of a point mass that hangs."""
 
-    def lost(gravity):
+    def failed(gravity):
         space, body = space_of(gravity), pymunk.Body(1.0, 1e-12)
         place, body.angle = hung(1e-6)
         body.position = place.real, place.imag
@@ -350,7 +350,7 @@ def hung_gravity():
         pinned(space, space.static_body, body, (0.0, 0.0))
         return grows(space, body, 1.0, bound=1e-3)
 
-    return limit(lost, 0.5, 50.0)
+    return limit(failed, 0.5, 50.0)
 
 
 LIMITS = {

@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.colors import to_hex
 
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
-from proofmass.report.charts import MOST, SLIM, SQUAT, chart_sheet, dressed, thinned, tones
+from proofmass.report.charts import MOST, SLIM, SQUAT, chart_figure, dressed, thinned, tones
 from proofmass.report.figures import save
 from proofmass.report.style import KNOWN, RC
 
@@ -19,7 +19,7 @@ def drawn(*panels: Panel, **changed: object):
     """Axes of a chart of such panels, without those of colour bars."""
     chart = Chart(("x", "m"), ("y", "m"), panels, "Caption.")
     with rc_context(RC):
-        figure = chart_sheet("Title", replace(chart, **changed))
+        figure = chart_figure("Title", replace(chart, **changed))
     figure.draw_without_rendering()
     return figure.axes[: len(panels)]
 

@@ -20,7 +20,7 @@ NAMES = {
 }
 
 
-def sheet(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Figure:
+def accuracy_figure(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Figure:
     """One panel an engine: medians over cases, and bands of their middle half."""
     figure = Figure(figsize=(7.2, 3.3))
     axes = figure.subplots(1, 2, sharey=True, sharex=True)

@@ -16,10 +16,10 @@ from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.figure import (
     FRONT,
     dressed,
-    other_parameters_sheet,
+    other_parameters_figure,
     planned,
     spread,
-    trade_sheet,
+    trade_figure,
 )
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study
@@ -31,7 +31,7 @@ NAN = float("nan")
 
 def drawn(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
     with rc_context(RC):
-        figure = trade_sheet(rows, verdicts, dressed(rows))
+        figure = trade_figure(rows, verdicts, dressed(rows))
     figure.draw_without_rendering()
     return figure
 
@@ -169,14 +169,14 @@ def test_failures_are_crosses_at_the_upper_edge(sheet: Figure) -> None:
     left, right = ([one for one in ax.lines if one.get_marker() == "x"] for ax in sheet.axes[:2])
     assert not left
     assert [one.get_xdata()[0] for one in right] == pytest.approx([6.28 / 0.016], abs=1)
-    lost = StudyRow("", "", "", "", "", "", 0.0, {"timestep": 0.1}, outcome="diverged")
-    assert planned(lost, [lost]) == 0.0
+    failed = StudyRow("", "", "", "", "", "", 0.0, {"timestep": 0.1}, outcome="diverged")
+    assert planned(failed, [failed]) == 0.0
 
 
 def test_nothing_but_failures_can_be_drawn() -> None:
     rows = [
         replace(row, outcome="crashed", errors={}, seconds=NAN, steps=0)
-        for row in series_rows("lost")
+        for row in series_rows("failed")
     ]
     assert len(drawn(rows, []).axes) == 2
 
@@ -198,7 +198,7 @@ def test_other_parameters_run_from_coarse_to_fine() -> None:
         for v in (0.04, 0.02, 0.01)
     ]
     with rc_context(RC):
-        (ax,) = other_parameters_sheet(rows, dressed(rows)).axes
+        (ax,) = other_parameters_figure(rows, dressed(rows)).axes
     assert ax.xaxis_inverted()
     assert ax.get_xlabel() == "time constant, solref [s]"
     assert list(ax.lines[0].get_xdata()) == [0.04, 0.02, 0.01]
