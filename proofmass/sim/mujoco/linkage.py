@@ -53,7 +53,7 @@ AHEAD = 1e-2  # [extents or rad] a guess between strides that is further off is 
 SHORTENS = 0.1  # of a Newton step: the next one is shorter, or the guess is none
 SURE = 1e8  # ratio of singular values below which a pose is not singular
 REGULAR = 1e3  # [extents or rad per extent] poses that move so for a gap are followed one by one
-THERE = 1e-12  # [extents or rad] the last Newton step of poses together, whose rows are kept
+THERE = 1e-12  # [extents or rad] the last Newton step of poses together, whose inverse is refined
 TURNS = 5  # Newton steps of poses together
 
 
@@ -248,13 +248,12 @@ class Linkage:
                 continue
             for pose, inverse, controls in zip(*found, block[drives:].T, strict=True):
                 self.data.qpos[:], self.data.ctrl[self.controls] = pose, controls
-                mujoco.mj_fwdPosition(self.model, self.data)
-                self.inverse = inverse
-                tangent = self.loaded_tangent(inverse[:, inverse.shape[1] - drives :])
+                self.inverse = self.refined(inverse, self.rows()[1])
+                tangent = self.loaded_tangent(self.inverse[:, inverse.shape[1] - drives :])
                 yield tangent
 
     def together(self, values: Array, tangent: Array | None) -> tuple[Array, Array] | None:
-        """Poses (n, nv) and `inverse` (n, nv, rows + drives) of a path that is regular.
+        """Poses (n, nv) of a path that is regular, and the `inverse` (n, nv, rows + drives) nearby.
 
         None where poses are as far from each other as strides, where one of them is singular or
         cannot be closed, or where Newton's method does not go from a guess straight to its pose.
@@ -315,6 +314,15 @@ class Linkage:
         if not (values[:, -1] > values[:, 0] / REGULAR).all():
             return None
         return self.inverted(left, values, right)
+
+    def refined(self, inverse: Array, jacobian: Array) -> Array:
+        """`invert` a Jacobian, from that of a pose which is off by the last Newton step.
+
+        Rates would be off by as much, up to `THERE`, and not by the rounding of the pose alone; a
+        step of Newton's method on the inverse leaves the square of that.
+        """
+        rows = np.vstack([jacobian, self.units])
+        return np.asarray(2.0 * inverse - inverse @ (rows @ inverse))
 
     def loaded_tangent(self, tangent: Array) -> Array:
         """The tangent of the drives, and that of loads, which move nothing."""

@@ -73,8 +73,9 @@ def test_poses_together_are_those_one_by_one(name, blocks):
     found = swept(name)
     assert all(blocks) == CASES[name]
     assert found.stopped == followed(name).stopped
-    # rounding, by the worst transmission on the way
-    assert far_apart(found, followed(name)) < 1e-11
+    # rounding by the transmission on the way: at worst 70 eps, where the spherical four-bar has its
+    # largest accelerations; 530 eps in a universal joint whose inverse is not that of its pose
+    assert far_apart(found, followed(name)) < 5e-14
 
 
 SLOWER = {
