@@ -9,7 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from proofmass.analytic.linkages import fivebar, inverted_slider_crank, swinging_block, threeprr
+from proofmass.analytic.linkages import (
+    fivebar,
+    fourbar,
+    inverted_slider_crank,
+    slider_crank,
+    swinging_block,
+    threeprr,
+)
 
 GRAVITY = 3.7
 STATES = pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
@@ -77,6 +84,78 @@ def point(pose, name, inertia):
     """Place and acceleration of a point."""
     place = pose[f"{name}_x"] + 1j * pose[f"{name}_y"]
     return place, inertia * (pose[f"{name}_ax"] + 1j * pose[f"{name}_ay"])
+
+
+def fourbar_bodies(mode, inertia):
+    link = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": mode}
+    masses = {"crank_mass": 1.3, "coupler_mass": 2.1, "rocker_mass": 0.8}
+    pose = fourbar.solve(
+        *LAW[:, 0], **link, **masses, rocker_load=6.0, gravity=GRAVITY, inertia=inertia
+    )
+    (p, at_p), (q, at_q) = arm(1.0, 0, inertia), point(pose, "pin", inertia)
+    rest = np.zeros_like(p)
+    on_crank = force(pose, "crank_force", LAW[0, 0])
+    on_rocker = force(pose, "rocker_force", pose["rocker_angle"])
+    on_coupler, of_pin = (
+        force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin")
+    )
+    turning = {k: inertia * pose[f"{k}_acceleration"] for k in ("coupler", "rocker")}
+    return {
+        "crank": bar(
+            1.3,
+            (rest, p),
+            (rest, at_p),
+            inertia * LAW[2, 0],
+            (on_crank, -on_coupler),
+            pose["holding_moment"],
+        ),
+        "coupler": bar(2.1, (p, q), (at_p, at_q), turning["coupler"], (on_coupler, -of_pin)),
+        "rocker": bar(
+            0.8, (rest + 3.0, q), (rest, at_q), turning["rocker"], (on_rocker, of_pin), 6.0
+        ),
+    }
+
+
+def slider_crank_bodies(mode, inertia):
+    """With dry friction, which is against the motion of each joint, and a load on the slider."""
+    link = {"crank": 0.6, "coupler": 1.8, "guide_x": 0.4, "guide_y": 0.5, "guide_angle": 0.3}
+    masses = {"crank_mass": 1.3, "coupler_mass": 2.1, "slider_mass": 0.7}
+    frictions = {"crank_friction": 0.6, "pin_friction": 0.4, "slider_friction": 1.1}
+    pose = slider_crank.solve(
+        *LAW[:, 0],
+        **link,
+        **masses,
+        **frictions,
+        mode=mode,
+        slider_load=-3.0,
+        gravity=GRAVITY,
+        inertia=inertia,
+    )
+    (p, at_p), (s, at_s) = arm(0.6, 0, inertia), point(pose, "slider", inertia)
+    rest = np.zeros_like(p)
+    of_guide = force(pose, "guide_force", 0.3)
+    on_crank = force(pose, "crank_force", LAW[0, 0])
+    on_coupler, of_pin = (
+        force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin")
+    )
+    # along the guide there are its friction and the load
+    rubs = np.sign(pose["slide_rate"])
+    assert set(rubs) == {-1.0, 1.0}
+    np.testing.assert_allclose(pose["guide_force_x"], -3.0 - 1.1 * rubs, rtol=0, atol=1e-13)
+    on_pin = -0.4 * np.sign(pose["coupler_rate"] - LAW[1, 0])  # of the crank on the coupler
+    turning = inertia * pose["coupler_acceleration"]
+    return {
+        "crank": bar(
+            1.3,
+            (rest, p),
+            (rest, at_p),
+            inertia * LAW[2, 0],
+            (on_crank, -on_coupler),
+            pose["holding_moment"] - 0.6 * np.sign(LAW[1, 0]) - on_pin,
+        ),
+        "coupler": bar(2.1, (p, s), (at_p, at_s), turning, (on_coupler, -of_pin), on_pin),
+        "slider": Body(0.7, 0.0, s, at_s, 0.0, ((of_guide, s), (of_pin, s))),
+    }
 
 
 def inverted_slider_crank_bodies(mode, inertia):
@@ -232,6 +311,8 @@ def threeprr_bodies(mode, inertia):
 
 
 LINKAGES = {
+    "four-bar": (fourbar_bodies, fourbar.MODES),
+    "slider-crank": (slider_crank_bodies, slider_crank.MODES),
     "inverted slider-crank": (inverted_slider_crank_bodies, inverted_slider_crank.MODES),
     "five-bar": (fivebar_bodies, fivebar.MODES),
     "3PRR": (threeprr_bodies, (1, -1)),
