@@ -611,8 +611,14 @@ def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
     """How a loop of friction meets what was expected of a measurement, as in listing N.2."""
     way = np.radians(np.linspace(0.0, 90.0, 181))
     angle = np.concatenate([way, way[-2::-1], way[1:], way[-2::-1]])  # the second one is closed
-    friction = [float(parameters.get(f"friction{i + 1}", 0.0)) for i in range(b.segments)]
-    path, rub = rubbed(b, np.array(friction), angle)
+    friction = np.array([float(parameters.get(f"friction{i + 1}", 0.0)) for i in range(b.segments)])
+    if friction.any():
+        path, rub = rubbed(b, friction, angle)
+    else:
+        paths = whole_way(parameters, ALL + 1e-9)[1]
+        if paths.why[0]:
+            return {}
+        path, rub = along(b, paths, angle), np.zeros((angle.size, b.segments))
     bearing = float(parameters.get("pendulum_friction", 0.0)) * np.sign(np.gradient(angle))
     moment = (path.moment[0, :, 0] + rub[:, 0] + bearing)[360:]
     wanted = expected(str(parameters["expected"]), angle[360:])

@@ -178,6 +178,33 @@ def test_friction_and_springs_take_the_work_of_the_drive():
     assert np.abs(off).max() < 3e-3 * np.cumsum(lost)[-1]
 
 
+def test_the_drive_holds_what_balancer_and_bearing_leave_of_the_weight():
+    friction = {"friction1": 0.01, "friction2": 0.02, "friction3": 0.03, "pendulum_friction": 0.02}
+    way = UP[::8]
+    rate = np.where(np.arange(way.size) < 10, 1.0, -1.0)
+    found = solve(way, rate, **flat(ROW), **friction, weight=0.7)
+    left = found["balancing_moment"] + 0.02 * rate - 0.7 * np.sin(way)
+    np.testing.assert_allclose(found["holding_moment"], left, rtol=0, atol=1e-15)
+    # the ground holds the chain by its first joint: spring and friction
+    own = found["moment1"] + found["friction1"]
+    np.testing.assert_allclose(found["balancing_moment"], own, rtol=0, atol=1e-15)
+    assert np.ptp(found["friction1"]) == pytest.approx(0.02)  # it slips both ways
+
+
+def test_a_bearing_takes_its_moment_times_the_way_of_a_cycle():
+    """There and back over half a turn in all; both turns of 180 steps each way are left out."""
+    chain = prototype.parameters() | {"pendulum_friction": 0.02, "expected": "van Nes N.2"}
+    told = properties(**chain)
+    lost = float(told["lost in a cycle"].removesuffix(" mJ by friction"))
+    assert lost == pytest.approx(1000.0 * 0.02 * np.pi, rel=1.0 / 180.0)
+    way = np.radians(np.linspace(0.0, 90.0, 181))
+    off = solve(way, **prototype.parameters())["moment1"] - prototype.expected_moment(way)
+    left = np.trapezoid(np.abs(off + 0.02) + np.abs(off - 0.02), way)
+    share = left / (2.0 * np.trapezoid(prototype.expected_moment(way), way))
+    reduction = float(told["work reduction of the loop"].removesuffix(" % against van Nes N.2"))
+    assert 100.0 - reduction == pytest.approx(100.0 * share, rel=1.0 / 180.0)
+
+
 def test_the_expected_measurement_is_the_polynomial_with_the_loop_of_first_order():
     chain = prototype.parameters() | {"friction2": 2e-3, "friction3": 1e-3}
     rate = np.where(np.arange(90) % 2, 1.0, -1.0)
