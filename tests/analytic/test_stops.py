@@ -10,6 +10,7 @@ from proofmass.analytic import planar, spatial
 from proofmass.analytic.contacts import bouncing_ball, restitution
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import Overconstrained
+from proofmass.analytic.stops import Step, Stop, hits
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
@@ -89,6 +90,23 @@ def test_samples_at_events_are_those_behind_them(solve):
     found = solve([0.0, 0.5 * off, off], model=two_masses('qpos="0 -0.3"'))
     assert found["b"].shape == (3,)
     assert abs(found["b"][2]) < 1e-12
+
+
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.6, 0.9, 0.999])
+def test_a_stop_is_found_wherever_a_step_comes_to_it(share):
+    """At even pace, and by a parabola that turns back beyond it in the middle of the step."""
+    step = Step(2.0, 6.0, lambda t: (np.array([3.0 * t]), np.array([3.0]), np.zeros(1)))
+    stop = Stop("x", 0, 0, 3.0 * (2.0 + 4.0 * share), 1.0, 0.5)
+    assert list(hits([stop], step)) == pytest.approx([2.0 + 4.0 * share], abs=1e-14)
+    assert not list(hits([Stop("x", 0, 0, 18.1, 1.0, 0.5), Stop("x", 0, 0, 5.9, -1.0, 0.5)], step))
+
+    def thrown(t):
+        return np.array([t * (4.0 - t)]), np.array([4.0 - 2.0 * t]), np.array([-2.0])
+
+    top = Stop("x", 0, 0, 4.0 - (2.0 * share) ** 2, 1.0, 0.5)  # the way up is 4
+    # a step is looked at in its quarters: the one at the top is always beyond
+    found = list(hits([top], Step(0.0, 4.0, thrown)))
+    assert found == pytest.approx([2.0 - 2.0 * share], abs=1e-12)  # eps over the least pace
 
 
 def test_what_happened_is_told():

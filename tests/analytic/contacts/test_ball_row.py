@@ -94,6 +94,14 @@ def test_touching_balls_are_the_limit_of_small_gaps():
     assert (touching["v5"], touching["v1"]) == (1.0, 0.0)
 
 
+def test_at_an_impact_balls_have_the_speeds_after_it_whatever_samples_follow():
+    """A gap of 1/4 m at 1 m/s is closed at 1/4 s, without rounding."""
+    for times in ([0.0, 0.25], [0.0, 0.25, 0.3]):
+        at = ball_row.solve(times, balls=2, radius=0.5, gap=0.25, speed=1.0)
+        assert (at["v1"][1], at["v2"][1], at["impacts"][1]) == (0.0, 1.0, 1.0)
+        assert (at["v1"][0], at["x1"][1], at["x2"][1]) == (1.0, 0.25, 1.25)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

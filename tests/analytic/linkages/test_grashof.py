@@ -191,6 +191,21 @@ def test_only_a_crank_rocker_has_a_swing_and_a_time_ratio():
             function(**STIFF)
 
 
+@pytest.mark.parametrize("longest", BARS)
+def test_a_bar_as_long_as_the_others_together_leaves_one_pose(longest):
+    """In line: whole numbers, so that nothing is rounded."""
+    link = dict.fromkeys(BARS, 1.0) | {longest: 3.0}
+    assert fourbar.classify(**link) == "triple rocker"
+    low, high = fourbar.crank_range(**link)
+    assert (low, high) == ((0.0, 0.0) if longest in ("crank", "ground") else (np.pi, np.pi))
+    pose = fourbar.solve(low, **link, only={"pin_x", "pin_y", "transmission_angle"})
+    straight = np.pi if longest in ("crank", "ground") else 0.0  # coupler and rocker stretched
+    assert pose["transmission_angle"] == pytest.approx(straight, abs=1e-15)
+    assert abs(pose["pin_y"]) < 1e-15  # sin(pi), rounded
+    with pytest.raises(ValueError, match="cannot close"):
+        fourbar.solve(low + 1e-3, **link)
+
+
 def test_bad_lengths_are_named():
     with pytest.raises(ValueError, match=r"^coupler must be a positive"):
         fourbar.classify(**{**LINK, "coupler": -2.0})

@@ -77,8 +77,8 @@ def test_sensors_of_a_motion_are_what_mujoco_comes_to(tmp_path, limited):
         assert error < 2e-5 * max(1.0, np.ptp(known[name])), name
 
 
-def test_a_sweep_tells_actuators_that_do_not_drive(tmp_path):
-    """One of the others holds the elbow in the range of its joint; its drive holds what is left."""
+def test_a_sweep_tells_what_actuators_do_and_drives_in_place_of_their_own(tmp_path):
+    """A drive holds what other actuators leave, whatever its own would do with its control."""
     text = ROBOT.format(**RANGES).replace('kp="60" kv="4"', 'kp="60"')
     file = tmp_path / "robot.xml"
     file.write_text(text)
@@ -93,7 +93,11 @@ def test_a_sweep_tells_actuators_that_do_not_drive(tmp_path):
     drives = tuple(
         Drive(name, lambda t, share=share: law(t, share)) for name, share in shares.items()
     )
-    found = in_mujoco(file, Run("sweep", x, ("pull", "push", "all_cable"), drives)).channels
+    found = in_mujoco(file, Run("sweep", x, FORCES, drives)).channels
     for name, values in found.items():
         np.testing.assert_allclose(known[name], values, rtol=0, atol=1e-11, err_msg=name)
-    assert set(found) == {"pull", "push", "all_cable"}
+    assert set(found) == {*FORCES}
+    model.key_ctrl[0, :3] = 5.0, -3.0, 2.0  # of the actuators whose joints are driven
+    other = spatial.solve(*state, model=model, joints=tuple(shares))
+    for name in FORCES:
+        np.testing.assert_array_equal(other[name], known[name])

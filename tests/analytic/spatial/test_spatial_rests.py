@@ -12,6 +12,9 @@ from scipy.integrate import solve_ivp
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.equilibrium import Unstable
 from proofmass.analytic.numerics import NotCovered
+from proofmass.analytic.spatial.equilibrium import TreeAtRest
+from proofmass.analytic.spatial.kinematics import advance
+from proofmass.analytic.spatial.mechanism import read_tree
 from proofmass.check import check
 from proofmass.reference import compiled, evaluate, properties
 from proofmass.sidecar import load_case
@@ -59,6 +62,16 @@ def rests(file: Path, angles: np.ndarray = ANGLES, **more: object) -> dict[str, 
     """The reference of its sweep."""
     model = mujoco.MjModel.from_xml_path(str(file))
     return spatial.solve(angles, model=model, joints=("arm",), **more)
+
+
+def test_balls_turn_evenly_on_a_way(tmp_path):
+    """As rates do that act for a unit of time, also by more than half a turn."""
+    tree = read_tree(mujoco.MjModel.from_xml_path(str(arm(tmp_path))), "start")
+    ways = np.random.default_rng(0).normal(0.0, 2.0, (8, tree.armature.size))
+    begin = advance(tree, tree.start, ways[0])
+    moved = TreeAtRest(tree, ("arm",)).moved(np.tile(begin, (8, 1)), ways)
+    known = [advance(tree, begin, way) for way in ways]
+    np.testing.assert_allclose(moved, known, rtol=0, atol=1e-15)  # of quaternions, lengths below 8
 
 
 STOPS = ('range="-.9 .28" limited="true"', 'range="-.04 .1" limited="true"')

@@ -119,6 +119,20 @@ def test_all_terms_are_those_of_mujoco(everything):
             np.testing.assert_allclose(one, two, rtol=0, atol=atol, err_msg=name)
 
 
+def test_a_quaternion_and_its_negative_are_one_pose(everything):
+    """Also for the spring of a ball, which turns back by the shorter way."""
+    _, tree, q, v = everything
+    found, other = own_terms(tree, q, v), q.copy()
+    (free, _), (ball, _) = tree.quaternions
+    for begin in (free, ball):
+        other[:, begin : begin + 4] *= -1.0
+    # a weld's gap is the vector part of a quaternion, of either sign: those without it are left
+    for name in ("mass", "bias", "force"):
+        np.testing.assert_array_equal(
+            getattr(own_terms(tree, other, v), name), getattr(found, name), err_msg=name
+        )
+
+
 def test_rows_of_equalities_are_the_derivatives_of_their_gaps(everything):
     """Central differences of the gap along motions whose rates are constant."""
     _, tree, q, v = everything
