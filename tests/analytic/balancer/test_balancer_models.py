@@ -3,6 +3,8 @@
 Source: van Nes 2022 (see `tests/data/balancer.json`); rows by the line of its text.
 """
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -163,3 +165,30 @@ def test_no_flag_passes_silently(line):
     for flag in rows()[line]["warnings"]:
         if flag in FLAGS and not (line in LOST and "unstable" in found):
             assert FLAGS[flag] in found
+
+
+PAST = re.compile(r"spring (\d) is past its largest moment from ([\d.]+) deg on")
+WOUND = re.compile(r"spring (\d) is wound by ([\d.]+) rad, more than a quarter turn")
+
+
+@pytest.mark.parametrize("line", ["1839", "1926", "1800", "2180", "2190"])
+def test_springs_past_their_range_or_their_largest_moment_are_told_and_no_others(line):
+    """Not the first, which has no stops to be wound between: in 1839 it is by more than a quarter.
+
+    Past its largest moment a spring resists less where it is wound further.
+    """
+    chain, fine = parameters(rows()[line]), np.radians(np.linspace(0.0, 90.0, 721))
+    pose, told = balancer.solve(fine, **chain), "; ".join(warnings(**chain))
+    wound, past = ({int(k): float(x) for k, x in one.findall(told)} for one in (WOUND, PAST))
+    far, less = {}, {}
+    for k in range(1, 5 if "length4" in chain else 4):
+        way, moment = np.abs(pose[f"deflection{k}"]), np.abs(pose[f"moment{k}"])
+        if way.max() > np.pi / 2:
+            far[k] = way.max()
+        further = np.diff(way) > 1e-9  # and not by rounding, on a stop
+        if (falls := (np.diff(moment) < 0.0) & further).any():
+            less[k] = np.degrees(fine[np.argmax(falls)])
+    assert far or less
+    far.pop(1, None)
+    assert wound == pytest.approx(far, abs=5.1e-3)  # told to a hundredth
+    assert past == pytest.approx(less, abs=0.45)  # steps of 1/8 and 1/4 degree, told to a tenth

@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.balancer import balancer, events, follow, solve
 from proofmass.analytic.balancer.measures import warnings
+from proofmass.analytic.balancer.path import at_rest, system
 from tests.analytic.balancer.balancer_chain import angles
 
 CHAIN = {
@@ -89,6 +90,14 @@ def test_along_the_pendulum_joint_3_turns_one_way_with_the_square(mode):
         assert found["node3_load"][0] == pytest.approx(found["moment3"][0], abs=1e-14)
         assert abs(found["moment3"][0]) == pytest.approx(0.3, abs=1e-4)  # k3 e3
     assert follow(balancer(**given), 1.0).switches == []
+
+
+@EACH
+def test_the_rest_posture_is_an_equilibrium_with_its_preload(preload):
+    """Also where the load holds joint 3 on its stop, which then holds nothing."""
+    chain = balancer(**CHAIN, **preload)
+    residual, _ = system(chain, at_rest(chain))
+    assert np.abs(residual).max() < 1e-15  # of a preload of 0.3 N m
 
 
 @EACH

@@ -318,6 +318,8 @@ def test_unreachable_angle_is_named_with_the_miss():
         hacksaw.solve([0.0, np.pi / 2], 1.0, 0.0, **{**short, "offset": -0.045})
     with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):
         hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short)
+    with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):  # without what a slider-crank refuses
+        hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short, only={"r1"})
     for length in np.linspace(0.1, 0.119, 200):  # upright: some miss the guide by their rounding
         hacksaw.solve(np.arcsin((0.045 - length) / 0.075), 0.0, 0.0, **{**short, "coupler": length})
     with pytest.raises(ValueError, match="angle nan rad"):

@@ -270,6 +270,8 @@ def test_slider_leaves_the_rod():
     )
     safe = inverted_slider_crank.off_rod(angle[:20000], pose["slide_margin"][:20000])
     assert safe.shape == (0, 2)
+    touches = inverted_slider_crank.off_rod([0.0, 1.0, 2.0], [0.5, 0.0, 0.5])  # the rod's end
+    assert touches.shape == (0, 2)
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,11 @@ def test_what_nothing_determines_is_no_quantity(tmp_path):
     file, channels = with_sensors(shipped("bricard.xml"), tmp_path)
     model = mujoco.MjModel.from_xml_path(str(file))
     assert channels[0] not in solve(model, [0.0, 0.01])
+    model = mujoco.MjModel.from_xml_path(str(shipped("fourbar_forces.xml")))  # across its plane
+    for joints in ((), ("crank",)):
+        found = solve(model, [0.0], joints=joints)
+        assert "rocker" in found
+        assert not any("force" in name for name in found)
     text = WELDED.format("0 0").replace('<weld name="weld" body1="box" body2="arm"', "<!--")
     tendon = (
         '<tendon><spatial name="t" {}><site site="wall"/><site site="root"/></spatial></tendon>'

@@ -27,7 +27,7 @@ EVERYTHING = """
 <mujoco><option><flag contact="disable"/></option>
 <worldbody>
   <body pos=".1 .2 .3" euler="50 60 70"><site name="wall" pos=".3 .2 .3" euler="10 20 30"/></body>
-  <body name="a" pos=".1 .2 1"><joint name="free" type="free" damping=".1"/>
+  <body name="a" pos=".1 .2 1"><joint name="free" type="free" damping=".1" stiffness="2"/>
     <inertial pos=".1 .02 .03" mass="1.5" fullinertia=".1 .2 .25 .01 .02 .03"/>
     <site name="on_a" pos=".1 0 .2" euler="10 20 30"/>
     <body name="b" pos=".5 0 .1" euler="10 20 30">
