@@ -89,6 +89,18 @@ def test_bad_parameters(wrong):
         sliding_block.solve(0.0, **{"friction": 0.5, **wrong})
 
 
-def test_no_time_before_the_start():
+@pytest.mark.parametrize("friction", [0.4, 0.52, 0.57, 0.58, 0.9])
+def test_what_it_does_at_rest_is_told_as_it_is_solved(friction):
+    """At 30 degrees: tan 0.577, sin 0.5."""
+    case = {"friction": friction, "angle": np.pi / 6, "speed": 1.0}
+    told = sliding_block.properties(**case)["at rest"]
+    late = sliding_block.solve(5.0, **case)["acceleration"]
+    assert told.startswith("sticks" if late == 0.0 else "slides down")
+    if late == 0.0:
+        assert told.endswith(f"{100.0 / np.sqrt(3.0) / friction:.4g} % of the friction")
+
+
+@pytest.mark.parametrize("time", [-1.0, np.nan])
+def test_no_time_before_the_start(time):
     with pytest.raises(ValueError, match="negative"):
-        sliding_block.solve(-1.0, friction=0.5)
+        sliding_block.solve([0.0, time], friction=0.5)

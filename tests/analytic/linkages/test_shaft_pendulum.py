@@ -7,7 +7,13 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.linkages.shaft_pendulum import events, properties, slip_angle, solve
+from proofmass.analytic.linkages.shaft_pendulum import (
+    events,
+    played,
+    properties,
+    slip_angle,
+    solve,
+)
 
 OWN = {"length": 0.2, "mass": 0.5, "friction": 0.3, "gravity": 9.81}
 WEIGHT = 0.5 * 9.81 * 0.2  # m g l [N m]
@@ -59,6 +65,11 @@ def test_rates_are_slopes_and_the_hinge_gives_the_weight_its_moment():
         assert same or (np.abs(found[f"{name}_rate"][2:] - slope[1:]) > 1e-9).sum() <= 1
     np.testing.assert_allclose(found["hinge_moment"], 0.5 * 9.81 * found["bob_x"], atol=1e-15)
     np.testing.assert_allclose(np.hypot(found["bob_x"], found["bob_y"]), 0.2, rtol=1e-15)
+
+
+def test_a_sample_at_which_it_begins_to_slip_is_one_behind_that():
+    swing, slips = played(np.array([0.0, 0.25, 0.5]), 0.25)  # without rounding
+    assert (swing.tolist(), slips.tolist()) == ([0.0, 0.25, 0.25], [True, True, True])
 
 
 def test_a_shaft_that_stands_rubs_as_before():

@@ -9,6 +9,7 @@ TURN = 2.0 * np.pi
 LINK = {"crank": 1.0, "coupler": 2.0}
 SHORT = {"crank": 1.0, "coupler": 0.6, "guide_y": 0.1}  # the crank cannot turn fully
 MASSES = ("crank_mass", "coupler_mass", "slider_mass")
+FRICTIONS = ("crank_friction", "pin_friction", "slider_friction")
 MODES = pytest.mark.parametrize("mode", slider_crank.MODES)
 
 
@@ -73,7 +74,7 @@ def test_offset_change_point_closes_after_two_turns(offset, mode):
 @pytest.mark.parametrize(
     ("name", "value"),
     [(n, v) for n in ("crank", "coupler") for v in (0.0, -1.0, np.nan, np.inf)]
-    + [(n, v) for n in MASSES for v in (-1.0, np.nan)]
+    + [(n, v) for n in (*MASSES, *FRICTIONS) for v in (-1.0, np.nan, np.inf)]
     + [
         (n, v)
         for n in ("guide_x", "guide_y", "guide_angle", "slider_load", "gravity")
@@ -95,6 +96,8 @@ def test_unreachable_angle_is_named_with_the_miss():
         slider_crank.solve([0.0, 0.5, 1.6, 1.7], **SHORT)
     with pytest.raises(ValueError, match=rf"angle {-np.pi / 2:.9g} rad: .* by 0\.5 m"):
         slider_crank.solve([0.0, -np.pi / 2], **SHORT)
+    with pytest.raises(ValueError, match=r"by 7\.\d+e-10 m"):  # 1e-9 cos(limit)
+        slider_crank.solve(limit + 1e-9, **SHORT)
     turned = {**SHORT, "guide_x": -0.1, "guide_y": 0.0, "guide_angle": np.pi / 2}
     with pytest.raises(ValueError, match=rf"angle {np.pi:.9g} rad: .* by 0\.3 m"):
         slider_crank.solve([np.pi / 2, np.pi], **turned)

@@ -97,6 +97,7 @@ def test_a_sweep_tells_what_actuators_do_and_drives_in_place_of_their_own(tmp_pa
     for name, values in found.items():
         np.testing.assert_allclose(known[name], values, rtol=0, atol=1e-11, err_msg=name)
     assert set(found) == {*FORCES}
+    model = mujoco.MjModel.from_xml_path(str(file))
     model.key_ctrl[0, :3] = 5.0, -3.0, 2.0  # of the actuators whose joints are driven
     other = spatial.solve(*state, model=model, joints=tuple(shares))
     for name in FORCES:

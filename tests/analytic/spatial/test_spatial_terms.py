@@ -54,7 +54,7 @@ EVERYTHING = """
   <spatial name="spring" stiffness="100 5 7" springlength=".1 .3" damping="1 2 3">
     <site site="on_c"/><site site="on_d"/>
   </spatial>
-  <spatial name="three" stiffness="20">
+  <spatial name="three" stiffness="20" springlength="2 3">
     <site site="wall"/><site site="on_a"/><site site="on_b"/>
   </spatial>
   <fixed name="fixed" stiffness="3" damping="1 2">
@@ -63,8 +63,8 @@ EVERYTHING = """
 </tendon>
 <actuator>
   <motor name="motor" joint="hinge" gear="2"/>
-  <position name="servo" joint="slide" kp="3" kv="1" forcerange="-1 2"/>
-  <position name="winch" tendon="spring" kp="4" gear="2"/>
+  <position name="servo" joint="slide" kp="3" kv="1" forcerange="-1 2" gear="1.5"/>
+  <position name="winch" tendon="spring" kp="4" kv=".5" gear="2"/>
   <motor name="dead" site="on_c" refsite="wall" gear="1 2 3 .4 .5 .6"/>
   <motor name="following" site="on_b" gear="1 -2 3 .4 -.5 .6" forcerange="-1 .5"/>
 </actuator>
@@ -117,6 +117,57 @@ def test_all_terms_are_those_of_mujoco(everything):
             one, two = getattr(found, name)[k], getattr(theirs, name)
             atol = (1e-12 if name == "drift" else 1e-14) * max(1.0, np.abs(two).max())
             np.testing.assert_allclose(one, two, rtol=0, atol=atol, err_msg=name)
+
+
+@pytest.mark.parametrize("part", ["SPRING", "DAMPER", "GRAVITY", "EQUALITY", "ACTUATION"])
+def test_what_a_model_switches_off_is_in_no_term(everything, part):
+    """At one state: gaps are those of `test_all_terms_are_those_of_mujoco`."""
+    model, q, v = mujoco.MjModel.from_xml_string(EVERYTHING), everything[2][:1], everything[3][:1]
+    model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}"))
+    found, theirs = own_terms(read_tree(model, "start"), q, v), SmoothTerms(model).terms(q[0], v[0])
+    for name in NAMES:
+        one, two = getattr(found, name)[0], getattr(theirs, name)
+        atol = (1e-12 if name == "drift" else 1e-14) * max(1.0, np.abs(two).max(initial=0.0))
+        np.testing.assert_allclose(one, two, rtol=0, atol=atol, err_msg=name)
+    whole = own_terms(everything[1], q, v)
+    changed = {"GRAVITY": "bias", "EQUALITY": "gap"}.get(part, "force")
+    assert not np.array_equal(getattr(whole, changed), getattr(found, changed))
+
+
+def test_sensors_at_a_state_are_those_of_mujoco(everything):
+    """Without equalities, whose forces are soft there; accelerations are those of the start."""
+    spec, kind, obj = mujoco.MjSpec.from_string(EVERYTHING), mujoco.mjtSensor, mujoco.mjtObj
+    for one in spec.equalities:
+        one.active = False
+    for name in (
+        *("FRAMEPOS", "FRAMEQUAT", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS", "FRAMELINVEL"),
+        *("FRAMEANGVEL", "FRAMELINACC", "FRAMEANGACC", "ACCELEROMETER", "GYRO", "VELOCIMETER"),
+    ):
+        given = {"objtype": obj.mjOBJ_SITE, "objname": "on_c"}
+        spec.add_sensor(name=name, type=getattr(kind, f"mjSENS_{name}"), **given)
+    for name in ("E_KINETIC", "E_POTENTIAL"):
+        spec.add_sensor(name=name, type=getattr(kind, f"mjSENS_{name}"))
+    for name in ("TENDONPOS", "TENDONVEL"):
+        given = {"objtype": obj.mjOBJ_TENDON, "objname": "three"}
+        spec.add_sensor(name=name, type=getattr(kind, f"mjSENS_{name}"), **given)
+    q, v = everything[2:]
+    for k in range(3):
+        model = spec.compile()  # one that is known already is not read again
+        model.key_qpos[0], model.key_qvel[0] = q[k], v[k]
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        found = spatial.solve([0.0], model=model)
+        for s in range(model.nsensor):
+            name, begin = model.sensor(s).name, model.sensor_adr[s]
+            theirs = data.sensordata[begin : begin + model.sensor_dim[s]]
+            parts = [found[one][0] for one in found if one.split(".")[0] == name]
+            if name == "FRAMELINACC":  # MuJoCo's is less gravity, as that of an accelerometer
+                theirs = theirs + model.opt.gravity
+            sign = -1.0 if name == "FRAMEQUAT" and theirs @ parts < 0.0 else 1.0
+            # of accelerations, by a mass matrix of condition 1e3; of a quaternion either sign
+            bound = 1e-11 * max(1.0, np.abs(theirs).max())
+            np.testing.assert_allclose(parts, sign * theirs, rtol=0, atol=bound, err_msg=name)
 
 
 def test_a_quaternion_and_its_negative_are_one_pose(everything):
@@ -241,6 +292,10 @@ REFUSED = {
     "joint 'a' has a range (of a ball)": (
         'name="a" type="ball"',
         'name="a" type="ball" range="0 1" limited="true"',
+    ),
+    "joint 'h' has a spring that yields": (
+        'name="h"',
+        'name="h" stiffness="1" springyield="1"',
     ),
     "body 'b' has gravcomp": ('<body name="b"', '<body name="b" gravcomp="1"'),
     "it has a fluid (density or viscosity)": ("<option>", '<option density="1">'),
