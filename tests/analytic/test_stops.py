@@ -27,7 +27,7 @@ def falling(ratio: float, more: str = "") -> mujoco.MjModel:
 
 
 @BOTH
-@pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("ratio", [0.0, 0.2, 1.0, 5.0])
 def test_a_mass_bounces_on_a_stop_as_a_ball_on_the_ground(solve, ratio):
     """The closed form sums the bounces up; the last of them are lower than 1e-13 m."""
     t = np.linspace(0.0, 1.5, 151)
@@ -73,6 +73,40 @@ def test_a_mass_that_is_pulled_off_its_stop_leaves_it_at_once(solve):
     apart = 0.3 * np.cos(wide * t)
     assert np.abs(found["b"] - apart).max() < 1e-12
     assert np.abs(found["a"] - 0.75 * (0.3 - apart)).max() < 1e-12
+
+
+@BOTH
+def test_of_two_masses_on_their_stops_the_one_that_is_pulled_leaves(solve):
+    """Each on its own spring: one is pressed on its stop, the other swings away from its own."""
+    body = """<body><joint name="{}" type="slide" axis="1 0 0" range="0 9" stiffness="50"
+      springref="{}"/><geom size="0.1" mass="2"/></body>"""
+    model = mujoco.MjModel.from_xml_string(f"""{HEAD}</option><option gravity="0 0 0"/><worldbody>
+      {body.format("pressed", -0.4)}{body.format("pulled", 0.3)}</worldbody>
+      <sensor><jointpos name="pressed" joint="pressed"/><jointpos name="pulled" joint="pulled"/>
+      </sensor></mujoco>""")
+    t = np.linspace(0.0, 0.6, 31)
+    found = solve(t, model=model)
+    assert np.abs(found["pressed"]).max() < 1e-15
+    assert np.abs(found["pulled"] - 0.3 * (1.0 - np.cos(5.0 * t))).max() < 1e-12
+
+
+@BOTH
+def test_an_impact_on_one_stop_throws_another_mass_off_its_own(solve):
+    """Of two masses in line, by momentum and restitution: the first may leave its stop alone."""
+    model = two_masses('qpos="0 0" qvel="0 1.5"')
+    model.opt.gravity[:] = (-2.0, 0.0, 0.0)
+    model.jnt_stiffness[1], model.jnt_limited[1], model.jnt_range[1] = 0.0, 1, (-9.0, 0.4)
+    speed = np.sqrt(1.5**2 - 2.0 * 2.0 * 0.4)  # of 3 kg, when it meets its stop in the first mass
+    hit = (1.5 - speed) / 2.0
+    thrown = 0.75 * speed * (1.0 + restitution(1.0))  # the first mass; it is 1 kg
+    t = hit + np.array([-0.1, -0.01, 0.0, 0.02, 0.05])
+    found = solve(np.append(0.0, t), model=model)
+    after = np.maximum(t - hit, 0.0)
+    first = thrown * after - after**2
+    assert first[-1] > 0.03
+    assert np.abs(found["a"][1:] - first).max() < 1e-12
+    second = np.where(t < hit, 1.5 * t - t**2, 0.4 - restitution(1.0) * speed * after)
+    assert np.abs(found["b"][1:] - second).max() < 1e-12
 
 
 @BOTH
@@ -189,14 +223,15 @@ def test_a_wrong_restitution_is_seen():
     assert max(np.abs(soft[name] - hard[name]).max() for name in NAMES) > 1e-2
 
 
-def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics():
+@BOTH
+def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics(solve):
     """An arm of 2 kg and 0.8 m that lies level on its stop: weight, and moment about the hinge."""
     model = mujoco.MjModel.from_xml_string(f"""{HEAD}</option><worldbody><body>
       <joint name="hinge" axis="0 -1 0" range="0 1"/>
       <geom type="capsule" size="0.02" fromto="0 0 0 0.8 0 0" mass="2"/><site name="pin"/>
       </body></worldbody><sensor><jointpos name="hinge" joint="hinge"/>
       <force name="force" site="pin"/><torque name="torque" site="pin"/></sensor></mujoco>""")
-    found = planar.solve(np.linspace(0.0, 1.0, 11), model=model)
+    found = solve(np.linspace(0.0, 1.0, 11), model=model)
     assert np.abs(found["hinge"]).max() < 1e-15
     assert found["force.z"] == pytest.approx(2 * 9.81, rel=1e-12)
     assert np.abs(found["torque.y"]) == pytest.approx(2 * 9.81 * 0.4, rel=1e-12)
@@ -248,12 +283,12 @@ def test_stops_that_hold_the_same_are_refused():
         planar.solve([0.0, 1.0], model=text)
 
 
-def test_a_drive_leads_no_other_joint_beyond_its_range():
-    """A sweep has no motion behind a stop."""
+@pytest.mark.parametrize("range_", [(0.0, 2.7), (2.1, 10.0)])
+def test_a_drive_leads_no_other_joint_beyond_its_range(range_):
+    """A sweep has no motion behind a stop: the rocker swings between 2.00 and 2.82 rad."""
     model = mujoco.MjModel.from_xml_path("models/linkages/fourbar.xml")
     model.jnt_limited[:], model.jnt_range[:] = 1, (-10.0, 10.0)
-    rocker = model.joint("rocker").id
-    model.jnt_range[rocker] = (0.0, 1.9)
+    model.jnt_range[model.joint("rocker").id] = range_
     for solve in (planar.solve, spatial.solve):
         with pytest.raises(ValueError, match="joint 'rocker' leaves its range"):
             solve(np.linspace(0.0, 6.0, 61), model=model, joints=("crank",))
