@@ -100,18 +100,23 @@ def bear_witness(
 
 
 def scales(terms: Terms, v: Array) -> dict[str, float]:
-    """The largest of each kind of term in a motion; gaps are in m and rad, of order 1."""
+    """The largest of each kind of term in a motion; gaps are in m and rad, of order 1.
+
+    Drifts are held against accelerations as well, of the order of forces over masses: of bodies at
+    rest they are rounding.
+    """
 
     def largest(*parts: Array) -> float:
         return max((float(np.abs(part).max(initial=0.0)) for part in parts), default=0.0) or 1.0
 
-    forces = largest(terms.bias, terms.force)
+    forces, mass = largest(terms.bias, terms.force), largest(terms.mass)
     rows = largest(terms.jacobian)
+    bent = rows * max(float((v**2).max(initial=0.0)), forces / mass)
     return {
-        "mass": largest(terms.mass),
+        "mass": mass,
         "bias": forces,
         "force": forces,
         "gap": 1.0,
         "jacobian": rows,
-        "drift": max(largest(terms.drift), rows * float((v**2).max(initial=0.0))),
+        "drift": max(largest(terms.drift), bent),
     }

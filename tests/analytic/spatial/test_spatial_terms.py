@@ -62,7 +62,7 @@ EVERYTHING = """
   </fixed>
 </tendon>
 <actuator>
-  <motor name="motor" joint="hinge" gear="2"/>
+  <motor name="motor" joint="hinge" gear="2" ctrllimited="true" ctrlrange="-.1 .2"/>
   <position name="servo" joint="slide" kp="3" kv="1" forcerange="-1 2" gear="1.5"/>
   <position name="winch" tendon="spring" kp="4" kv=".5" gear="2"/>
   <motor name="dead" site="on_c" refsite="wall" gear="1 2 3 .4 .5 .6"/>
@@ -249,6 +249,14 @@ def test_the_witness_notices_a_wrong_term(change, words):
     model = mujoco.MjModel.from_xml_string(SWINGING)
     with pytest.raises(TermsDiffer, match=f"the {words} of MuJoCo and of proofmass's own"):
         spatial.solve([0.0, 0.01], model=model, terms=Changed(model, **change))
+
+
+def test_the_witness_believes_no_term_that_is_no_number():
+    model = mujoco.MjModel.from_xml_string(SWINGING)
+    tree, state = read_tree(model, "start"), (model.key_qpos.copy(), model.key_qvel.copy())
+    changed = Changed(model, bias=lambda source, q, v: np.nan * v)
+    with pytest.raises(TermsDiffer, match="bias force"):
+        bear_witness(tree, changed, np.zeros(1), *state)
 
 
 def test_the_witness_notices_another_inertia():
