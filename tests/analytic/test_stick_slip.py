@@ -118,6 +118,9 @@ def test_shares_of_more_joints_than_they_can_hold_are_level():
     # least maximum: its dual, a push whose 1-norm of works is 1, does as much
     full = np.abs(found) > (1 - 1e-9) * np.abs(found).max()
     assert full.sum() >= 3
+    bound = np.array([1.0, 2.0, 0.5, 3.0])
+    some = shared(matrix.T / bound[:, None], bound, matrix @ shares)  # in shares of their bounds
+    np.testing.assert_allclose(some / bound, found, rtol=0, atol=1e-13)
     for other in np.linalg.svd(matrix)[2][2:]:
         for way in (1e-3, -1e-3):
             assert np.abs(found + way * other).max() > np.abs(found).max()

@@ -191,6 +191,23 @@ def test_the_drive_holds_what_balancer_and_bearing_leave_of_the_weight():
     assert np.ptp(found["friction1"]) == pytest.approx(0.02)  # it slips both ways
 
 
+def test_every_joint_carries_its_load_by_spring_and_friction_and_rates_are_slopes():
+    friction = {"friction1": 0.1, "friction2": 0.02, "friction3": 0.03}
+    step = np.radians(0.25)
+    way = step * np.concatenate([np.arange(0.0, 200.0), np.arange(200.0, 160.0, -1.0)])
+    sense = np.where(np.arange(way.size) < 200, 1.0, -1.0)
+    found = solve(way, sense, **flat(ROW), **friction)
+    stands = np.abs(found["deflection1_rate"]) < 1e-12
+    assert 10 < stands[200:].sum() < 35  # it sticks where the pendulum turns back
+    for i in (1, 2, 3):
+        own = found[f"moment{i}"] + found[f"friction{i}"]
+        np.testing.assert_allclose(found[f"node{i}_load"], own, rtol=0, atol=1e-12)
+        slope = (found[f"theta{i}"][2:] - found[f"theta{i}"][:-2]) / (2.0 * step)
+        off = np.abs(slope - found[f"theta{i}_rate"][1:-1])
+        # step^2/6 of the third derivative, but beside the turn and two events, where rates jump
+        assert (off > 1e-5).sum() <= 5
+
+
 def test_a_bearing_takes_its_moment_times_the_way_of_a_cycle():
     """There and back over half a turn in all; both turns of 180 steps each way are left out."""
     chain = prototype.parameters() | {"pendulum_friction": 0.02, "expected": "van Nes N.2"}

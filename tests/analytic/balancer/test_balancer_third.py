@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.balancer import balancer, events, follow, solve
+from proofmass.analytic.balancer import along, balancer, events, follow, solve
 from proofmass.analytic.balancer.measures import warnings
+from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import at_rest, system
 from tests.analytic.balancer.balancer_chain import angles
 
@@ -125,6 +126,22 @@ def test_moment_is_the_slope_of_the_energy(preload):
 def test_a_preload_that_can_never_release_is_an_error(wrong, said):
     with pytest.raises(ValueError, match=said):
         solve(np.array([0.1]), **CHAIN, **wrong)
+
+
+def test_of_a_batch_those_that_can_never_release_have_no_numbers():
+    each = CHAIN | {"preload3": np.array([0.3, -0.3]), "rest_angle": np.array([0.0, 0.5])}
+    batch = balancers(**each, low3=np.array([0.0, -np.inf]), high3=np.array([np.inf, 0.0]))
+    assert np.isnan(batch.stiffness).all(axis=1).tolist() == [True, False]
+    assert np.isfinite(batch.stiffness[1]).all()
+
+
+def test_beyond_the_end_of_a_path_there_are_no_numbers():
+    """A path that is followed to half a radian knows nothing of what comes after."""
+    chain = balancer(**CHAIN, **CLOSING)
+    found = along(chain, follow(chain, 0.5), np.array([0.1, 0.5, 0.51, 1.0]))
+    for name in ("theta", "moment", "energy", "force"):
+        known = np.isfinite(getattr(found, name)[0]).all(axis=-1)
+        assert known.tolist() == [True, True, False, False], name
 
 
 def test_a_stop_on_the_side_that_the_load_presses_is_told():
