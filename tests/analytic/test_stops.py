@@ -38,6 +38,14 @@ def test_a_mass_bounces_on_a_stop_as_a_ball_on_the_ground(solve, ratio):
     assert np.abs(found["rate"] - known["velocity"]).max() < 1e-11
 
 
+def two_discs(start: str) -> mujoco.MjModel:
+    """As `two_masses`: discs of 1 and 3 kg m^2 on one axis."""
+    model = two_masses(start)
+    model.jnt_type[:] = mujoco.mjtJoint.mjJNT_HINGE
+    model.body_inertia[1:] = np.array([[1.0], [3.0]])
+    return model
+
+
 def two_masses(start: str, more: str = "") -> mujoco.MjModel:
     """Masses of 1 and 3 kg in line, a spring of 200 N/m between, and a stop of the first at 0."""
     return mujoco.MjModel.from_xml_string(f"""{HEAD}</option><option gravity="0 0 0"/><worldbody>
@@ -49,12 +57,13 @@ def two_masses(start: str, more: str = "") -> mujoco.MjModel:
 
 
 @BOTH
-def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve):
+@pytest.mark.parametrize("two", [two_masses, two_discs])
+def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve, two):
     """Pressed on the stop until the spring is slack; then both move on as if there were none."""
     pressed, wide = np.sqrt(200.0 / 3.0), np.sqrt(200.0 / 0.75)
     off = np.pi / 2.0 / pressed
     t = np.linspace(0.0, off + np.pi / wide, 91)
-    found = solve(t, model=two_masses('qpos="0 -0.3"'))
+    found = solve(t, model=two('qpos="0 -0.3"'))
     before, after = t < off, np.maximum(t - off, 0.0)
     speed = 0.3 * pressed
     apart = np.where(before, -0.3 * np.cos(pressed * t), speed / wide * np.sin(wide * after))

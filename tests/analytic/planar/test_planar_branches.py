@@ -19,6 +19,7 @@ from proofmass.analytic.planar import (
     read,
     solve,
 )
+from proofmass.analytic.planar.kinematics import lipschitz, scaled_jacobian
 from proofmass.analytic.planar.mechanism import Mechanism
 from tests.analytic.linkages.random_linkages import bar, compiled, four_bars
 
@@ -250,6 +251,30 @@ def test_geared_cranks_follow_their_polynomial(ratio, bend):
     np.testing.assert_allclose(found["b"], 0.1 + ratio * x + bend * x**2, atol=1e-14)
     np.testing.assert_allclose(found["w"], 2 * (ratio + 2 * bend * x), atol=1e-14)
     np.testing.assert_allclose(found["dw"], 3 * (ratio + 2 * bend * x) + 8 * bend, atol=1e-13)
+
+
+LOOP = '<connect site1="one" site2="two"/>'
+GEAR = '<joint joint1="c" joint2="a" polycoef="0 1 2 0 0"/>'
+
+
+@pytest.mark.parametrize("equalities", [LOOP, GEAR, LOOP + GEAR], ids=["loop", "gear", "both"])
+def test_rows_change_no_faster_than_their_bound(equalities):
+    """What proves a step; of a loop through a slide, and of a gear whose ratio changes."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/><worldbody>
+      <body><joint name="a"/><geom size="0.1"/><body pos="1 0 0"><joint name="b"/>
+        <joint name="s" type="slide" axis="1 0 0"/><geom size="0.1"/><site name="one" pos="1 1 0"/>
+      </body></body><body pos="2 1 0"><joint name="c"/><geom size="0.1"/>
+        <site name="two" pos="0 0 0"/></body></worldbody><equality>{equalities}</equality>
+      <sensor><jointpos name="b" joint="b"/></sensor></mujoco>""")
+    m, generator = read(model, "start")[0], np.random.default_rng(4)
+    q, steps = np.zeros((1, 4)), generator.normal(0.0, 0.1, (40, 4))
+    if equalities == GEAR:  # on its own motion
+        steps[:, 1:3] = 0.0
+    bound, worst = float(lipschitz(m, q)[0]), 0.0
+    for step in steps:
+        change = scaled_jacobian(m, q + step * m.scale)[0] - scaled_jacobian(m, q)[0]
+        worst = max(worst, float(np.linalg.norm(change, 2) / np.linalg.norm(step)))
+    assert 0.2 * bound < worst < bound
 
 
 @pytest.mark.parametrize(

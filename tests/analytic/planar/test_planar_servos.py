@@ -1,5 +1,6 @@
 """Actuators that follow their joints: the planar solver, MuJoCo and pymunk, in time and at rest."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -182,3 +183,47 @@ def test_a_wrong_gain_in_the_engine_turns_the_verdict(tmp_path: Path):
     file.write_text(ARM.read_text(encoding="utf-8").replace('kp="120"', 'kp="120.12"'))
     found = in_mujoco(file, Run("dynamics", T, ("shoulder",))).channels
     assert np.abs(found["shoulder"] - known["shoulder"]).max() > 1e-4 * np.ptp(known["shoulder"])
+
+
+def test_sensors_of_a_driven_joint_with_a_gear_and_an_armature_are_those_of_mujoco(tmp_path: Path):
+    """An actuator shows its moment before the gear; armatures have energy, and ask for moments."""
+    motor = '<motor name="motor" joint="crank" gear="2.5"/>'
+    text = four_bar(tmp_path, motor, "0").read_text(encoding="utf-8")
+    more = '<jointactuatorfrc name="whole" joint="crank"/><e_kinetic name="kinetic"/></sensor>'
+    text = text.replace("</sensor>", more)
+    text = text.replace('<joint name="rocker"', '<joint name="rocker" armature="0.7"')
+    file = tmp_path / "geared.xml"
+    file.write_text(text, encoding="utf-8")
+    names = ("holding_moment", "whole", "kinetic")
+    run = replace(swept(file, ANGLE), channels=names, inertia=True)
+    found, model = in_mujoco(file, run).channels, mujoco.MjModel.from_xml_path(str(file))
+    known = planar.solve(ANGLE, model=model, joints=("crank",), inertia=True)
+    for name in names:
+        # of moments up to 100 N m
+        np.testing.assert_allclose(known[name], found[name], rtol=0, atol=1e-11, err_msg=name)
+    np.testing.assert_allclose(known["whole"], 2.5 * known["holding_moment"], rtol=1e-14)
+    bare = planar.solve(
+        ANGLE,
+        model=mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml"))),
+        joints=("crank",),
+        inertia=True,
+    )
+    assert np.abs(known["whole"] - bare["holding_moment"]).max() > 0.1
+
+
+@pytest.mark.parametrize("ranges", [(2.0, 9.0), (9.0, 2.0), (9.0, 9.0)])
+def test_the_narrower_of_two_ranges_of_a_force_holds(ranges: tuple[float, float]):
+    """That of a motor, and that of its joint, which is after the gear: a disc of 0.5 kg m^2."""
+    motor, joint = ranges
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><body>
+      <joint name="a" actuatorfrcrange="{-joint} {joint}" actuatorfrclimited="true"/>
+      <inertial pos="0 0 0" mass="1" diaginertia=".5 .5 .5"/></body></worldbody>
+      <actuator><motor name="m" joint="a" gear="2" forcelimited="true"
+        forcerange="{-motor} {motor}"/></actuator>
+      <sensor><jointpos name="a" joint="a"/><actuatorfrc name="m" actuator="m"/></sensor>
+      <keyframe><key name="start" ctrl="5"/></keyframe></mujoco>""")
+    t = np.linspace(0.0, 1.0, 5)
+    for solve in (planar.solve, spatial.solve):
+        found = solve(t, model=model)
+        moment = min(2.0 * min(5.0, motor), joint)
+        np.testing.assert_allclose(found["a"], moment * t**2, rtol=0, atol=1e-13)
