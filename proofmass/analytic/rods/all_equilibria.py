@@ -50,9 +50,9 @@ g and is one step off::
 It is worth a start where that step is short.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -139,8 +139,9 @@ class Boxes:
         )
 
 
-def bound(s: RodState, modes: Sequence[int]) -> float:
-    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where none is found.
+def bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
+    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where none is found, or
+    none below `enough`.
 
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> from proofmass.analytic.rods.equilibrium import state
@@ -159,9 +160,9 @@ def bound(s: RodState, modes: Sequence[int]) -> float:
         boxes = moved(s, boxes)
         alone, reached = limits(s, boxes, modes, whole=False)
         most = max(most, alone[reached].max(initial=0.0))
-        limit, reached = limits(s, boxes, modes)
-        if most > BOUND_MOST:
+        if most > min(BOUND_MOST, enough / WITHIN):
             break
+        limit, reached = limits(s, boxes, modes)
         split = reached & (limit > WITHIN * most)
         if not split.any():
             return float(WITHIN * most)
@@ -295,10 +296,10 @@ def largest_root(slack: Array, room: Array, mode: int) -> Array:
     return np.asarray(root)
 
 
-def theoretical_bound(s: RodState, modes: Sequence[int]) -> float:
-    """The bound that costs nothing, or else that of the boxes."""
+def theoretical_bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
+    """The bound that costs nothing, or else that of the boxes, inf where it is above `enough`."""
     quick = largest(s, modes)
-    return quick if np.isfinite(quick) else bound(s, modes)
+    return quick if np.isfinite(quick) else bound(s, modes, enough)
 
 
 TIGHT_EDGE = 0.05  # of the boxes [L]
@@ -779,9 +780,8 @@ class Solutions:
         where k_rel is 1 in double precision, for alpha beyond about 18.
     up_to : float
         The largest alpha [1] that was searched: the count holds up to there.
-    bound : float
-        alpha [1] that no rod of any equilibrium with these modes exceeds, by
-        `theoretical_bound`; inf where there is no proof.
+    proof : callable
+        What gives `bound`, which takes as long as a small search.
     """
 
     state: RodState
@@ -793,7 +793,14 @@ class Solutions:
     alpha: Array
     complement: Array
     up_to: float
-    bound: float
+    proof: Callable[[], float]
+
+    @property
+    def bound(self) -> float:
+        """alpha [1] that no rod of any equilibrium with these modes exceeds, by
+        `theoretical_bound`; inf where there is no proof.
+        """
+        return self.proof()
 
     @property
     def bounded(self) -> bool:
@@ -886,9 +893,11 @@ def solutions(
     """
     given = state(a, inputs=inputs, load=load)
     upto = checked(given, modes, most_load, poses)
-    bound = theoretical_bound(given, upto)
-    cap = bound if np.isfinite(bound) else LATTICE
-    cap = cap if most_load is None else min(most_load, bound)
+    proof = cache(partial(theoretical_bound, given, upto))
+    if most_load is None:
+        cap = proof() if np.isfinite(proof()) else LATTICE
+    else:
+        cap = min(most_load, theoretical_bound(given, upto, most_load))
     batches = list(starts(given, upto, min(cap, LATTICE), poses))
     if cap > LATTICE:
         batches.append(drawn(given, upto, OVERLAP, cap))
@@ -898,7 +907,7 @@ def solutions(
     sheet = rods(chart[:, 0], chart[:, 1])
     within = (sheet.waves < np.array(upto)[:, None]) & (chart[:, 0] <= cap)
     kept = distinct(given, chart, pose, np.flatnonzero(within.all(axis=0)))
-    return described(given, chart[..., kept], pose[:, kept], cap, bound)
+    return described(given, chart[..., kept], pose[:, kept], cap, proof)
 
 
 def checked(
@@ -949,7 +958,9 @@ def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) ->
     return which[apart]
 
 
-def described(s: RodState, chart: Array, pose: Array, up_to: float, bound: float) -> Solutions:
+def described(
+    s: RodState, chart: Array, pose: Array, up_to: float, proof: Callable[[], float]
+) -> Solutions:
     """Equilibria in the document's terms."""
     a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
     force = turned(s, found)[1].T
@@ -976,5 +987,5 @@ def described(s: RodState, chart: Array, pose: Array, up_to: float, bound: float
         chart[:, 0].T[order],
         (1.0 / np.cosh(chart[:, 1])).T[order],
         up_to,
-        bound,
+        proof,
     )

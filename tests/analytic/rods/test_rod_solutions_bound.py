@@ -18,6 +18,7 @@ from proofmass.analytic.rods.all_equilibria import (
     moved,
     solutions,
     solve,
+    theoretical_bound,
     tight,
 )
 from proofmass.analytic.rods.assembly import assembly
@@ -65,6 +66,38 @@ def test_a_count_says_how_far_it_goes():
     np.testing.assert_allclose(  # what the state knows as well
         f.alpha, np.sqrt(np.linalg.norm(f.state.force, axis=-1) / EI), rtol=1e-12
     )
+    assert f.bound == found("rfr3", 1).bound  # all of it, though the search asked for less
+
+
+@pytest.mark.parametrize("name", ["rfr2", "rfr3", "pfr3"])
+def test_a_bound_is_the_same_or_above_what_is_enough(name):
+    """Whether it is above the largest load of a search is known from a part of its work."""
+    a, given = made(name)
+    s = state(a, **given)
+    whole = theoretical_bound(s, [1] * a.rods)
+    for enough in whole * np.array([0.5, 0.99, 1.01]):
+        assert min(enough, theoretical_bound(s, [1] * a.rods, enough)) == min(enough, whole)
+
+
+@pytest.mark.parametrize("most", [15.0, 20.0])
+def test_a_search_goes_to_its_largest_load_or_to_the_bound(most):
+    a, given = made("pfr3")
+    f = solutions(a, most_load=most, poses=30, **given)
+    assert f.up_to == min(most, found("pfr3", 1).bound)
+    assert f.bounded == (most > 18.2)
+
+
+def test_a_load_below_the_bound_takes_a_part_of_its_work(monkeypatch):
+    a, given = made("rfr3")
+    work = []
+    monkeypatch.setattr(
+        all_equilibria, "moved", lambda s, boxes: work.append(boxes.phi.size) or moved(s, boxes)
+    )
+    s = state(a, **given)
+    assert bound(s, [1] * 3, LATTICE) == np.inf
+    part = sum(work)
+    assert LATTICE < bound(s, [1] * 3) < np.inf
+    assert sum(work) > 10 * part
 
 
 @pytest.mark.parametrize(
