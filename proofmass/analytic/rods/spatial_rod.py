@@ -27,9 +27,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import TURN, Array, finite, positive
+from proofmass.analytic.remember import nearby
 from proofmass.analytic.rods.elastica import compliant
 from proofmass.analytic.rods.shooting import march
 
+SpatialNumbers = tuple[
+    float,
+    tuple[float, float, float],
+    tuple[float, float],
+    *tuple[tuple[float, float, float], ...],
+]
+"""Arguments of `spatial_load`: L [m]; GJ, EI_y, EI_z [N m^2]; EA, GA [N]; u0 [1/m]; F, M; w."""
 PARTS = "x", "y", "z"
 STEPS = 16
 """Of order 8, for each turn of the rod without load; twice as many until they change nothing."""
@@ -153,21 +161,20 @@ def solve(
     >>> [round(float(tip[name]), 6) for name in ("x", "y", "z", "twist_moment")]
     [0.997665, 1.0, -0.057005, 0.1]
     """
-    load = spatial_load(
+    given = (
         length,
         (torsion, stiffness if stiffness_y is None else stiffness_y, stiffness),
         (axial, shear),
         (twist, curvature_y, curvature),
-        {
-            "force": (force_x, force_y, force_z),
-            "moment": (moment_x, moment_y, moment_z),
-            "weight": (weight_x, weight_y, weight_z),
-        },
+        (force_x, force_y, force_z),
+        (moment_x, moment_y, moment_z),
+        (weight_x, weight_y, weight_z),
     )
+    load = spatial_load(*given)
     arc = np.asarray(s, float)
     if not np.all((arc >= 0.0) & (arc <= length)):
         raise ValueError(f"s must lie within [0, {length}] [m]")
-    place, frame, moment = shape(load, arc.ravel(), *equilibrium(load))
+    place, frame, moment = shape(load, arc.ravel(), *equilibrium(load, given))
     force = load.force + load.weight * (length - arc.ravel())[:, None]
     local = np.einsum("kij,ki->kj", frame, moment)
     columns = {
@@ -186,7 +193,7 @@ def spatial_load(
     stiffnesses: tuple[float, float, float],
     strains: tuple[float, float],
     natural: tuple[float, float, float],
-    loads: dict[str, tuple[float, float, float]],
+    *loads: tuple[float, float, float],
 ) -> SpatialLoad:
     """The rod and its loads; ValueError for one that there is not."""
     positive(length=length)
@@ -195,7 +202,7 @@ def spatial_load(
     finite(**dict(zip(names, stiffnesses, strict=True)))
     compliant(*strains)
     finite(**dict(zip(("twist", "curvature_y", "curvature"), natural, strict=True)))
-    for name, values in loads.items():
+    for name, values in zip(("force", "moment", "weight"), loads, strict=True):
         finite(**{f"{name}_{part}": value for part, value in zip(PARTS, values, strict=True)})
     axial, shear = strains
     return SpatialLoad(
@@ -203,27 +210,34 @@ def spatial_load(
         1.0 / np.array(stiffnesses),
         1.0 / np.array([axial, shear, shear]),
         np.array(natural, float),
-        *(np.array(loads[name], float) for name in ("force", "moment", "weight")),
+        *(np.array(values, float) for values in loads),
     )
 
 
-def equilibrium(load: SpatialLoad) -> tuple[Array, int]:
+def equilibrium(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, int]:
     """The moment at the clamp (3,) [N m] where all loads have grown from zero, and the steps."""
     turns = load.length * float(np.linalg.norm(load.natural)) / TURN
     steps = STEPS * (1 + int(turns))
-    found = followed(load, steps)
-    tip = at_tip(load, found, steps)
-    while steps < MOST_STEPS:
+    near = beside(load, 1.0, np.array(grown(given, steps)), steps)
+    near = near or beside(load, 1.0, followed(load, steps), steps)
+    while near and steps < MOST_STEPS:
         steps *= 2
-        finer = beside(load, 1.0, found, steps)
-        if finer is None:
-            break
-        found, before, tip = finer, tip, at_tip(load, finer, steps)
-        if np.abs(tip - before).max() <= SAME * load.length:
-            if negative_directions(load, found, steps):
+        found, tip = near
+        near = beside(load, 1.0, found, steps)
+        if near and np.abs(near[1] - tip).max() <= SAME * load.length:
+            if negative_directions(load, near[0], steps):
                 raise ValueError("its loads buckle the rod before they have grown to the whole")
-            return found, steps
+            return near[0], steps
     raise ValueError(f"the rod is bent too sharply for {MOST_STEPS} steps along it")
+
+
+@nearby
+def grown(given: SpatialNumbers, steps: int) -> tuple[float, ...]:
+    """The moment at the clamp [N m] of a rod whose loads have grown from zero.
+
+    Newton's method goes on from there to problems of more digits, of which sensitivities want many.
+    """
+    return tuple(followed(spatial_load(*given), steps).tolist())
 
 
 def followed(load: SpatialLoad, steps: int) -> Array:
@@ -232,8 +246,8 @@ def followed(load: SpatialLoad, steps: int) -> Array:
     while share < 1.0:
         step = min(step, 1.0 - share)
         guess = here + step * tangent
-        found = beside(load, share + step, guess, steps)
-        if found is None or np.abs(found - guess).max() > FAR * load.scale:
+        near = beside(load, share + step, guess, steps)
+        if near is None or np.abs(near[0] - guess).max() > FAR * load.scale:
             step /= 2.0
             if step < SHORTEST:
                 raise ValueError(
@@ -241,13 +255,15 @@ def followed(load: SpatialLoad, steps: int) -> Array:
                     "grow together from zero"
                 )
             continue
-        tangent, here, share = (found - here) / step, found, share + step
+        tangent, here, share = (near[0] - here) / step, near[0], share + step
         step *= 2.0
     return here
 
 
-def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> Array | None:
-    """The moment at the clamp under a share of the loads, by Newton's method; None if it fails."""
+def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> tuple[Array, Array] | None:
+    """The moment at the clamp (3,) [N m] under a share of the loads, by Newton's method, and the
+    place of the tip (3,) [m]; None if it fails.
+    """
     here, least = guess, np.inf
     width = NEAR * load.scale
     size = load.scale + share * float(
@@ -257,14 +273,15 @@ def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> Array |
     )
     for _ in range(MOST_ITERATIONS):
         starts = here[:, None] + width * np.eye(3, 4, 1)
-        ends = integrated(load, share, starts, steps)[-1, MOMENT]
+        state = integrated(load, share, starts, steps)[-1]
+        ends = state[MOMENT]
         gap = ends[:, 0] - share * load.moment
         left = float(np.abs(gap).max())
         if not np.isfinite(left):
             return None
         enough = EXACT if share == 1.0 else NEXT
         if left <= enough * size or (left <= CLOSE * size and left >= least / 2.0):
-            return here
+            return here, state[PLACE, 0]
         least = min(least, left)
         slopes = (ends[:, 1:] - ends[:, :1]) / width
         here = here - np.linalg.lstsq(slopes, gap, rcond=None)[0]
@@ -308,11 +325,6 @@ def shape(load: SpatialLoad, arc: Array, begin: Array, steps: int) -> tuple[Arra
     states = integrated(load, 1.0, begin[:, None], nodes)[np.searchsorted(nodes, arc), :, 0]
     axes = states[:, DIRECTIONS].reshape(-1, 3, 3).swapaxes(1, 2)
     return states[:, PLACE], axes, states[:, MOMENT]
-
-
-def at_tip(load: SpatialLoad, begin: Array, steps: int) -> Array:
-    """Place of the tip (3,) [m]."""
-    return np.asarray(integrated(load, 1.0, begin[:, None], steps)[-1, PLACE, 0])
 
 
 def negative_directions(load: SpatialLoad, begin: Array, steps: int) -> int:

@@ -5,7 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from proofmass.analytic.remember import memory_in_use
 from proofmass.analytic.rods import solve as planar_solve
+from proofmass.analytic.rods import spatial_rod
 from proofmass.analytic.rods.spatial_rod import solve
 from tests.independent.rods.spatial import Sections, arc, extrapolated, quadratic
 
@@ -298,6 +300,32 @@ def test_a_column_buckles_under_its_weight_where_greenhill_says():
     solve(1.0, torsion=0.7, weight_x=-0.98 * 7.8373)
     with pytest.raises(ValueError, match="buckle"):
         solve(1.0, torsion=0.7, weight_x=-1.02 * 7.8373)
+
+
+def test_steps_are_doubled_until_they_change_nothing():
+    """A rod that a load bends to itself takes 128 of them; it is a planar one, turned about x."""
+    rod, planar = solve(1.0, force_y=20.0, force_z=10.0), planar_solve(1.0, force_y=np.sqrt(500.0))
+    for name, values in {"x": planar["x"], "y": planar["y"] * np.sqrt(0.8)}.items():
+        np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-13)
+
+
+def test_a_rod_near_a_known_one_is_not_loaded_from_zero_again(monkeypatch):
+    coil = {"length": 2.0, "curvature": 5.0, "twist": 0.3, "torsion": 0.7, "axial": 80.0}
+    force, memory = {"force_z": 1.2 * (1.0 + 1e-6), "force_x": 0.3}, {}
+    fresh = solve([1.1, 2.0], **coil, **force)
+    with memory_in_use(memory, more=True):
+        solve(2.0, **coil, force_z=1.2, force_x=0.3)
+    followed, work = spatial_rod.followed, []
+    monkeypatch.setattr(spatial_rod, "followed", lambda *a: work.append(a) or followed(*a))
+    with memory_in_use(memory, more=False):
+        near = solve([1.1, 2.0], **coil, **force)
+        assert not work
+        monkeypatch.setattr(spatial_rod, "grown", lambda *_: (np.nan,) * 3)  # a guess of no use
+        lost = solve([1.1, 2.0], **coil, **force)
+        assert work
+    for name, values in fresh.items():
+        np.testing.assert_allclose(near[name], values, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(lost[name], values)
 
 
 @pytest.mark.parametrize(
