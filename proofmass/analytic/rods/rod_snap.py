@@ -20,6 +20,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
+from scipy.special import ellipkm1
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel, line_through
 from proofmass.analytic.numerics import TURN, Array, Complex, positive
@@ -90,10 +91,10 @@ def family(length: float, distance: float) -> SnapFamily:
         )
     start = arch(distance / length)
     sense = float(np.sign(turning(start)))
-    wound = walk(start, -sense, lambda u: float(-log_tip(u)[0].imag) % TURN > np.pi)
-    onward = walk(start, sense, lambda u: float(rods(*np.exp(u)).waves) > WAVES)
+    wound = walk(start, -sense, lambda _, value: float(-value.imag) % TURN > np.pi)
+    onward = walk(start, sense, lambda u, _: waves(u) > WAVES)
     place = np.array(wound[:0:-1] + onward)
-    turns = np.array([turning(u) for u in place])
+    turns = turning(place.T)
     before = np.flatnonzero(turns[1:] * turns[:-1] < 0.0)
     for i in before[::-1]:
         place = np.insert(place, i + 1, fold(place[i], sense), axis=0)
@@ -140,15 +141,23 @@ def log_tip(u: Array) -> tuple[Complex, Complex]:
     return np.log(rod.tip), rod.tip_slope / rod.tip * np.stack([alpha, q])
 
 
-def turning(u: Array) -> float:
-    """Fall of the angle along the level line, in the direction of `ahead`; zero in a fold."""
+def waves(u: Array) -> float:
+    """Half waves between the clamp and the tip, as `ElasticaRods` has them."""
+    alpha, q = np.exp(u)
+    return float(0.5 * alpha / ellipkm1((1.0 / np.cosh(q)) ** 2))
+
+
+def turning(u: Array) -> Array:
+    """Fall of the angle along the level line (...), in the direction of `ahead`; zero in a fold."""
     slope = log_tip(u)[1]
-    return float((slope[0].conj() * slope[1]).imag / np.hypot(*slope.real))
+    return np.asarray((slope[0].conj() * slope[1]).imag / np.hypot(*slope.real))
 
 
-def ahead(u: Array, stride: float) -> Array:
-    """The level line's point at a stride along its tangent from another one of it."""
-    value, slope = log_tip(u)
+def ahead(u: Array, known: tuple[Complex, Complex], stride: float) -> Array:
+    """The level line's point at a stride along its tangent from another one of it, whose `log_tip`
+    is known.
+    """
+    value, slope = known
     level, (x, y) = value.real, slope.real
     v = u + stride * np.array([-y, x]) / np.hypot(x, y)
     for _ in range(STEPS):
@@ -157,18 +166,24 @@ def ahead(u: Array, stride: float) -> Array:
     return np.asarray(v)
 
 
-def walk(u: Array, sense: float, ends: Callable[[Array], bool]) -> list[Array]:
-    """Points of the level line from `u` on, to the first one that ends it."""
-    points = [u]
-    while not ends(points[-1]):
-        points.append(ahead(points[-1], sense * STRIDE))
+def walk(u: Array, sense: float, ends: Callable[[Array, Complex], bool]) -> list[Array]:
+    """Points of the level line from `u` on, to the first one that ends it, known by log(z) there
+    as well.
+    """
+    points, known = [u], log_tip(u)
+    while not ends(points[-1], known[0]):
+        points.append(ahead(points[-1], known, sense * STRIDE))
+        known = log_tip(points[-1])
     return points
 
 
 def fold(u: Array, sense: float) -> Array:
     """The fold within a stride, to rounding."""
-    share = brentq(lambda part: turning(ahead(u, sense * part)), 0.0, STRIDE, xtol=1e-15)
-    return ahead(u, sense * share)
+    known = log_tip(u)
+    share = brentq(
+        lambda part: float(turning(ahead(u, known, sense * part))), 0.0, STRIDE, xtol=1e-15
+    )
+    return ahead(u, known, sense * share)
 
 
 def _solved(slope: Complex, gap: Complex) -> Array:

@@ -9,7 +9,16 @@ from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.rods.elastica import rods
 from proofmass.analytic.rods.equilibrium import flow
-from proofmass.analytic.rods.rod_snap import branches, events, family, properties, shapes, solve
+from proofmass.analytic.rods.rod_snap import (
+    STRIDE,
+    WAVES,
+    branches,
+    events,
+    family,
+    properties,
+    shapes,
+    solve,
+)
 from proofmass.analytic.rods.shooting import integrate, stability
 
 DISTANCES = 0.35, 0.5, 0.8, 0.95
@@ -82,6 +91,20 @@ def test_the_fold_is_where_shooting_is_singular(distance):
     at, near = np.linalg.det(np.moveaxis(rod.slope[-1][[2, 3, 1], :3], -1, 0))
     # det goes with the root of the way to the fold: 1e-2 of a radian's at 1e-4
     assert abs(at) < 1e-5 * abs(near)
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+def test_the_branch_has_a_shape_at_every_stride(distance):
+    """All with the pin at its distance, from half a turn of the clamp to beyond the second fold."""
+    of = family(1.0, distance)
+    found = rods(*np.exp(of.place.T))
+    np.testing.assert_allclose(np.abs(found.tip), distance, rtol=1e-13)
+    gap = np.linalg.norm(np.diff(of.place, axis=0), axis=1)
+    beside = np.concatenate([of.folds - 1, of.folds])  # a fold lies within a stride
+    np.testing.assert_allclose(np.delete(gap, beside), STRIDE, rtol=1e-2)
+    np.testing.assert_allclose(gap[of.folds - 1] + gap[of.folds], STRIDE, rtol=1e-2)
+    assert abs(of.angle[0]) > np.pi > abs(of.angle[1])
+    assert found.waves[-1] > WAVES > found.waves[-2]
 
 
 @pytest.mark.parametrize("distance", DISTANCES)
