@@ -120,14 +120,14 @@ def integrate(
         load[1], load[2], state[1, 3], state[0, 4] = 1.0, 1.0j, 1.0, 1.0
     weight: Complex = np.zeros((width,) + (1,) * fx.ndim, complex)
     weight[0] = weight_x + 1j * weight_y
-    path = march(
-        lambda at, z, slope: _slope(
-            z, load + complex(length - at) * weight, stiffness, axial, shear, slope
-        ),
-        state,
-        s,
-        scheme,
-    )
+    weighs = bool(weight[0].any())
+    tip, strained = load + 0.0 * weight, bool(np.isfinite(axial) or np.isfinite(shear))
+
+    def rate(at: float, z: Array, slope: Array) -> None:
+        beyond = load + complex(length - at) * weight if weighs else tip
+        _slope(z, beyond, stiffness, (axial, shear) if strained else None, slope)
+
+    path = march(rate, state, s, scheme)
     theta, moment, x, y = np.moveaxis(path[:, :, 0], 1, 0)
     return ShotRods(s, theta, moment, x, y, path[:, :, 1:])
 
@@ -199,24 +199,35 @@ def march(
 
 
 def _slope(
-    state: Array, load: Complex, stiffness: float, axial: float, shear: float, slope: Array
+    state: Array,
+    load: Complex,
+    stiffness: float,
+    strains: tuple[float, float] | None,
+    slope: Array,
 ) -> None:
-    """d/ds of (theta, m, x, y) in row 0 of the second axis, of its tangents in the other rows."""
-    turn, tangents = np.exp(1j * state[0, 0]), state.shape[1] > 1
-    path = 1j * turn * state[0]
+    """d/ds of (theta, m, x, y) in row 0 of the second axis, of its tangents in the other rows.
+
+    `strains` are EA and GA of a rod that has one of them.
+    """
+    turns, tangents = state[0], state.shape[1] > 1
+    turn = np.exp(1j * turns[0])
+    path = 1j * turn * turns
     path[0] = turn
-    if np.isfinite(axial) or np.isfinite(shear):
+    if strains is not None:
+        axial, shear = strains
         local = load * turn.conj()
         if tangents:
-            local[1:] -= 1j * local[0] * state[0, 1:]
+            local[1:] -= 1j * local[0] * turns[1:]
         strain = (local.real / axial + 1j * (local.imag / shear)) * turn
         if tangents:
-            strain[1:] += 1j * strain[0] * state[0, 1:]
+            strain[1:] += 1j * strain[0] * turns[1:]
         path += strain
-    bend = load.conj() * path[0]
+    back = load.conj()
+    bend = back * path[0]
     if tangents:
-        bend[1:] += load[0].conj() * path[1:]
-    slope[0], slope[1], slope[2], slope[3] = state[1] / stiffness, bend.imag, path.real, path.imag
+        bend[1:] += back[0] * path[1:]
+    np.divide(state[1], stiffness, slope[0])
+    slope[1], slope[2], slope[3] = bend.imag, path.real, path.imag
 
 
 @dataclass(frozen=True)
