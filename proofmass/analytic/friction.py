@@ -131,8 +131,10 @@ class SlipProblem:
         slipping one is to stand, in shares of the fastest.
         """
         found = self.goes(senses)
-        if found is None:
-            return np.full((2, senses.size), -1.0)
+        return np.full((2, senses.size), -1.0) if found is None else self._left(senses, found)
+
+    def _left(self, senses: Array, found: Rate) -> Array:
+        """`margins` of a state in which it goes on."""
         fastest = float(np.abs(found.rate).max(initial=0.0)) or 1.0
         share = found.friction / self.bound
         slip = senses * found.rate / fastest
@@ -143,7 +145,8 @@ class SlipProblem:
         found = self.goes(senses)
         if found is None:
             return np.inf
-        return float(max(-self.margins(senses).min(initial=0.0), found.grows, found.residual))
+        least = self._left(senses, found).min(initial=0.0)
+        return float(max(-least, found.grows, found.residual))
 
     def choose(self, senses: Array, begins: bool) -> Array:
         """The state in which the pose goes on: of those that are not broken, that of most sticking.
@@ -277,21 +280,27 @@ def advance(body: Rubbing, values: Array) -> None:
     if not np.abs(way).max(initial=0.0) > ROUNDING:
         body.go(values)
         return
-    if body.begins or (body.problem(way).margins(body.senses) < -BROKEN).any():
-        body.enter(body.problem(way).choose(body.senses, True))
+    problem = body.problem(way)
+    margins = None if body.begins else problem.margins(body.senses)
+    if margins is None or (margins < -BROKEN).any():
+        body.enter(problem.choose(body.senses, True))
+        margins = body.problem(way).margins(body.senses)
     done = 0.0
     for _ in range(MOST_EVENTS):
-        done = go_on(body, begin, way, done)
+        done = go_on(body, begin, way, done, margins)
         if done == 1.0:
             return
         body.enter(body.problem(way).choose(body.senses, False))
+        margins = body.problem(way).margins(body.senses)
     raise PathEnds("joints stick and slip in turn without an end")
 
 
-def go_on(body: Rubbing, begin: Array, way: Array, done: float) -> float:
-    """Go to the end of a way, or to its next event; returns the share of the way."""
-    kept, low, high = body.kept(), done, 1.0
-    above, lost = body.problem(way).margins(body.senses), None
+def go_on(body: Rubbing, begin: Array, way: Array, done: float, above: Array) -> float:
+    """Go to the end of a way, or to its next event; returns the share of the way.
+
+    `above` are the margins where it begins.
+    """
+    kept, low, high, lost = body.kept(), done, 1.0, None
 
     def margins_at(share: float) -> Array:
         nonlocal lost

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from proofmass.analytic import friction
 from proofmass.analytic.friction import PathEnds, SlipProblem, advance, levelled, shared
 
 
@@ -101,6 +102,20 @@ def test_one_slider_is_the_play_operator():
     for drive, place in ((0.2, 0.0), (1.0, 0.75), (0.6, 0.75), (0.2, 0.45)):
         advance(body, np.array([drive]))
         assert body.place[0] == pytest.approx(place, abs=1e-12)
+
+
+def test_each_part_of_a_way_begins_with_the_margins_of_its_own_state(monkeypatch):
+    body, parts, go_on = Sliders([3.0, 2.0, 1.0, 0.4], [0.4, 0.6, 0.3]), [], friction.go_on
+
+    def checked(body, begin, way, done, above):
+        np.testing.assert_array_equal(above, body.problem(way).margins(body.senses))
+        parts.append(done)
+        return go_on(body, begin, way, done, above)
+
+    monkeypatch.setattr(friction, "go_on", checked)
+    for drive in PATH[1:]:
+        advance(body, np.array([drive]))
+    assert sum(part > 0.0 for part in parts) > 3
 
 
 def test_joints_that_hold_each_other_share_it_evenly():

@@ -10,6 +10,8 @@ R_i being the friction of joint i against a growing deflection.  Which joints st
 two angles is the matter of `proofmass.analytic.friction`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from proofmass.analytic.balancer.model import Balancer
@@ -27,6 +29,26 @@ HELD = (
     "dry friction holds the whole chain: no joint slips over the angles that are asked for; give "
     "less friction, or a wider motion"
 )
+
+
+class ChainSlopes(NamedTuple):
+    """What a pose asks of the chain.
+
+    Attributes
+    ----------
+    deflection, moment, spring : ndarray (n,)
+        Of each spring: from rest [rad], moment [N m] and stiffness [N m/rad].
+    stiffness : ndarray (n, n)
+        In psi [N m/rad].
+    loop : ndarray (2, n)
+        The loop's Jacobian A [m].
+    """
+
+    deflection: Array
+    moment: Array
+    spring: Array
+    stiffness: Array
+    loop: Array
 
 
 class RubbingChain:
@@ -48,6 +70,7 @@ class RubbingChain:
         self.alpha, self.psi, self.pull = 0.0, at_rest(b).unknowns[0, :n], np.zeros(2)
         self.senses, self.begins = np.ones(self.rubbing.size), True
         self.stuck, self.fixed = self.rubbing[:0], np.zeros(0)
+        self.known, self.known_at = self._slopes(), self.kept()
 
     def at(self) -> Array:
         """The pendulum's angle [rad] (1,)."""
@@ -60,10 +83,6 @@ class RubbingChain:
     def back(self, kept: tuple[float, Array, Array]) -> None:
         """Come back to a pose."""
         self.alpha, self.psi, self.pull = kept
-
-    def deflection(self) -> Array:
-        """Windings of all springs (n,) [rad]."""
-        return deflections(self.b, np.array([self.alpha]), self.psi[None])[0]
 
     def go(self, values: Array) -> None:
         """Follow the rest to another angle in the present state."""
@@ -93,22 +112,26 @@ class RubbingChain:
                 "jumps"
             )
 
-    def slopes(self) -> tuple[Array, Array, Array]:
-        """Stiffness (n, n) in psi, loop's Jacobian A (2, n), and spring moments (n,)."""
-        b, e = self.b, self.deflection()
+    def slopes(self) -> ChainSlopes:
+        """Moments and stiffness at the present pose, found once for each."""
+        here = self.kept()
+        if any(one is not other for one, other in zip(here, self.known_at, strict=True)):
+            self.known, self.known_at = self._slopes(), here
+        return self.known
+
+    def _slopes(self) -> ChainSlopes:
+        b = self.b
+        e = deflections(b, np.array([self.alpha]), self.psi[None])[0]
         east, north = b.length[0] * np.sin(self.psi), b.length[0] * np.cos(self.psi)
         bend = np.diag(self.pull[0] * east + self.pull[1] * north)
-        stiffness = self.turns.T @ (self.springs(e)[:, None] * self.turns) - bend
-        return stiffness, np.array([north, -east]), b.moments(e[None])[0]
-
-    def springs(self, deflection: Array) -> Array:
-        """Stiffness (n,) of the springs at their deflections [N m/rad]."""
-        return np.asarray(self.b.slopes(deflection[None])[0])
+        spring = np.asarray(b.slopes(e[None])[0])
+        stiffness = self.turns.T @ (spring[:, None] * self.turns) - bend
+        return ChainSlopes(e, b.moments(e[None])[0], spring, stiffness, np.array([north, -east]))
 
     def system(self) -> tuple[Array, Array, Array]:
         """Residual, Newton's matrix and the residual's change with alpha, at the present pose."""
-        n, e = self.psi.size, self.deflection()
-        stiffness, loop, moment = self.slopes()
+        n = self.psi.size
+        e, moment, spring, stiffness, loop = self.slopes()
         rows = np.concatenate([loop, self.turns[self.stuck]])
         load = self.turns.T @ (moment + self.friction) + loop.T @ self.pull
         north, west = loop.sum(axis=1)
@@ -116,7 +139,7 @@ class RubbingChain:
         matrix = np.zeros((n + len(rows), n + len(rows)))
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = stiffness, rows.T, rows
         pulled = np.zeros(len(matrix))
-        pulled[0] = self.springs(e)[0]
+        pulled[0] = spring[0]
         pulled[n + 2 :] = self.stuck == 0
         return np.concatenate([load, gap]), matrix, pulled
 
@@ -126,20 +149,19 @@ class RubbingChain:
 
     def stable(self) -> bool:
         """Whether the rest is a minimum for what does not stick."""
-        stiffness, loop, _ = self.slopes()
+        _, _, _, stiffness, loop = self.slopes()
         left = free_of(np.vstack([loop, self.turns[self.stuck]]))
         least = np.linalg.eigvalsh(left @ stiffness @ left.T).min(initial=np.inf)
         return bool(least > FLAT * np.abs(stiffness).max())
 
     def problem(self, way: Array) -> SlipProblem:
         """The present rest in coordinates of its free motions, without its friction."""
-        stiffness, loop, moment = self.slopes()
+        _, moment, spring, stiffness, loop = self.slopes()
         free, own, step = free_of(loop), self.rubbing, float(way[0])
-        slope = self.springs(self.deflection())[0]
         return SlipProblem(
             free @ (self.turns.T @ moment),
             free @ stiffness @ free.T,
-            free[:, 0] * slope * step,
+            free[:, 0] * spring[0] * step,
             self.turns[own] @ free.T,
             (own == 0) * step,
             self.bound,
@@ -149,7 +171,7 @@ class RubbingChain:
         """Let joints stick where they are, or slip."""
         self.senses, self.begins = senses, False
         self.stuck = self.rubbing[senses == 0]
-        self.fixed = self.deflection()[self.stuck]
+        self.fixed = self.slopes().deflection[self.stuck]
         self.friction = np.zeros(self.psi.size)
         self.friction[self.rubbing] = senses * self.bound
 
@@ -209,12 +231,12 @@ def rubbed(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:
             advance(chain, np.array([angle]))
         slipped |= bool(chain.senses[chain.rubbing > 0].any()) and not chain.begins
         rub = chain.rub(way)
-        _, loop, moment = chain.slopes()
+        deflection, moment, _, _, loop = chain.slopes()
         load = chain.turns.T @ (moment + rub)
         chain.pull = np.asarray(np.linalg.lstsq(loop.T, -load, rcond=None)[0], float)
         _, matrix, pulled = chain.system()
         rate = 1.0 - chain.solved(matrix, pulled)[: chain.psi.size]
-        rows.append((chain.psi + chain.alpha, chain.deflection(), moment, rate, chain.pull, rub))
+        rows.append((chain.psi + chain.alpha, deflection, moment, rate, chain.pull, rub))
     if alpha.size > 2 and not slipped and (friction[1:] > 0).any():
         raise ValueError(HELD)
     theta, deflection, moment, rate, force, rub = (
