@@ -39,7 +39,6 @@ from proofmass.sim.pymunk.space import (
     Settings,
     add_contacts,
     add_drives,
-    aim,
     build,
     empty_buffer,
     put,
@@ -280,8 +279,10 @@ def step_through(
     step, read = space.step, batch.get_space_bodies
     usual, space.iterations = space.iterations, first
     set_loads, rows = feed or (None, [])
+    aims = [drive.aim for drive in drives]
     for k, (target, wanted) in enumerate(zip(targets.tolist(), record.tolist(), strict=True)):
-        aim(drives, target)
+        for aim, value in zip(aims, target, strict=True):
+            aim(value)
         if set_loads:
             set_loads(rows[k])
         step(dt)

@@ -138,6 +138,18 @@ def test_a_five_bar_is_second_order(write):
     assert fine[:2].max() < 1e-6  # gap of the first-order closing: (rate dt)^2
 
 
+def test_a_drive_about_the_opposite_axis_turns_the_other_way(write):
+    turned = FIVEBAR.replace('name="right"/>', 'name="right" axis="0 0 -1"/>')
+    turned = turned.replace("1.5708 .5236", "-1.5708 .5236")
+    back = swing("right", -np.pi / 2, 0.3, -0.2, 3)
+    for kind in ("dynamics", "sweep"):
+        run = Run(kind, np.linspace(0, 1, 21), TIP[:4], BOTH)
+        there = simulate(write(FIVEBAR), run).channels
+        same = simulate(write(turned), replace(run, drives=(BOTH[0], back))).channels
+        for name in TIP[:4]:
+            np.testing.assert_allclose(same[name], there[name], atol=1e-12)
+
+
 def test_a_drive_may_hold_still(write):
     run = Run("dynamics", np.linspace(0, 1, 51), TIP[:4], (BOTH[0], hold("right", 1.5)))
     got = simulate(write(FIVEBAR), run)
