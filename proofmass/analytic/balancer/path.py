@@ -79,6 +79,11 @@ class Point:
         return Point(np.concatenate(alpha), np.concatenate(unknowns), np.concatenate(side))
 
 
+def some(b: Balancer, which: NDArray[np.int_]) -> Balancer:
+    """Those of a batch with rising numbers: itself, without a copy, if they are all of it."""
+    return b if which.size == len(b) else b[which]
+
+
 def deflections(b: Balancer, alpha: Array, psi: Array) -> Array:
     """Windings (B, n) of all springs from rest [rad]."""
     turned = psi - b.rest
@@ -112,7 +117,7 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
         [
             left + force[:, :1] * north - force[:, 1:] * east,
             np.stack([east.sum(-1), north.sum(-1) - b.reach(p.alpha)], axis=-1),
-            np.where(held > 0, bounds(b, p.side) - e[:, j], stop),
+            np.where(held > 0, bounds(b, p.side) - e[:, j], stop) if j else stop,
         ],
         axis=-1,
     )
@@ -135,7 +140,7 @@ def solve(b: Balancer, p: Point) -> tuple[Point, Array]:
     unknowns, moved = p.unknowns.copy(), np.zeros(len(b))
     left = np.arange(len(b))
     for _ in range(MOST):
-        residual, matrix = system(b[left], Point(p.alpha[left], unknowns[left], p.side[left]))
+        residual, matrix = system(some(b, left), Point(p.alpha[left], unknowns[left], p.side[left]))
         step = -solved(matrix, residual)
         unknowns[left] += step
         size = np.abs(step[:, : b.segments]).max(axis=-1)
@@ -302,7 +307,7 @@ class PathFollower:
     def step(self) -> None:
         """One stride of every path that is not at its end."""
         k = np.flatnonzero(self.going)
-        b, here, out = self.b[k], self.at[k], self.out[k]
+        b, here, out = some(self.b, k), self.at[k], self.out[k]
         h = self.sense * np.minimum(self.stride[k], np.abs(self.to - here.alpha))
         there, moved = solve(b, here.ahead(h, out))
         into, stable = tangent(b, there)
