@@ -114,7 +114,7 @@ def told_here(file: Path) -> Told:
     grown = number(rung.growth, 2)
     if not rung.consistent:
         return Told(("unchecked", *3 * ("",), grown, "", "", seconds), rung.words())
-    agreed = agrees_until(file, motion, rung) if motion.freedoms else None
+    agreed = agrees_until(file, motion, rung) if motion.dof else None
     cells = (
         "self-consistent",
         number(rung.until, 3),

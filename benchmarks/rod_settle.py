@@ -66,7 +66,7 @@ class Scene:
     @cached_property
     def chains(self) -> list[Chain]:
         """The rods' links; their tips are pinned to the first one's tip, or to the platform."""
-        pin = self.a.freedoms == 2
+        pin = self.a.dof == 2
         turn = self.found.state.shape([1.0])[2][0, :, 0] - clamps(self.found.state)[0][0]
         ends = [
             None if pin and not i else "rod0.tip" if pin else f"pin{i}" for i in range(self.a.rods)
@@ -96,7 +96,7 @@ class Scene:
             f'<site name="clamp{i}" pos="{p.real} {p.imag} 0" euler="0 0 {t}"/>'
             for i, (t, p) in enumerate(zip(theta, place, strict=True))
         ]
-        load, pin = self.found.state.load[0], self.a.freedoms == 2
+        load, pin = self.found.state.load[0], self.a.dof == 2
         pins = "".join(
             f'<site name="pin{i}" pos="{r.real} {r.imag} 0"/>' for i, r in enumerate(self.a.arm)
         )
@@ -130,7 +130,7 @@ class Scene:
             joints = [self.model.joint(name).qposadr[0] for name in one.names[1:]]
             qpos[joints] = np.diff(angles[i], prepend=theta[i])
         for name, value in zip(("x", "y", "phi"), platform, strict=False):
-            if self.a.freedoms == 3:
+            if self.a.dof == 3:
                 qpos[self.model.joint(name).qposadr[0]] = value
         return qpos
 

@@ -171,7 +171,7 @@ class Rung:
     @property
     def consistent(self) -> bool:
         """Whether something moves, and its motion is self-consistent until some time."""
-        return self.last > 0 and self.motion.freedoms > 0
+        return self.last > 0 and self.motion.dof > 0
 
     @cached_property
     def best(self) -> OwnRun:
@@ -278,7 +278,7 @@ class Rung:
 
     def words(self) -> str:
         """All of it in a few sentences."""
-        if not self.motion.freedoms:
+        if not self.motion.dof:
             return "nothing moves: the model has no joints"
         if not self.consistent:
             return f"no two ways of solving its motion agree at any time: {self.why()}"

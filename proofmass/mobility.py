@@ -29,21 +29,21 @@ def mobility(case: Case) -> int | None:
     from proofmass.analytic.planar import Overconstrained  # scipy is slow to load
 
     try:
-        return freedoms_of(compiled(case), case.start)
+        return model_dof(compiled(case), case.start)
     except Overconstrained as error:
         raise InputError(case.model_path, "", str(error)) from None
     except ValueError:
         return None
 
 
-def leaves_freedoms(case: Case) -> bool:
+def leaves_dof(case: Case) -> bool:
     """Whether the drives of a case leave degrees of freedom, which rest in a sweep."""
     with suppress(InputError, ValueError):  # which the run names
         if case.reference == SPATIAL:
             from proofmass.analytic import spatial  # scipy is slow to load
 
             tree, _ = spatial.sources(compiled(case), case.start, None)
-            return spatial.leaves_freedoms(tree, tuple(drive.joint for drive in case.drive))
+            return spatial.leaves_dof(tree, tuple(drive.joint for drive in case.drive))
         return (mobility(case) or 0) > len(case.drive)
     return False
 
@@ -51,14 +51,14 @@ def leaves_freedoms(case: Case) -> bool:
 SPATIAL = "spatial"
 """The reference of models that move in space, whose loops may be over-constrained."""
 KEPT = 64
-"""Models whose freedoms are remembered: a search for what a case notices compiles thousands."""
+"""Models that are remembered: a search for what a case notices compiles thousands."""
 
 
 @lru_cache(KEPT)
-def freedoms_of(model: "MjModel", start: str) -> int:
+def model_dof(model: "MjModel", start: str) -> int:
     """Freedoms of a compiled model, found once for all runs."""
     from proofmass.analytic.planar import read
-    from proofmass.analytic.planar.kinematics import freedoms, nearest
+    from proofmass.analytic.planar.kinematics import count_dof, nearest
 
     mechanism, _ = read(model, start)
-    return freedoms(mechanism, nearest(mechanism, mechanism.start))
+    return count_dof(mechanism, nearest(mechanism, mechanism.start))

@@ -25,7 +25,7 @@ from mujoco import MjModel
 
 from proofmass.analytic import spatial
 from proofmass.analytic.planar import Branch, Mechanism, read, solve
-from proofmass.analytic.planar.kinematics import freedoms, nearest
+from proofmass.analytic.planar.kinematics import count_dof, nearest
 from proofmass.analytic.planar.mechanism import (
     PlanarJoint,
     PointSpring,
@@ -126,7 +126,7 @@ class ModelLook:
     ----------
     start : str
         Its key with the start pose; empty if it has none.
-    freedoms : int
+    dof : int
     reaches : tuple of Reach
         Of all joints that can be driven, the best first.
     sensors : tuple of str
@@ -146,7 +146,7 @@ class ModelLook:
     """
 
     start: str
-    freedoms: int
+    dof: int
     reaches: tuple[Reach, ...]
     sensors: tuple[str, ...]
     placed: bool
@@ -161,7 +161,7 @@ class ModelLook:
     @property
     def determined(self) -> bool:
         """Whether a drive determines the motion, which engines follow as closely as they say."""
-        return self.reference == "planar" and self.freedoms == 1
+        return self.reference == "planar" and self.dof == 1
 
     @property
     def driven(self) -> bool:
@@ -185,7 +185,7 @@ def look_at(path: Path) -> ModelLook:
     try:
         mechanism, _ = read(model, start)
         pose = nearest(mechanism, mechanism.start)
-        free = freedoms(mechanism, pose)
+        free = count_dof(mechanism, pose)
         if free > 1:
             refuse_contacts(model)
             refuse_actuators(model, ())
@@ -236,13 +236,11 @@ def rests_until(model: MjModel, start: str, joint: str, at: float, end: float) -
     return at
 
 
-def look_of(
-    model: MjModel, start: str, freedoms: int, reaches: tuple[Reach, ...] = ()
-) -> ModelLook:
+def look_of(model: MjModel, start: str, dof: int, reaches: tuple[Reach, ...] = ()) -> ModelLook:
     """A look at a model, with the names that it has."""
     return ModelLook(
         start,
-        freedoms,
+        dof,
         reaches,
         tuple(filter(None, sensors(model))),
         any(place_sensors(model)),
@@ -369,7 +367,7 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         raise InputError(model, "", f"its motion could not be looked at: {error}") from None
     if look.driven and not look.reaches:
         raise InputError(model, "", "no joint with a name can be driven from the start pose")
-    if look.freedoms == 0:
+    if look.dof == 0:
         raise InputError(model, "", "it has no degree of freedom: nothing moves")
     written = [sidecar]
     more = [] if look.placed else more_sensors(look)
@@ -413,14 +411,13 @@ def found_in(look: ModelLook) -> str:
         why = f"{look.why[0].upper()}{look.why[1:]}. " if look.why else ""
         known = ", as far as its motion is known" if look.until < LET_GO else ""
         return (
-            f"{why}It has {look.freedoms} degrees of freedom and is let go for "
-            f"{look.until:g} s{known}."
+            f"{why}It has {look.dof} degrees of freedom and is let go for {look.until:g} s{known}."
         )
     best = look.reaches[0]
     turns = "turns once" if best.turns else f"goes {SHARE:.0%} of its way to a limit"
     if not look.determined:
         return (
-            f"It has {look.freedoms} degrees of freedom; joint {best.joint!r} is driven, as its "
+            f"It has {look.dof} degrees of freedom; joint {best.joint!r} is driven, as its "
             f"actuator does, and {turns}. Springs hold the others at rest."
         )
     return f"It has one degree of freedom; joint {best.joint!r} drives it and {turns}."

@@ -17,7 +17,7 @@ from proofmass.case import Case, ProfileTable, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest
 from proofmass.files import read_text
-from proofmass.mobility import leaves_freedoms
+from proofmass.mobility import leaves_dof
 from proofmass.recorded import RecordedColumn
 from proofmass.reference import compiled, knows_inertia, quantities
 from proofmass.sim.contents import channel_names, measures_actuator
@@ -271,7 +271,7 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
         return {}
     if kind == "sweep":
         rates = dict.fromkeys(unit for unit in there if si_unit(unit)[0] in KINDS["velocity"])
-        own = {"rest": tuple(rates)} if rates and leaves_freedoms(case) else {}
+        own = {"rest": tuple(rates)} if rates and leaves_dof(case) else {}
         return {**own, "sweep": ("*",)}
     units = {
         part: tuple(

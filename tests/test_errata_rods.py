@@ -135,7 +135,7 @@ def test_a_slide_moves_the_clamp_along_its_guide():
     """The inverse program takes cos and sin of the clamp's angle, right where both are the same."""
     guide, angle, h = np.array([0.3, 2.0, -2.2]), np.array([0.1, 2.2, -1.9]), 1e-6
     s = state(three(0.3, angle=angle, guide=guide), moment=0.02, force=np.full((3, 2), 0.05))
-    base = s.vector.size - s.assembly.freedoms - 3
+    base = s.vector.size - s.assembly.dof - 3
     for i in range(3):
         step = np.zeros(s.vector.size)
         step[base + i] = h

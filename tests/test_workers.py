@@ -13,7 +13,7 @@ from proofmass.analytic import planar
 from proofmass.check import Result, check
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.mobility import KEPT, freedoms_of
+from proofmass.mobility import KEPT, model_dof
 from proofmass.pytest_plugin import SolverItem
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
@@ -138,5 +138,5 @@ def test_models_that_are_no_longer_asked_for_are_forgotten():
     """A search for what a case notices compiles thousands, each 0.1 MB of a worker."""
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
     for _ in range(KEPT + 8):
-        assert freedoms_of(mujoco.MjModel.from_xml_string(text), "start") == 1
-    assert freedoms_of.cache_info().currsize == KEPT
+        assert model_dof(mujoco.MjModel.from_xml_string(text), "start") == 1
+    assert model_dof.cache_info().currsize == KEPT

@@ -119,7 +119,7 @@ class Equations:
         Q + Bᵀ s, with the s that leaves least [N m].
     gap : ndarray (n, rows)
         Of loops, drives and stops [1].
-    inverse, null : ndarray (n, rates, rows), (n, rates, freedoms)
+    inverse, null : ndarray (n, rates, rows), (n, rates, dof)
         Pseudo-inverse of B, and directions that loops, drives and stops leave [1].
     stiffness : ndarray (n, rates, rates)
         K [N m].
@@ -158,7 +158,7 @@ class Equations:
 
     @cached_property
     def own(self) -> Array:
-        """K on the degrees of freedom (n, freedoms, freedoms)."""
+        """K on the degrees of freedom (n, dof, dof)."""
         return np.asarray(self.null.swapaxes(1, 2) @ self.stiffness @ self.null)
 
     @property

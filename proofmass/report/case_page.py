@@ -145,7 +145,7 @@ def rendered(
         drive_units=tell(drive_units, ["rad or m"] * len(case.drive)),
         parameters=parameters_of(case),
         own_numbers=from_model(case),
-        freedoms=tell(mobility, None),
+        dof=tell(mobility, None),
         knowledge=properties_of(case, result, beyond_limits(runs)),
         laws=any(tables.law(case, name) for name in case.channels),
         reasons=tables.reasons(case),

@@ -480,7 +480,7 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
 def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Put the model into each pose that the drives want, or step what they leave in time."""
     linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
-    if not linkage.leaves_freedoms():
+    if not linkage.leaves_dof():
         yield from swept(model, data, run)
         return
     late, begin = time.monotonic() + SECONDS, float(run.x[0])

@@ -481,7 +481,7 @@ class OwnMotion:
         With other settings and the model's own step.
     stiffer : OwnRun or None
         As the run `compared`, with stiffer contacts, loops and limits; None where there are none.
-    freedoms : int
+    dof : int
         Degrees of freedom, without those that loops take away.
     disturbance : float
         Of the start pose, as a share of the size [1] and in rad.
@@ -496,7 +496,7 @@ class OwnMotion:
     disturbed: OwnRun
     others: tuple[OwnRun, ...]
     stiffer: OwnRun | None
-    freedoms: int
+    dof: int
     disturbance: float = 1e-9
 
 

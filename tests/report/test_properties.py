@@ -1,4 +1,4 @@
-"""What the pages say of a mechanism: freedoms, Grashof class, stroke, share of crank angles."""
+"""What pages say of a mechanism: degrees of freedom, Grashof class, stroke, crank angles."""
 
 import pytest
 

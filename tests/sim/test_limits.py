@@ -42,7 +42,7 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
 
 
 @pytest.mark.parametrize(
-    ("name", "freedoms"),
+    ("name", "dof"),
     {
         "fourbar": 1,
         "fivebar": 2,
@@ -57,9 +57,9 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
         "change_point": 1,
     }.items(),
 )
-def test_mobility_is_grueblers(name, freedoms):
+def test_mobility_is_grueblers(name, dof):
     """The printed ones: B. Diaz Lozano 2019, text lines 1180, 2320, 3023, 3450."""
-    assert mobility(load_case(shipped(f"{name}.toml"))) == freedoms
+    assert mobility(load_case(shipped(f"{name}.toml"))) == dof
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])

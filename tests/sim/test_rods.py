@@ -90,7 +90,7 @@ def test_orders_and_the_limit_of_a_cantilever(engine, row, tmp_path):
 
 
 def test_a_chain_that_mujoco_holds_in_sparse_matrices(tmp_path):
-    """From 60 freedoms on it chooses them itself; the rows of the loop are the same."""
+    """From 60 degrees of freedom on it chooses them itself; the rows of the loop are the same."""
     n, file = 70, model(tmp_path, BENT)
     rod = Rod("r", "ground", "pin", 1.0, 1.0, n, PINNED, turn=2.0)
     found = rest("mujoco", file, (rod,), ("r.angle",), samples=n + 1).channels["r.angle"]

@@ -883,7 +883,7 @@ def test_what_an_extreme_needs():
     require([1], "why")
     with pytest.raises(NotApplicable, match=r"^why$"):
         require([], "why")
-    assert reference_follows_masses(FOURBAR)  # as many drives as freedoms
+    assert reference_follows_masses(FOURBAR)  # as many drives as degrees of freedom
     assert reference_follows_masses(case_of("fourbar_released"))  # the reference reads the model
     assert not reference_follows_masses(case_of("pendulum"))
     assert not reference_follows_masses(FOURBAR.model_copy(update={"drive": FOURBAR.drive * 2}))

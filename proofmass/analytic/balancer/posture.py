@@ -83,8 +83,8 @@ def solve(
     -----
     Accuracy: rounding over the sine of the angle between the last two segments' arms to the tip.
     Source: S. van Nes, MSc thesis TU Delft 2022.074, appendices B and C for the loads, and F for
-    the method: the program SAM takes mechanisms without freedoms alone, so that the angles that its
-    own program had found were prescribed there, and loads and energy compared.
+    the method: the program SAM takes mechanisms without degrees of freedom alone, so that the
+    angles that its own program had found were prescribed there, and loads and energy compared.
 
     Examples
     --------

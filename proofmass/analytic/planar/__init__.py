@@ -54,7 +54,7 @@ from proofmass.analytic.planar.kinematics import (
     BodyMotion,
     Drives,
     condition,
-    freedoms,
+    count_dof,
     loop_jacobian,
     move,
     nearest,
@@ -208,7 +208,7 @@ def solve(
     refuse_actuators(model, joints)
     refuse_changes(model, {**(controls or {}), **(control_laws or {})})
     own, stopped = dict[str, Array](), np.zeros(1)
-    loose = not joints or leaves_freedoms(mechanism, joints)
+    loose = not joints or leaves_dof(mechanism, joints)
     free = loose and (not joints or in_time is not None)
     if loose and not free:
         refuse_contacts(model)
@@ -304,9 +304,9 @@ def properties(
 
 
 @lru_cache(maxsize=32)
-def leaves_freedoms(m: Mechanism, joints: tuple[str, ...]) -> bool:
+def leaves_dof(m: Mechanism, joints: tuple[str, ...]) -> bool:
     """Whether joints whose values are known leave degrees of freedom."""
-    return freedoms(m, nearest(m, m.start)) > len(joints)
+    return count_dof(m, nearest(m, m.start)) > len(joints)
 
 
 @lru_cache(maxsize=32)

@@ -30,7 +30,7 @@ from proofmass.analytic.planar.kinematics import (
     CLOSED,
     Drives,
     approach,
-    freedoms,
+    count_dof,
     lipschitz,
     nearest,
     newton,
@@ -143,7 +143,7 @@ class Branch:
     def __init__(self, m: Mechanism, names: tuple[str, ...]):
         self.m, self.d = m, Drives.of(m, names)
         q = nearest(m, m.start)
-        free = freedoms(m, q)
+        free = count_dof(m, q)
         if free != len(names):
             raise SingularHere(
                 f"the mechanism has {free} degree(s) of freedom, and {len(names)} driven "

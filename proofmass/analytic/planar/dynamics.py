@@ -34,8 +34,8 @@ from proofmass.analytic.planar.kinematics import (
     CLOSED,
     BodyMotion,
     bias,
+    count_dof,
     fitting,
-    freedoms,
     loop_jacobian,
     move,
     nearest,
@@ -177,7 +177,7 @@ def free_motion(
     """
     value, rate, _ = drives.law(float(times[0]))
     q = nearest(m, m.start, drives.rates, value)
-    if freedoms(m, q) <= drives.rates.size:
+    if count_dof(m, q) <= drives.rates.size:
         raise SingularHere("the mechanism has no degree of freedom")
     v = fitting(m, q, m.start_rate, drives.rates, rate)
     return follow_stopped(FreeMechanism(m, drives, stops, controls), times, q, v)

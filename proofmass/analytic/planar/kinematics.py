@@ -298,7 +298,7 @@ def fitting(
     return np.asarray(v - np.linalg.lstsq(rows, rows @ v - wanted, rcond=RANK)[0])
 
 
-def freedoms(m: Mechanism, q: Array) -> int:
+def count_dof(m: Mechanism, q: Array) -> int:
     """Mobility of a closed pose (joints,): joints less independent loop equations.
 
     The rank is low at a singular pose too, so a neighbour that the mechanism can reach decides.

@@ -166,7 +166,7 @@ def bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
         split = reached & (limit > WITHIN * most)
         if not split.any():
             return float(WITHIN * most)
-        boxes = boxes[split].halved(s.assembly.freedoms == 2)
+        boxes = boxes[split].halved(s.assembly.dof == 2)
     return float(np.inf)
 
 
@@ -179,7 +179,7 @@ def tight(s: RodState, modes: Sequence[int], least: float, edge: float) -> Boxes
         boxes = boxes[reached & (limit > least)]
         if 2.0 * boxes.half <= edge * s.assembly.length.min():
             return boxes
-        boxes = boxes.halved(s.assembly.freedoms == 2)
+        boxes = boxes.halved(s.assembly.dof == 2)
 
 
 def first(s: RodState) -> Boxes:
@@ -190,13 +190,13 @@ def first(s: RodState) -> Boxes:
         np.arange((part - reach).max(), (part + reach).min() + edge, edge)
         for part in (clamp.real, clamp.imag)
     )
-    count = int(np.ceil(TURN * np.abs(a.arm).max() / edge)) if a.freedoms == 3 else 1
+    count = int(np.ceil(TURN * np.abs(a.arm).max() / edge)) if a.dof == 3 else 1
     east, north, phi = (part.ravel() for part in np.meshgrid(x, y, TURN / count * np.arange(count)))
     return Boxes(
         east + 1j * north,
         phi,
         edge / 2.0,
-        np.pi / count if a.freedoms == 3 else 0.0,
+        np.pi / count if a.dof == 3 else 0.0,
         np.zeros((phi.size, 3)),
     )
 
@@ -215,7 +215,7 @@ def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
 
     Newton's method for the logarithm of the sum of exp(sharp |d_i - t_i|/L_i), which is convex.
     """
-    a, unknown = s.assembly, s.assembly.freedoms
+    a, unknown = s.assembly, s.assembly.dof
     length = a.length[:, None]
     arm = np.exp(1j * phi) * a.arm[:, None]
     away = where + arm - clamps(s)[1][:, None]
@@ -562,7 +562,7 @@ def around(s: RodState, cell: float) -> tuple[Complex, Array]:
         np.arange((part - reach).max(), (part + reach).min() + cell, cell)
         for part in (clamp.real, clamp.imag)
     )
-    turns = int(np.ceil(2.0 * np.pi / 3.0 * a.length.min() / cell)) if a.freedoms == 3 else 1
+    turns = int(np.ceil(2.0 * np.pi / 3.0 * a.length.min() / cell)) if a.dof == 3 else 1
     x, y, phi = np.meshgrid(east, north, np.arange(turns) * 2.0 * np.pi / turns)
     return (x + 1j * y).ravel(), phi.ravel()
 
@@ -594,7 +594,7 @@ def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bo
         push, load = 1j * (ways.along * r - ways.across * r.conj()), r.conj() * ways.force
         side, moment = side + push, moment + load.imag
         bend = bend + (r.conj() * push).imag - load.real
-    if s.assembly.freedoms == 2:
+    if s.assembly.dof == 2:
         bend = bend + 1.0
     given = np.append(s.load, 0.0)
     first, second, third = np.array(
@@ -639,7 +639,7 @@ def turned(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex,
 
 def system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     """Residual (n, N) and Newton's matrix (n, N, N), N = 2 k + p: closures, then balance."""
-    a, k, p = s.assembly, s.assembly.rods, s.assembly.freedoms
+    a, k, p = s.assembly, s.assembly.rods, s.assembly.dof
     tip, force, tips, forces = turned(s, rods(chart[:, 0], chart[:, 1]))
     arm = np.exp(1j * pose[2]) * a.arm[:, None]
     gap = clamps(s)[1][:, None] + tip - pose[0] - 1j * pose[1] - arm
@@ -667,7 +667,7 @@ def wrench(force: Complex, arm: Complex) -> Array:
 
 def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     """Charts (k, 2, m) and poses (3, m) of the starts that arrive."""
-    k, p = s.assembly.rods, s.assembly.freedoms
+    k, p = s.assembly.rods, s.assembly.dof
     x = np.concatenate([chart.reshape(2 * k, -1), pose[:p]])
     left, done = np.arange(x.shape[1]), np.zeros(x.shape[1], bool)
     for _ in range(MOST_STEPS):
@@ -735,7 +735,7 @@ def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     own = np.floor(found.waves)
     own += (-1.0) ** own * found.field < 0.0
     arm = np.exp(1j * pose[2]) * a.arm[:, None]
-    whole, pinned = np.zeros((pose.shape[1], a.freedoms, a.freedoms)), 0
+    whole, pinned = np.zeros((pose.shape[1], a.dof, a.dof)), 0
     for i in range(a.rods):
         move, pull = (
             np.stack([slope.real, slope.imag]).T.swapaxes(1, 2) for slope in (tips[i], forces[i])
@@ -745,9 +745,9 @@ def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
         lever = np.zeros((pose.shape[1], 2, 3))
         lever[:, 0, 0] = lever[:, 1, 1] = 1.0
         lever[:, 0, 2], lever[:, 1, 2] = -arm[i].imag, arm[i].real
-        lever = lever[..., : a.freedoms]
+        lever = lever[..., : a.dof]
         whole += lever.swapaxes(1, 2) @ stiff @ lever
-    if a.freedoms == 3:
+    if a.dof == 3:
         whole[:, 2, 2] -= (arm.conj() * force).real.sum(axis=0)
     total = own.sum(axis=0) - pinned + (np.linalg.eigvalsh(whole) < 0.0).sum(axis=-1)
     return np.asarray(total, int)
@@ -965,13 +965,13 @@ def described(
     a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
     force = turned(s, found)[1].T
     energy = ((a.stiffness / a.length)[:, None] * found.energy).sum(axis=0)
-    potential = energy - s.load @ pose[: a.freedoms]
+    potential = energy - s.load @ pose[: a.dof]
     order = np.argsort(potential)
     states = state(
         a,
         inputs=s.inputs,
         load=s.load,
-        pose=pose[: a.freedoms].T,
+        pose=pose[: a.dof].T,
         moment=(a.stiffness / a.length) * found.moment.T,
         force=np.stack([force.real, force.imag], axis=-1),
     )

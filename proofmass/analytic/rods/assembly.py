@@ -43,7 +43,7 @@ class Assembly:
         return self.clamp.size
 
     @cached_property
-    def freedoms(self) -> int:
+    def dof(self) -> int:
         """Coordinates of the pose, p: x, y of a pin; x, y, phi of a platform."""
         return 3 if self.arm.any() else 2
 
@@ -100,7 +100,7 @@ def assembly(
 
     Examples
     --------
-    >>> assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=0.0522).freedoms
+    >>> assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=0.0522).dof
     2
     >>> assembly([[-3.0, 0.0], [0.3, 0.0]])
     Traceback (most recent call last):
@@ -197,7 +197,7 @@ def mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
     array(True)
     """
     points = np.asarray(pins, float) @ np.array([1.0, 1.0j])
-    if a.freedoms < 3 or points.shape[-1:] != (a.rods,):
+    if a.dof < 3 or points.shape[-1:] != (a.rods,):
         raise ValueError(
             f"pins must be those of a platform with {a.rods} arms, (..., {a.rods}, 2)"
             f", got {np.shape(pins)}"

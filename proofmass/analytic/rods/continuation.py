@@ -227,7 +227,7 @@ def follow(
     ------
     ValueError
         Way points of the wrong shape, or both inputs and pose; inputs unequal in number to the
-        freedoms where `pose` is given.
+        degrees of freedom where `pose` is given.
 
     Notes
     -----

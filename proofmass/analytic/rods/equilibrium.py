@@ -268,12 +268,12 @@ class RodState:
 
 def columns(a: Assembly, *names: str) -> Columns:
     """Where parts of a state are in its vector, in the order of the names; not to be changed."""
-    return known_columns(a.rods, a.freedoms, names)
+    return known_columns(a.rods, a.dof, names)
 
 
 @cache
 def known_columns(k: int, p: int, names: tuple[str, ...]) -> Columns:
-    """`columns` of k rods and p freedoms."""
+    """`columns` of k rods and p degrees of freedom."""
     every = np.split(np.arange(4 * k + 2 * p), np.cumsum([3 * k, p, k]))
     parts = dict(zip(("rods", "pose", "inputs", "load"), every, strict=True))
     found = np.concatenate([parts[name] for name in names])
@@ -294,13 +294,13 @@ def state(
 
     Parameters
     ----------
-    a : Assembly of k rods, p freedoms
+    a : Assembly of k rods, p degrees of freedom
     inputs : (..., k) [rad or m]
     pose, load : (..., p) [m, rad], [N, N m]
     moment : m0 of each rod, (..., k) [N m]
     force : n of each rod, (..., k, 2) [N]
     """
-    k, p = a.rods, a.freedoms
+    k, p = a.rods, a.dof
     given = {"inputs": (inputs, k), "pose": (pose, p), "load": (load, p), "moment": (moment, k)}
     parts = {name: _rows(name, value, width) for name, (value, width) in given.items()}
     n = np.asarray(force, float)
@@ -355,8 +355,8 @@ def closure(s: RodState) -> tuple[Array, Array]:
     arm = a.arm * np.exp(1j * turn[0])[..., None] if turn else np.zeros_like(n)
     gap = clamp + end - (x + 1j * y)[..., None] - arm
     carried = np.stack([s.moment + (n.conj() * end).imag, gap.real, gap.imag], axis=-1)
-    f = [carried.reshape(*s.vector.shape[:-1], 3 * k), wrench(n, arm, a.freedoms) - s.load]
-    jacobian = np.zeros((*s.vector.shape[:-1], 3 * k + a.freedoms, s.vector.shape[-1]))
+    f = [carried.reshape(*s.vector.shape[:-1], 3 * k), wrench(n, arm, a.dof) - s.load]
+    jacobian = np.zeros((*s.vector.shape[:-1], 3 * k + a.dof, s.vector.shape[-1]))
     _rods(jacobian, a, n, end, ends)
     _platform(jacobian, a, n, arm)
     return np.concatenate(f, axis=-1), jacobian
@@ -375,10 +375,10 @@ def tips(a: Assembly, theta: Array, moment: Array, n: Complex) -> tuple[Complex,
     return end, np.concatenate([by, turned[None]])
 
 
-def wrench(n: Complex, arm: Complex, freedoms: int) -> Array:
+def wrench(n: Complex, arm: Complex, dof: int) -> Array:
     """Sum of forces (..., k) on the tips, and of their moments about P: (..., p)."""
     rows = [n.real, n.imag, (arm.conj() * n).imag]
-    return np.stack([row.sum(axis=-1) for row in rows[:freedoms]], axis=-1)
+    return np.stack([row.sum(axis=-1) for row in rows[:dof]], axis=-1)
 
 
 def _rods(jacobian: Array, a: Assembly, n: Complex, end: Complex, ends: Complex) -> None:
@@ -399,7 +399,7 @@ def _rods(jacobian: Array, a: Assembly, n: Complex, end: Complex, ends: Complex)
 
 def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
     """Derivatives by the pose, and all of the balance of the platform."""
-    k, p = a.rods, a.freedoms
+    k, p = a.rods, a.dof
     balance = np.arange(3 * k, 3 * k + p)
     x, y, *phi = columns(a, "pose")
     force_x, force_y = np.arange(1, 3 * k, 3), np.arange(2, 3 * k, 3)
@@ -416,8 +416,8 @@ def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
 def sizes(a: Assembly) -> tuple[Array, Array]:
     """Sizes of the residuals (3 k + p,) and of a state's vector (4 k + 2 p,), to compare units."""
     length, force, moment = a.scale
-    rods, pose = np.tile([moment, force, force], a.rods), [length, length, 1.0][: a.freedoms]
-    load = [force, force, moment][: a.freedoms]
+    rods, pose = np.tile([moment, force, force], a.rods), [length, length, 1.0][: a.dof]
+    load = [force, force, moment][: a.dof]
     inputs = np.full(a.rods, 1.0 if a.guide is None else length)
     return (
         np.concatenate([np.tile([moment, length, length], a.rods), load]),
@@ -616,10 +616,10 @@ def inverse(guess: RodState) -> RodState:
 def square(s: RodState) -> None:
     """ValueError unless there are as many inputs as degrees of freedom."""
     a = s.assembly
-    if a.rods != a.freedoms:
+    if a.rods != a.dof:
         raise ValueError(
             f"the inverse problem needs as many rods as degrees of freedom, got {a.rods} rods "
-            f"and {a.freedoms}"
+            f"and {a.dof}"
         )
 
 
@@ -632,7 +632,7 @@ def within_reach(s: RodState) -> None:
     short = (far - (a.length + a.rigid_extension)).reshape(-1, a.rods)
     if short.max(initial=0.0) > 0.0:
         which, rod = np.unravel_index(np.argmax(short > 0.0), short.shape)
-        pose = s.pose.reshape(-1, a.freedoms)[which].tolist()
+        pose = s.pose.reshape(-1, a.dof)[which].tolist()
         raise ValueError(
             f"pose {pose} is out of reach: rod {rod + 1} is too short by {short[which, rod]:.6g} m"
         )
@@ -689,7 +689,7 @@ def derivatives(s: RodState) -> Derivatives:
     """
     a, (_, jacobian) = s.assembly, closure(s)
     rods, pose, inputs = (columns(a, name) for name in ("rods", "pose", "inputs"))
-    free, k, p = columns(a, "rods", "pose"), a.rods, a.freedoms
+    free, k, p = columns(a, "rods", "pose"), a.rods, a.dof
     follow = ratio(jacobian, free, inputs)[..., 3 * k :, :]
     back, inverse = np.full((*follow.shape[:-2], k, p), np.nan), np.nan * follow[..., 0, 0]
     if k == p:

@@ -49,7 +49,7 @@ def constant_orientation(
 
              - - -O1 [=]---.         P in x, y; phi as in the equilibrium
                             B1       q_1, q_2, q_3 hold the platform in each pose:
-                    P ->   / `.      three inputs for three freedoms
+                    P ->   / `.      three inputs for three dof
                           B3--B2
 
     Parameters
@@ -63,7 +63,7 @@ def constant_orientation(
     Returns
     -------
     Chart
-        As `rod_pair.workspace`, over x, y [m]: det(dq/dP) of all three freedoms [m/rad, or
+        As `rod_pair.workspace`, over x, y [m]: det(dq/dP) of x, y and phi [m/rad, or
         rad^2/m^2 for motors], the stiffness against forces on a platform that may turn [N/m], and
         the three slides [m] or motor angles [rad].
 

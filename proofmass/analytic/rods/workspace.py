@@ -98,8 +98,8 @@ def spread(
     Raises
     ------
     ValueError
-        An unknown name; inputs unequal in number to the freedoms with "pose"; or the start cannot
-        be followed to the grid.
+        An unknown name; inputs unequal in number to the degrees of freedom with "pose"; or the
+        start cannot be followed to the grid.
 
     Notes
     -----

@@ -32,8 +32,8 @@ from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, product, read_tree
 from proofmass.analytic.spatial.motion import (
     HeldMotion,
+    count_dof,
     driven_motion,
-    freedoms,
     held_motion,
 )
 from proofmass.analytic.spatial.reactions import PoseStates, Reactions
@@ -271,7 +271,7 @@ def follow(
 
     `motion` are times, or values, rates and accelerations of the drives.
     """
-    loose = not joints or leaves_freedoms(tree, joints)
+    loose = not joints or leaves_dof(tree, joints)
     if loose and (not joints or in_time is not None):
         times, laws = in_time if joints and in_time else (np.atleast_1d(motion[0]), ())
         times = np.asarray(times, float)
@@ -292,9 +292,9 @@ def follow(
 
 
 @lru_cache(maxsize=32)
-def leaves_freedoms(tree: Tree, joints: tuple[str, ...]) -> bool:
+def leaves_dof(tree: Tree, joints: tuple[str, ...]) -> bool:
     """Whether joints whose values are known leave degrees of freedom at the start pose."""
-    return freedoms(tree, _own(tree)) > len(joints)
+    return count_dof(tree, _own(tree)) > len(joints)
 
 
 def moved_in_time(

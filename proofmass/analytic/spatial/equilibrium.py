@@ -1,4 +1,4 @@
-"""What `proofmass.analytic.equilibrium` asks of a tree in space whose drives leave freedoms."""
+"""What `proofmass.analytic.equilibrium` asks of a tree in space that its drives leave loose."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -211,7 +211,7 @@ def name_of_row(tree: Tree, row: int) -> str:
     return [*names, *(tie.name for tie in tree.ties)][row]
 
 
-def freedoms(tree: Tree, source: TermSource) -> int:
+def count_dof(tree: Tree, source: TermSource) -> int:
     """Degrees of freedom of a tree at its start pose.
 
     Raises

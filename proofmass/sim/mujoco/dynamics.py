@@ -59,7 +59,7 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
         linkage.release()
         return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
     value, rate, acceleration = (part.T for part in run.motion(times))
-    if linkage.leaves_freedoms():  # such as the bends of rods: they start as the key has them
+    if linkage.leaves_dof():  # such as the bends of rods: they start as the key has them
         tangent = linkage.release(value[0], rate[0])
     else:
         tangent = linkage.move(value[0])

@@ -49,9 +49,9 @@ class RestEquations:
 
     Attributes
     ----------
-    inverse, null : ndarray (nv, rows), (nv, freedoms)
+    inverse, null : ndarray (nv, rows), (nv, dof)
         Pseudo-inverse of the rows, and N.
-    hessian : ndarray (freedoms, freedoms)
+    hessian : ndarray (dof, dof)
         N' K N: what their rest is stable by, when it is positive definite.
     """
 
@@ -206,7 +206,7 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
     loads = tuple(load.actuator for load in run.loads)
     linkage = Linkage(model, data, joints, loads)
-    free = linkage.freedoms()
+    free = linkage.dof()
     if not free:
         return linkage
     if loads and model.dof_frictionloss.any():
@@ -477,7 +477,7 @@ class RestingLinkage(Linkage):
         gap = np.abs(self.balance.gap).max(initial=0.0)
         if not gap < CLOSED * max(1.0, self.model.stat.extent):
             raise BadModel(f"cannot be assembled: something stays open by {gap:.3g} (m or rad)")
-        if self.freedoms() != self.free:
+        if self.dof() != self.free:
             raise BadModel("the loops are in a singular pose")
         if self.data.ncon:
             raise Unsupported(

@@ -371,13 +371,13 @@ class Linkage:
             )
         return jacobian, residual
 
-    def leaves_freedoms(self) -> bool:
+    def leaves_dof(self) -> bool:
         """Whether the drives leave degrees of freedom, and not in a singular pose alone."""
-        pose, free = self.data.qpos.copy(), self.freedoms()
+        pose, free = self.data.qpos.copy(), self.dof()
         if free:
             moves = NUDGE * np.random.default_rng(0).uniform(-1.0, 1.0, self.model.nv) * self.sizes
             mujoco.mj_integratePos(self.model, self.data.qpos, moves, 1.0)
-            free = self.freedoms()
+            free = self.dof()
             self.data.qpos[:] = pose
         return bool(free)
 
@@ -429,7 +429,7 @@ class Linkage:
                     f"{self.format_drives(self.data.qpos[self.adr])}"
                 )
 
-    def freedoms(self) -> int:
+    def dof(self) -> int:
         """Freedoms left at the present pose when the drives are held."""
         rows = self.scaled(self.rows()[1])
         if not len(rows):  # numpy up to 2.4.0 refuses the rank of an empty matrix

@@ -143,7 +143,7 @@ def weigh(linkage: Linkage) -> None:
     import scipy.linalg  # slow to load
 
     model, data, dofs = linkage.model, linkage.data, linkage.dofs
-    rest = RestingLinkage(copy.copy(model), copy.copy(data), linkage.joints, linkage.freedoms())
+    rest = RestingLinkage(copy.copy(model), copy.copy(data), linkage.joints, linkage.dof())
     rest.settle()
     stiffness = rest.balance.stiffness
     null = scipy.linalg.null_space(np.vstack([rest.rows()[1], rest.units]), rcond=DEPENDENT)

@@ -65,7 +65,7 @@ def row(line: int, title: str, **changed: float) -> Design:
 
 
 def designed(line: int, title: str) -> Design:
-    """A design of ours beside the thesis's row with the same springs, freedoms and bounds."""
+    """A design of ours beside the thesis's row with the same springs, joints and bounds."""
     theirs = rows()[str(line)]
     ours = next(d for d in json.loads(OURS.read_text()) if d["line"] == line)
     chain = {"pendulum": 1.0, **ours["parameters"]}

@@ -162,7 +162,7 @@ def test_the_inequality_behind_the_bound_holds_for_every_motion(name, random):
     """Of all equilibria that are found, for random motions (v, w): it is what the proof adds up."""
     f = found(name, 1)
     a, (_, clamp, _) = f.state.assembly, clamps(f.state)
-    pose = np.column_stack([f.state.pose, np.zeros((len(f), 3 - a.freedoms))])
+    pose = np.column_stack([f.state.pose, np.zeros((len(f), 3 - a.dof))])
     arm = np.exp(1j * pose[:, 2:]) * a.arm
     away = pose[:, :1] + 1j * pose[:, 1:2] + arm - clamp
     held = f.alpha * hold(f.alpha, 1)

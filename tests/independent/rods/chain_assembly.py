@@ -150,11 +150,11 @@ def started(a: Assembly, c: Chain, place: Array, load: Array, angle: Array) -> A
 def loads(a: Assembly, force: ArrayLike, moment: ArrayLike) -> Array:
     """F and, on a platform, M (..., f)."""
     push, turn = vector("force", force, 2), number("moment", moment)
-    if a.freedoms == 2 and turn.any():
+    if a.dof == 2 and turn.any():
         raise ValueError(f"moment must be 0 on a pin, got {moment!r}")
     batch = np.broadcast_shapes(push.shape[:-1], turn.shape)
     both = [np.broadcast_to(push, (*batch, 2)), np.broadcast_to(turn, batch)[..., None]]
-    return np.concatenate(both, axis=-1)[..., : a.freedoms]
+    return np.concatenate(both, axis=-1)[..., : a.dof]
 
 
 def sampled(a: Assembly, c: Chain, seed: Seed) -> Array:

@@ -55,20 +55,20 @@ def fitted(a: Assembly, tip: Array) -> Array:
     place = tip @ np.array([1.0, 1.0j])
     middle, arm = place.mean(axis=-1), a.arm.mean()
     spin = ((place - middle[..., None]) * (a.arm - arm).conj()).sum(axis=-1)
-    phi = np.angle(spin) if a.freedoms == 3 else np.zeros(middle.shape)
+    phi = np.angle(spin) if a.dof == 3 else np.zeros(middle.shape)
     origin = middle - arm * np.exp(1j * phi)
-    return np.stack([origin.real, origin.imag, phi], axis=-1)[..., : a.freedoms]
+    return np.stack([origin.real, origin.imag, phi], axis=-1)[..., : a.dof]
 
 
 def arms(a: Assembly, pose: Array) -> tuple[Array, Array]:
     """w_i and dw_i/dphi (..., k, 2) [m] in a pose (..., f)."""
-    w = a.arm * (np.exp(1j * pose[..., 2:]) if a.freedoms == 3 else np.ones((*pose.shape[:-1], 1)))
+    w = a.arm * (np.exp(1j * pose[..., 2:]) if a.dof == 3 else np.ones((*pose.shape[:-1], 1)))
     return np.stack([w.real, w.imag], axis=-1), np.stack([-w.imag, w.real], axis=-1)
 
 
 def matrix(a: Assembly, c: Chain, angle: Array, pose: Array, force: Array) -> Bordered:
     """Newton's matrix: angles of each chain, bordered by pose and tip forces."""
-    k, f, batch = a.rods, a.freedoms, pose.shape[:-1]
+    k, f, batch = a.rods, a.dof, pose.shape[:-1]
     by_force = np.zeros((*batch, k, c.segments, k, 2))
     by_force[..., range(k), :, range(k), :] = np.moveaxis(-tip_slopes(c, angle), (-3, -1), (0, -2))
     border = np.zeros((*batch, k, c.segments, f + 2 * k))
@@ -87,7 +87,7 @@ def matrix(a: Assembly, c: Chain, angle: Array, pose: Array, force: Array) -> Bo
 def parts(a: Assembly, c: Chain, unknowns: Array) -> tuple[Array, Array, Array]:
     """Angles (..., k, n), pose (..., f) and tip forces (..., k, 2) of a vector of unknowns."""
     end = a.rods * c.segments
-    angle, pose, force = np.split(unknowns, [end, end + a.freedoms], axis=-1)
+    angle, pose, force = np.split(unknowns, [end, end + a.dof], axis=-1)
     batch = unknowns.shape[:-1]
     return angle.reshape(*batch, a.rods, -1), pose, force.reshape(*batch, a.rods, 2)
 
@@ -105,7 +105,7 @@ def system(
     residual = np.concatenate(
         [
             rods.reshape(*batch, -1),
-            np.concatenate(balance, axis=-1)[..., : a.freedoms] - load,
+            np.concatenate(balance, axis=-1)[..., : a.dof] - load,
             -gap.reshape(*batch, -1),
         ],
         axis=-1,

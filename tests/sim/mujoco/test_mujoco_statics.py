@@ -1,4 +1,4 @@
-"""MuJoCo sweeps with freedoms left: they rest between springs, weights, motors and stops."""
+"""Degrees of freedom left in MuJoCo sweeps rest between springs, weights, motors and stops."""
 
 from pathlib import Path
 
