@@ -87,6 +87,8 @@ def normal_of_slides(slides: Array, parallel: float) -> Array:
 
     >>> normal_of_slides(np.array([[1.0, 0.0, 0.0]]), 1e-9)
     array([0., 0., 1.])
+    >>> normal_of_slides(np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.6, 0.8]]), 1e-9)
+    array([ 0. , -0.8,  0.6])
     """
     for other in slides[1:]:
         normal = np.cross(slides[0], other)

@@ -7,7 +7,8 @@ from numpy.polynomial.legendre import leggauss
 from scipy.integrate import solve_ivp
 
 from proofmass.analytic import planar
-from proofmass.analytic.planar import solve
+from proofmass.analytic.planar import read, solve
+from proofmass.analytic.planar.kinematics import fitting, loop_jacobian, move, nearest
 from proofmass.drive import Swing
 from proofmass.reference import evaluate, grid
 from tests.shipped import loaded, shipped
@@ -139,6 +140,21 @@ def test_the_drive_of_a_four_bar_with_a_pendulum_does_the_work():
     assert np.ptp(energy) > 10.0  # J
     assert energy[-1] - energy[0] == pytest.approx(0.5 * shares @ power[1:-1], abs=1e-9)
     assert np.ptp(found["bob"]) > 1.0  # rad: it does swing
+
+
+def test_rates_that_fit_close_the_loops_and_go_with_the_drives():
+    """With the least change of what was given: none where it fits already."""
+    m = read(mujoco.MjModel.from_xml_path(str(shipped("fivebar.xml"))), "start")[0]
+    q, drives, given = nearest(m, m.start), np.array([0]), np.linspace(0.5, -0.7, m.start.size)
+    found = fitting(m, q, given, drives, np.array([1.3]))
+    rows = loop_jacobian(m, move(m, q[None]), q[None])[0]
+    assert found[0] == pytest.approx(1.3, abs=1e-14)
+    assert np.abs(rows @ found).max() < 1e-13
+    np.testing.assert_allclose(fitting(m, q, found, drives, np.array([1.3])), found, atol=1e-14)
+    held = np.vstack([rows, np.eye(q.size)[drives]])
+    free = np.linalg.svd(held)[2][len(held) :]
+    assert len(free) == 1
+    assert np.abs(free @ (found - given)).max() < 1e-14  # it stays along what is free
 
 
 def test_drives_that_determine_all_joints_ask_for_no_times():

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.analytic import planar
+from proofmass.analytic import planar, spatial
 from proofmass.analytic.equilibrium import Resting, Unstable
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import LinkageAtRest, SingularHere
@@ -154,6 +154,28 @@ def test_both_engines_rest_there(tmp_path, stops):
         assert set(names) <= found.keys()
         for name in found:
             assert np.abs(found[name] - known[name]).max() < error * max(1.0, np.ptp(known[name]))
+
+
+@pytest.mark.parametrize("beyond", [-5e-5, 5e-5, 0.02])
+@pytest.mark.parametrize("solve", [planar.solve, spatial.solve], ids=["planar", "spatial"])
+def test_rates_beside_a_spring_that_goes_slack_are_those_of_their_side(solve, beyond):
+    """A slide between springs: 300 N/m to its drive, 100 to a wall, and 200 more from 0.1 m on."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option gravity="0 0 0">
+      <flag contact="disable"/></option><worldbody>
+      <body><joint name="d" type="slide" axis="1 0 0"/><geom size="0.1"/></body>
+      <body pos="0 0 1"><joint name="x" type="slide" axis="1 0 0" stiffness="100"/>
+        <geom size="0.1"/></body></worldbody>
+      <tendon><fixed name="link" stiffness="300" springlength="0"><joint joint="d" coef="-1"/>
+        <joint joint="x" coef="1"/></fixed>
+        <fixed name="late" stiffness="200" springlength="-9 0.1"><joint joint="x" coef="1"/></fixed>
+      </tendon><sensor><jointpos name="x" joint="x"/><jointvel name="rate" joint="x"/></sensor>
+      <keyframe><key name="start"/></keyframe></mujoco>""")
+    x = 0.1 + beyond
+    drive = (400.0 * x + 200.0 * max(beyond, 0.0)) / 300.0
+    found = solve(np.array([0.0, 0.9 * drive, drive]), model=model, joints=("d",))
+    assert found["x"][-1] == pytest.approx(x, abs=1e-12)
+    # the force is linear on either side: rounding of a difference over 6e-6 of the size
+    assert found["rate"][-1] == pytest.approx(0.75 if beyond < 0.0 else 0.5, abs=1e-8)
 
 
 def test_a_load_that_changes_moves_the_rest(tmp_path):

@@ -247,6 +247,20 @@ def test_a_drive_beyond_a_limit_position_is_refused():
         spatial.solve([0.2, 0.4], model=model, joints=("slider",), terms=SmoothTerms(model))
 
 
+def test_a_loop_that_begins_flat_chooses_no_branch():
+    """A parallelogram: flat, its loop holds one row less than in any other pose."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option><flag contact="disable"/></option>
+      <worldbody><body><joint axis="0 -1 0"/><geom size=".05" pos=".1 0 0"/>
+        <body pos=".2 0 0"><joint axis="0 -1 0"/><geom size=".05" pos=".25 0 0"/>
+          <site name="one" pos=".5 0 0"/></body></body>
+      <body pos=".5 0 0"><joint axis="0 -1 0"/><geom size=".05" pos=".1 0 0"/>
+        <site name="two" pos=".2 0 0"/></body></worldbody>
+      <equality><connect site1="one" site2="two"/></equality>
+      <keyframe><key name="start" qvel="1 -1 1"/></keyframe></mujoco>""")
+    with pytest.raises(ValueError, match="the equalities lose rank: 2 rows hold, 1 at the start"):
+        spatial.solve([0.0, 0.1], model=model)
+
+
 @pytest.mark.parametrize(("rows", "least"), [(6, 1.0), (6, 1e-4), (9, 1e-3), (9, 1e-4)])
 def test_the_inverse_of_drives_and_equalities_is_the_pseudo_inverse(rows: int, least: float):
     rng = np.random.default_rng(5)

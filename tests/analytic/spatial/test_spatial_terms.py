@@ -346,6 +346,21 @@ def test_a_start_pose_that_is_open_is_refused_and_named():
         spatial.solve([0.0, 1.0], model=model)
 
 
+@pytest.mark.parametrize(
+    ("more", "kept"),
+    [("", True), ('stiffness="3"', True), ('damping=".1"', False), ('damping="0 .1 0"', False)],
+)
+def test_energy_is_said_to_be_kept_where_nothing_takes_any(more, kept):
+    text = SWINGING.replace(
+        "<equality>",
+        f'<tendon><fixed name="t" {more}><joint joint="h" coef="1"/></fixed></tendon><equality>',
+    )
+    model, times = mujoco.MjModel.from_xml_string(text), np.array([0.0, 0.05, 0.1])
+    given = {"model": model, "start": "start", "terms": SmoothTerms(model), "joints": ()}
+    told = spatial.properties(**given, motion=times)
+    assert ("energy" in told) == kept
+
+
 def test_own_terms_alone_give_the_same_motion():
     model, times = mujoco.MjModel.from_xml_string(SWINGING), np.array([0.0, 0.02, 0.04])
     one, two = (
