@@ -167,6 +167,17 @@ def test_no_flag_passes_silently(line):
             assert FLAGS[flag] in found
 
 
+STOPPED = [line for line in REGULAR if "high2" in parameters(rows()[line])]
+
+
+@pytest.mark.parametrize("line", STOPPED[::3])
+def test_a_stop_is_said_never_to_be_touched_where_the_path_stays_clear_of_it(line):
+    chain = parameters(rows()[line])
+    pose = balancer.solve(np.radians(np.linspace(0.0, 90.0, 181)), **chain)
+    clear = pose["deflection2"].max() < chain["high2"] - 1e-9
+    assert ("joint 2 never touches its stop" in "; ".join(warnings(**chain))) == clear
+
+
 PAST = re.compile(r"spring (\d) is past its largest moment from ([\d.]+) deg on")
 WOUND = re.compile(r"spring (\d) is wound by ([\d.]+) rad, more than a quarter turn")
 

@@ -92,6 +92,15 @@ def test_condition_grows_like_the_inverse_distance_from_a_change_point():
     assert solve([np.pi / 2], model=four_bar(1, 2, 2.5, 3), joints=("crank",))["condition"][0] < 10
 
 
+def test_a_start_beside_a_change_point_chooses_no_branch():
+    """Rounding would: a parallelogram whose crank is off its flat pose by a millionth."""
+    lengths = {"crank": 1.0, "coupler": 2.0, "rocker": 1.0, "ground": 2.0}
+    for first in (1e-6, np.pi - 1e-6):
+        with pytest.raises(SingularHere, match="is singular and chooses no branch"):
+            branch(four_bar(**lengths, first=first))
+    assert branch(four_bar(**lengths, first=0.1)).knot.radius > 1e-3
+
+
 def test_a_sample_on_the_change_point_is_singular():
     with pytest.raises(SingularHere, match=r"crank = 3\.1415"):
         solve(np.array([0.0, np.pi, 4.0]), model=four_bar(1, 2, 2, 3), joints=("crank",))
