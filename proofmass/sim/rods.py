@@ -90,7 +90,7 @@ class Chain:
     springs: Array
     nodes: Array
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """Of the links' bodies and joints; number 0 has no spring."""
         first = 0 if self.rod.scheme == "half" else 1
@@ -136,7 +136,7 @@ class Chain:
         """Arc length [m] of the links' ends (links + 1,)."""
         return np.append(0.0, np.cumsum(self.lengths))
 
-    @property
+    @cached_property
     def jointed(self) -> NDArray[np.bool_]:
         """Which links begin with a joint."""
         return np.isfinite(self.springs)
