@@ -395,10 +395,10 @@ class Mesh:
         which, place = ragged(self.first[box + 1] - self.first[box])
         triangle = self.listed[self.first[box][which] + place]
         off = point[which] - self.tip[triangle, 0]
-        inside = (self.into[triangle].conj() * off[:, None]).real
-        share = np.column_stack([1.0 - inside.sum(axis=1), inside])
-        hit = np.flatnonzero((share > -BEYOND).all(axis=1))
-        return which[hit], triangle[hit], share[hit]
+        one, two = (self.into[triangle].conj() * off[:, None]).real.T
+        rest = 1.0 - (one + two)
+        hit = np.flatnonzero((rest > -BEYOND) & (one > -BEYOND) & (two > -BEYOND))
+        return which[hit], triangle[hit], np.column_stack([rest[hit], one[hit], two[hit]])
 
 
 def ragged(counts: Index) -> tuple[Index, Index]:

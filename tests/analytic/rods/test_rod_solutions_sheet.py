@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods import tip
-from proofmass.analytic.rods.all_equilibria import hold, largest, mesh, system
+from proofmass.analytic.rods.all_equilibria import BEYOND, hold, largest, mesh, system
 from proofmass.analytic.rods.elastica import rods
 from proofmass.analytic.rods.equilibrium import state
 from tests.analytic.rods.rod_solutions_cases import alphas, found, made
@@ -108,3 +108,22 @@ def test_newton_matrix_is_the_derivative(random):
         )
         # second order and rounding over the step, of loads up to 4 N
         np.testing.assert_allclose((up - down) / (2.0 * h), matrix[..., j], rtol=0, atol=1e-8)
+
+
+def test_a_point_is_reached_by_all_triangles_about_it(random):
+    """Of all triangles, without the bins: those in which it is, and no more than are near."""
+    sheet = mesh(1, 6.0, 0.2)
+    point = random.uniform(-0.9, 0.9, 40) + 1j * random.uniform(-0.9, 0.9, 40)
+    which, triangle, share = sheet.reaching(point)
+    a, b, c = np.moveaxis(sheet.tip, -1, 0)[..., None]
+    size = ((b - a).conj() * (c - a)).imag
+    parts = [((v - u).conj() * (point - u)).imag / size for u, v in ((b, c), (c, a), (a, b))]
+    inside, beside = (
+        set(zip(*np.nonzero((np.stack(parts) > least).all(axis=0)), strict=True))
+        for least in (0.0, -BEYOND)
+    )
+    reached = set(zip(triangle, which, strict=True))
+    assert inside < reached <= beside  # bins lack what is beyond a sharp corner
+    np.testing.assert_allclose(
+        share, np.stack(parts)[:, triangle, which].T, rtol=0, atol=1e-9
+    )  # of thin ones
