@@ -32,6 +32,10 @@ def hencky(segments: int) -> float:
     return float(4.0 * segments**2 * np.sin(np.pi / (4 * segments)) ** 2)
 
 
+MOST_STEPS = 200_000
+"""After which an oscillation is never off."""
+
+
 def off_after(scheme: Scheme, z: float, share: float = 0.1) -> float:
     """Periods after which an undamped oscillation is off by a share of its range, 2.
 
@@ -46,10 +50,15 @@ def off_after(scheme: Scheme, z: float, share: float = 0.1) -> float:
     values, vectors = np.linalg.eig(scheme.step(z, 0.0))
     start = np.array([1.0, -(z**2) / 2 if scheme.half_kick else 0.0])
     parts = vectors[0] * np.linalg.solve(vectors, start)
-    steps = np.arange(200_000)
-    place = 2.0 * (parts[0] * np.exp(np.log(values[0]) * steps)).real  # the other is its conjugate
-    off = np.abs(place - np.cos(z * steps)) > 2.0 * share
-    return float(np.argmax(off) * z / (2.0 * np.pi)) if off.any() else float("inf")
+    first, end = 0, 1000
+    while first < MOST_STEPS:
+        steps = np.arange(first, min(end, MOST_STEPS))
+        place = 2.0 * (parts[0] * np.exp(np.log(values[0]) * steps)).real  # and its conjugate
+        off = np.abs(place - np.cos(z * steps)) > 2.0 * share
+        if off.any():
+            return float((first + np.argmax(off)) * z / (2.0 * np.pi))
+        first, end = end, 4 * end
+    return float("inf")
 
 
 def faded_after(scheme: Scheme, z: float, left: float = 0.9) -> float:
