@@ -694,9 +694,8 @@ def swept(
     time = np.linspace(0.0, 2.0 * turn_time(peak), POSES)
     law = motor(time, peak=peak)
     reference = solve(*law, crank=crank, coupler=coupler, offset=offset, mode=mode)
-    guess = np.round(
-        [reference[name][0] for name in UNKNOWNS], 4
-    )  # as the report starts: text line 1712
+    start = [reference[name][0] for name in UNKNOWNS]
+    guess = np.round(start, 4)  # as the report starts: text line 1712
     sweeps = {
         form: newton_sweep(
             *law, crank=crank, coupler=coupler, offset=offset, guess=guess, simultaneous=form
