@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from proofmass.analytic.balancer import friction as friction_of_balancers
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import EXPECTED, properties
 from tests.analytic.balancer.balancer_chain import PATH, ROWS, angles, deflections, flat
@@ -220,6 +221,14 @@ def test_a_bearing_takes_its_moment_times_the_way_of_a_cycle():
     share = left / (2.0 * np.trapezoid(prototype.expected_moment(way), way))
     reduction = float(told["work reduction of the loop"].removesuffix(" % against van Nes N.2"))
     assert 100.0 - reduction == pytest.approx(100.0 * share, rel=1.0 / 180.0)
+
+
+def test_a_rest_that_lies_off_the_way_there_is_on_another_branch(monkeypatch):
+    """Newton's method may correct a stride by 0.05 rad; here by nothing."""
+    assert np.isfinite(solve(UP[:5], **flat(ROW), friction2=0.02)["theta1"]).all()
+    monkeypatch.setattr(friction_of_balancers, "STRAY", 0.0)
+    with pytest.raises(ValueError, match="the equilibrium ends at a fold"):
+        solve(UP[:5], **flat(ROW), friction2=0.02)
 
 
 def test_the_expected_measurement_is_the_polynomial_with_the_loop_of_first_order():

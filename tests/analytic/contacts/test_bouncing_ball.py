@@ -77,6 +77,15 @@ def test_bounces_accumulate_and_the_ball_rests():
         assert not still[name].any()
 
 
+def test_at_an_impact_the_ball_is_behind_it():
+    """At 1, 2, 2.5, 2.75 s, ..: powers of two, without rounding."""
+    times = np.array([1.0, 2.0, 2.5, 2.75, 2.875])
+    at = bouncing_ball.solve(times, height=1.0, restitution=0.5, gravity=2.0)
+    assert at["bounces"].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert at["velocity"].tolist() == [1.0, 0.5, 0.25, 0.125, 0.0625]
+    assert not at["height"].any()
+
+
 def test_impacts_lie_where_their_series_says():
     times = np.sqrt(2.0 / GRAVITY) * np.cumsum([1.0, *(2.0 * 0.8 ** np.arange(1, 40))])
     for shift, count in ((-1e-13, np.arange(40)), (1e-13, np.arange(1, 41))):

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from proofmass.analytic import planar
 from proofmass.analytic.linkages import fourbar
 from proofmass.analytic.planar import (
     Branch,
@@ -83,6 +84,16 @@ def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
         ("rocker_acceleration",) * 2 + (3,),
     ):
         assert np.abs(found[name] - truth[truth_name]).max() < 1e-14 / near**power
+
+
+def test_a_leap_over_a_change_point_that_bends_a_rate_is_none(monkeypatch):
+    """Then the change point is a limit position; the rates beside this one differ by rounding."""
+    x = np.linspace(3.0, 3.3, 4)[:, None]
+    assert branch(four_bar(1, 2, 2, 3, first=2.9)).follow(x)[1] is None
+    monkeypatch.setattr(planar.branch, "KINK", 0.0)
+    q, failure = branch(four_bar(1, 2, 2, 3, first=2.9)).follow(x)
+    assert len(q) == 2  # at 3.0 and 3.1, before pi
+    assert isinstance(failure, SingularHere)
 
 
 def test_condition_grows_like_the_inverse_distance_from_a_change_point():

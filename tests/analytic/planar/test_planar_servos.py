@@ -227,3 +227,17 @@ def test_the_narrower_of_two_ranges_of_a_force_holds(ranges: tuple[float, float]
         found = solve(t, model=model)
         moment = min(2.0 * min(5.0, motor), joint)
         np.testing.assert_allclose(found["a"], moment * t**2, rtol=0, atol=1e-13)
+
+
+def test_a_drive_overcomes_dry_friction_in_the_sense_of_its_motion():
+    """0.3 N m in its own joint, and 0.2 in one that a gear of -2 turns along."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option gravity="0 0 0"/><worldbody>
+      <body><joint name="a" frictionloss=".3"/><geom size="0.1"/></body>
+      <body pos="1 0 0"><joint name="b" frictionloss=".2"/><geom size="0.1"/></body></worldbody>
+      <equality><joint joint1="b" joint2="a" polycoef="0 -2 0 0 0"/></equality>
+      <actuator><motor name="m" joint="a"/></actuator>
+      <sensor><jointactuatorfrc name="m" joint="a"/></sensor></mujoco>""")
+    angle, rate = np.array([0.0, 0.5, 1.0, 0.5, 0.0]), np.array([1.0, 1.0, 0.0, -1.0, -1.0])
+    found = planar.solve(angle, rate, model=model, joints=("a",))["m"]
+    # where it stands, as it came there
+    np.testing.assert_allclose(found, 0.7 * np.array([1.0, 1.0, 1.0, -1.0, -1.0]), atol=1e-15)

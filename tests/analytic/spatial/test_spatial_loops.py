@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 from proofmass import load_case
 from proofmass.analytic import spatial
+from proofmass.analytic.spatial import motion
 from proofmass.analytic.spatial.motion import inverse_of_full
 from proofmass.compare import reference_for
 from proofmass.sim.smooth import SmoothTerms
@@ -245,6 +246,16 @@ def test_a_drive_beyond_a_limit_position_is_refused():
     model = compiled("slider_crank_spatial")
     with pytest.raises(ValueError, match="limit position"):
         spatial.solve([0.2, 0.4], model=model, joints=("slider",), terms=SmoothTerms(model))
+
+
+def test_a_stride_that_leaves_its_tangent_is_another_branch(monkeypatch):
+    """By half of its length; here by anything, so that no stride is short enough."""
+    model = compiled("slider_crank_spatial")
+    given = {"model": model, "joints": ("crank",), "terms": SmoothTerms(model)}
+    assert np.isfinite(spatial.solve([0.1], **given)["slider"]).all()
+    monkeypatch.setattr(motion, "ASTRAY", 0.0)
+    with pytest.raises(ValueError, match="no further than the drives at 0: a limit position"):
+        spatial.solve([0.2], **given)
 
 
 def test_a_loop_that_begins_flat_chooses_no_branch():
