@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.balancer import along, balancer, events, follow, solve
+from proofmass.analytic.balancer import along, balancer, events, follow, path, solve
 from proofmass.analytic.balancer.measures import warnings
 from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import at_rest, system
@@ -126,6 +126,12 @@ def test_moment_is_the_slope_of_the_energy(preload):
 def test_a_preload_that_can_never_release_is_an_error(wrong, said):
     with pytest.raises(ValueError, match=said):
         solve(np.array([0.1]), **CHAIN, **wrong)
+
+
+def test_a_path_of_which_a_joint_leaves_and_meets_stops_too_often_ends(monkeypatch):
+    assert follow(balancer(**CHAIN, **CLOSING), 1.0).why == [""]
+    monkeypatch.setattr(path, "SWITCHES", 0)
+    assert "a joint rattles on its stop" in follow(balancer(**CHAIN, **CLOSING), 1.0).why[0]
 
 
 def test_of_a_batch_those_that_can_never_release_have_no_numbers():
