@@ -22,7 +22,7 @@ from proofmass.sim.protocol import Unsupported
 from proofmass.studies.command import named
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
-from proofmass.studies.trade.floor import ROUNDING, halvings
+from proofmass.studies.trade.floor_cause import ROUNDING, halvings
 from proofmass.studies.trade.program import ProgramRun, imposed, tried
 from proofmass.studies.trade.series import alike, halved
 from proofmass.studies.trade.trade import Trade, trade

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks import command
 from proofmass.check import FOLLOWED, OWN_TIMEOUT, SAMPLES
 from proofmass.engines import engine_of
-from proofmass.ladder import PROCESSOR, WITHIN, Rung, format_length, why_failed
+from proofmass.self_consistency import PROCESSOR, WITHIN, Rung, format_length, why_failed
 from proofmass.sim.protocol import BadModel, OwnMotion
 from proofmass.wording import number
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated

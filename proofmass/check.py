@@ -13,11 +13,11 @@ from proofmass.compare import Comparison, compare, with_reference
 from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model
-from proofmass.ladder import PROCESSOR, Rung, why_failed
 from proofmass.mobility import mobility
 from proofmass.outcome import FAILED, FAILURES, GOOD, OPEN, Outcome
 from proofmass.reference import grid
-from proofmass.refined import Finer, Ran, RefinedRow, errors, refinements
+from proofmass.refinement import Finer, Ran, RefinedRow, errors, refinements
+from proofmass.self_consistency import PROCESSOR, Rung, why_failed
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import NATIVE
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Unsupported
@@ -280,7 +280,7 @@ def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> Input
 
 
 def check_model(model: Path) -> list[Comparison]:
-    """Tell the rung of a model that has no sidecar, see `proofmass.ladder`."""
+    """Tell the rung of a model that has no sidecar, see `proofmass.self_consistency`."""
     try:
         return [isolated(rung_of, model, timeout=OWN_TIMEOUT)]
     except BadModel as error:

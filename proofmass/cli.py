@@ -305,7 +305,7 @@ def new_command(
         elif output is not None:
             raise ValueError("--output does not go with --from: a sidecar stands beside its model")
         else:
-            from proofmass.proposal import write_proposal
+            from proofmass.new_from_model import write_proposal
 
             files, messages = write_proposal(name, model)
     for file in files:

@@ -17,7 +17,7 @@ from proofmass.compare import UNCHECKED, Comparison, compare
 from proofmass.diagnosis import Diagnosis
 from proofmass.errors import InputError
 from proofmass.outcome import FAILED, FAILURES, GOOD, Outcome
-from proofmass.refined import refinements
+from proofmass.refinement import refinements
 
 VERDICTS = partial(compare, detectable=False)
 loaded = cache(load)

@@ -23,9 +23,9 @@ from proofmass.case import Case, ProfileTable
 from proofmass.drive import DriveState, FunctionLaw, InProportion, Samples, Steady, Swing
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, in_model, suggest
-from proofmass.ladder import PROCESSOR, Rung, why_failed
 from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
+from proofmass.self_consistency import PROCESSOR, Rung, why_failed
 from proofmass.sim.contents import channel_names, joints
 from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import (

@@ -1,8 +1,9 @@
 """Reading and writing a sidecar: what it leaves out is filled in with defaults.
 
 `load_case` reads one.  `fill_defaults` gives the table of a sidecar with its runs, samples, solvers
-and channels, `default_tolerances` how far each engine may be off.  `as_toml` writes a case as the
-text of a sidecar that leaves nothing to defaults.
+and channels, `default_tolerances` how far each engine may be off: the numbers are `ACCURACY` in
+`proofmass/sim/ENGINE/settings.py`.  `as_toml` writes a case as the text of a sidecar that leaves
+nothing to defaults.
 """
 
 import tomllib

@@ -358,8 +358,8 @@ LONG = {
     "tests/studies/trade/test_disturbed.py::test_a_disturbance_grows": (
         "tests/studies/trade/test_disturbed.py::test_a_chaotic_motion_is_told"
     ),
-    "tests/test_proposal.py::test_a_model_with_sensors_is_not_copied": (
-        "tests/test_proposal.py::test_a_drive_stays_clear_of_the_limit"
+    "tests/test_new_from_model.py::test_a_model_with_sensors_is_not_copied": (
+        "tests/test_new_from_model.py::test_a_drive_stays_clear_of_the_limit"
     ),
     f"{BENCHMARK}[limits": (
         "tests/studies/stress/test_stress_limits.py::test_a_limit_that_is_5_percent_off_is_found"

@@ -38,7 +38,7 @@ from proofmass.cli import app
 from proofmass.compare import Comparison, compare, with_reference
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
-from proofmass.refined import Finer, errors
+from proofmass.refinement import Finer, errors
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol import BadModel, Curves, Unsupported

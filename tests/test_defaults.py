@@ -11,7 +11,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.report import case_page, drawing, pages, write_report
+from proofmass.report import case_figures, case_page, pages, write_report
 from proofmass.sidecar import as_toml, fill_runs, load_case, match_quantity
 from proofmass.sim.mujoco.settings import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.settings import ACCURACY as PYMUNK
@@ -198,7 +198,7 @@ def test_a_sensor_without_a_quantity_is_told(tmp_path):
 
 def test_a_page_tells_of_sensors_without_a_quantity(tmp_path, monkeypatch):
     monkeypatch.setattr(case_page, "isolated", lambda function, *args, **limits: function(*args))
-    monkeypatch.setattr(pages, "drawn", lambda *_: drawing.Drawings({}))
+    monkeypatch.setattr(pages, "drawn", lambda *_: case_figures.Drawings({}))
     case = short(tmp_path).model_copy(update={"unmatched": ("askew", "tilt")})
     page = write_report(Result(cases=[case]), tmp_path / "r").with_name("short.html")
     assert "Not checked: sensors askew, tilt.</strong>" in page.read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.check import Result, check, one_task
 from proofmass.compare import Comparison
 from proofmass.reference import evaluate, grid
-from proofmass.refined import RefinementStudy, errors, refinements
+from proofmass.refinement import RefinementStudy, errors, refinements
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves

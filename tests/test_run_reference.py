@@ -15,7 +15,7 @@ from proofmass.compare import RunReference, compare, last_used, run_reference, w
 from proofmass.errors import InputError
 from proofmass.plot_data import plot_data
 from proofmass.reference import evaluate, grid, identity, properties
-from proofmass.refined import errors, refinements
+from proofmass.refinement import errors, refinements
 from proofmass.report import case_page
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves

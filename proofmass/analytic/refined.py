@@ -60,8 +60,9 @@ def solve(
 
     Notes
     -----
-    Domain: motions that are self-consistent until their end, see `proofmass.ladder`.  Accuracy: the
-    allowance of DOP853 is 1e-9; what it leaves grows as a disturbance of the start does.
+    Domain: motions that are self-consistent until their end, see `proofmass.self_consistency`.
+    Accuracy: the allowance of DOP853 is 1e-9; what it leaves grows as a disturbance of the start
+    does.
 
     Examples
     --------

@@ -32,14 +32,14 @@ from proofmass.errors import InputError, suggest
 from proofmass.files import write_whole
 from proofmass.outcome import FAILED
 from proofmass.report.case_data import vertices
-from proofmass.report.data import PlottedRun, plotted_run
-from proofmass.report.drawing import (
+from proofmass.report.case_figures import (
     SECONDS,
     jumps_of_mechanism,
     measured,
     moved_here,
     tracks,
 )
+from proofmass.report.data import PlottedRun, plotted_run
 from proofmass.report.mechanism import (
     COIL,
     INK,

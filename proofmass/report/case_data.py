@@ -1,5 +1,7 @@
 """All that the script of a case's page shows, as one dict that JSON can hold.
 
+Pages of studies have theirs in their own folders, such as `proofmass.studies.trade.page`.
+
 Curves are binary numbers in base64, little end first: the reference as float64, the signed
 differences of the solvers to it as float32, whose rounding is 6e-8 of a difference.  Everything is
 in SI; the factors to the units that people read stand beside it.  Poses of the mechanism are whole

@@ -34,8 +34,8 @@ from proofmass.outcome import CHECKED, FAILED, Outcome
 from proofmass.reference import ComparedCurves, properties
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import PAGE, case_data, embedded, recorded_data, runs_data
+from proofmass.report.case_figures import FIGURES, SECONDS, Charted, Drawings
 from proofmass.report.data import PlottedRun, beyond_limits, drive_units, plotted_run
-from proofmass.report.drawing import FIGURES, SECONDS, Charted, Drawings
 from proofmass.report.overview import marks, overview, place
 from proofmass.report.page import complaint, faults_of, made_with, slug
 from proofmass.report.record import History

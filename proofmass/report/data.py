@@ -20,7 +20,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for, scale_of
 from proofmass.outcome import FAILED, Outcome
 from proofmass.reference import DRIVE, DRIVE_PARTS, ComparedCurves, compiled, evaluate, grid, laws
-from proofmass.refined import RefinedRow
+from proofmass.refinement import RefinedRow
 from proofmass.report.words import KINDS
 from proofmass.sim.contents import joints
 from proofmass.sim.mjcf import NATIVE

@@ -17,12 +17,12 @@ from proofmass.compare import Comparison
 from proofmass.outcome import CHECKED, FAILED, GOOD, OPEN, Outcome
 from proofmass.report.changes import FACTOR, Change, changes, of_case
 from proofmass.report.families import families, reference_of
-from proofmass.report.marks import MARKS
 from proofmass.report.overview import place
 from proofmass.report.page import about, complaint, faults_of, slug
 from proofmass.report.record import History, Last, Record
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
+from proofmass.report.svg_markers import MARKS
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.report.trend import FEWEST
 from proofmass.report.words import RUNS, SYMBOLS, by_solver, kind_of, state_of

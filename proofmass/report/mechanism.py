@@ -1,7 +1,7 @@
-"""The mechanism drawn to scale at several poses, with the names of the MJCF on one of them.
+"""The drawing of a mechanism to scale: bodies, joints, guides, springs and rods, at several poses.
 
-Names are placed beside what they name, and not on each other.  The path of a measured point is
-drawn to one scale as well.
+The names of the MJCF stand on one of them, beside what they name, and not on each other.  The path
+of a measured point is drawn to one scale as well.
 """
 
 from collections.abc import Iterable, Mapping

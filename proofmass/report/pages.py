@@ -22,9 +22,9 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.files import write_whole
+from proofmass.report.case_figures import Drawings, drawn
 from proofmass.report.case_page import gather, render_case
 from proofmass.report.data import PlottedRun, drive_units
-from proofmass.report.drawing import Drawings, drawn
 from proofmass.report.index_page import STATIC as INDEX_STATIC
 from proofmass.report.index_page import render_index
 from proofmass.report.page import environment, slug, write_static

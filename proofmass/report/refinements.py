@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from proofmass.case import Refine
 from proofmass.compare import Comparison
-from proofmass.refined import RefinedRow, limit, order
+from proofmass.refinement import RefinedRow, limit, order
 from proofmass.report.data import PlottedRun
 from proofmass.report.figures import FLOOR, PAPER, decades, legend_above, solver_handles
 from proofmass.report.style import Look

@@ -12,7 +12,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.reference import properties
-from proofmass.report.drawing import moved_here
+from proofmass.report.case_figures import moved_here
 from proofmass.report.mechanism import distinct, small
 from proofmass.report.style import RC
 from proofmass.strict import Kind

@@ -17,7 +17,7 @@ class Strip:
     grid : list of float
         Where lines stand behind all rows [%].
     mark : str
-        The marker at `dot`, from `proofmass.report.marks.MARKS`.
+        The marker at `dot`, from `proofmass.report.svg_markers.MARKS`.
     hollow : bool
         Whether only its outline is drawn.
     dot, tick : float, optional

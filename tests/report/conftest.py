@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from proofmass.analytic import REFERENCES
-from proofmass.report import case_page, drawing
+from proofmass.report import case_figures, case_page
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def stubbed(models: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str
         (models / "stubs" / f"{name}.py").write_text(source)
         monkeypatch.syspath_prepend(models / "stubs")
         monkeypatch.setitem(REFERENCES, name, name)
-        for module in (drawing, case_page):  # other processes do not know of it
+        for module in (case_figures, case_page):  # other processes do not know of it
             monkeypatch.setattr(
                 module, "isolated", lambda function, *args, **limits: function(*args)
             )

@@ -17,8 +17,8 @@ from proofmass.check import Result, judge, run_one
 from proofmass.cli import app
 from proofmass.reference import grid
 from proofmass.report.animation import Stage, returns, with_samples
+from proofmass.report.case_figures import measured, moved_here
 from proofmass.report.data import PlottedRun, plotted_run
-from proofmass.report.drawing import measured, moved_here
 from proofmass.solve import plan
 from tests.shipped import shipped
 

@@ -23,9 +23,9 @@ from proofmass.explain import not_noticed
 from proofmass.reference import ComparedCurves, evaluate
 from proofmass.report import case_page, write_report
 from proofmass.report.case_data import embedded, kept, motion_data, recorded_data, runs_data
+from proofmass.report.case_figures import measured, moving
 from proofmass.report.case_page import advice, badge, causes, noticed, panel_of
 from proofmass.report.data import PlottedRun, plotted_run
-from proofmass.report.drawing import measured, moving
 from proofmass.report.overview import FIRST, LAST, overview, place
 from proofmass.report.style import PAPERS, READABLE, contrast, legible, looks
 from proofmass.report.tables import smallest_changes

@@ -13,8 +13,8 @@ from markupsafe import Markup
 from proofmass.check import Result
 from proofmass.outcome import Outcome
 from proofmass.report import index_page, pages
+from proofmass.report.case_figures import moving as moved
 from proofmass.report.data import PlottedRun
-from proofmass.report.drawing import moving as moved
 from proofmass.report.index_page import cell_of, columns_of, place, row_of
 from proofmass.report.pages import files_of, note_on, table_of, write_curves
 from proofmass.report.record import History, continued

@@ -15,8 +15,8 @@ from proofmass.compare import Comparison, compare, reference_for
 from proofmass.errors import InputError
 from proofmass.reference import evaluate, unit_of
 from proofmass.report import headline, write_report
+from proofmass.report.case_figures import FIGURES, moving, shape_of, tracks
 from proofmass.report.data import input_rows, inputs, plotted_run, thin
-from proofmass.report.drawing import FIGURES, moving, shape_of, tracks
 from proofmass.report.figures import tolerances
 from proofmass.report.mechanism import path, paths
 from proofmass.report.style import looks

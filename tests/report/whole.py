@@ -12,7 +12,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison, compare
 from proofmass.diagnosis import Diagnosis
 from proofmass.reference import evaluate
-from proofmass.report import drawing
+from proofmass.report import case_figures
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan
 
@@ -20,15 +20,15 @@ from proofmass.solve import plan
 @contextmanager
 def without_figures(*but: str) -> Iterator[None]:
     """Pages without the drawing at several poses, but of cases with views and of those named."""
-    isolated = drawing.isolated
+    isolated = case_figures.isolated
 
     def left_out(function, case, *args, **limits):
-        if function is drawing.draw and not case.view and case.name not in but:
+        if function is case_figures.draw and not case.view and case.name not in but:
             return {}
         return isolated(function, case, *args, **limits)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drawing, "isolated", left_out)
+        patch.setattr(case_figures, "isolated", left_out)
         yield
 
 

@@ -11,7 +11,7 @@ from proofmass.check import Result
 from proofmass.drive import Steady
 from proofmass.reference import evaluate
 from proofmass.report import write_report
-from proofmass.report.drawing import moving, shape_of
+from proofmass.report.case_figures import moving, shape_of
 from proofmass.report.families import families
 from proofmass.report.svg import compact
 from proofmass.sidecar import load_case

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from proofmass.check import check
 from proofmass.compare import compare
-from proofmass.refined import errors
+from proofmass.refinement import errors
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadRod, Drive, Rod, Run

@@ -53,7 +53,7 @@ from proofmass.studies.stress.limit_search import (
     reference_follows_masses,
     require,
 )
-from proofmass.studies.trade.floor import factor, gain, judge, list_perturbations, sampled
+from proofmass.studies.trade.floor_cause import factor, gain, judge, list_perturbations, sampled
 from proofmass.studies.trade.orders import expected, nearest, off
 from proofmass.studies.trade.series import MeasuredSeries, clear, flat, level, observed, slowed
 from proofmass.studies.trade.varied import ConvergenceSeries, jolted

@@ -15,7 +15,7 @@ equations have as well: 1e9 times the inertia that the drive feels at the start,
 that is prescribed exactly differs by a share of 1e-9.  Without steps the driven joints are where
 their laws have them; in steps each gets the mean acceleration of its law over the step.
 
-`proofmass.ladder` judges what came of it.
+`proofmass.self_consistency` judges what came of it.
 """
 
 import copy

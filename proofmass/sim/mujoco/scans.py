@@ -1,4 +1,4 @@
-r"""Settings of MuJoCo worth scanning, how errors should fall with them, and what changes an error.
+r"""What `trade` scans and `choose` tries in MuJoCo, the orders and limits that theory expects.
 
 With the step h, a loop held by a spring and damper of time constant tau (`solref`), the share 1 - d
 of the open loop's acceleration that it lets through (`solimp`), and the derivative j of the place:

@@ -1,4 +1,4 @@
-"""Settings of pymunk worth scanning, how errors should fall with them, and what changes an error.
+"""What `trade` scans and `choose` tries in pymunk, the orders and limits that theory expects.
 
 With the step h and the derivative j of the place:
 

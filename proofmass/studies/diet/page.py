@@ -17,11 +17,11 @@ from matplotlib.figure import Figure
 
 from proofmass.errors import InputError
 from proofmass.report.figures import save
-from proofmass.report.marks import MARKS, tones
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, place
 from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import FIRST, RC
+from proofmass.report.svg_markers import MARKS, tones
 from proofmass.studies.diet.table import (
     NO_GAIN,
     OPTION,

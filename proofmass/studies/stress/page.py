@@ -23,11 +23,11 @@ from matplotlib.patches import Patch
 from proofmass.errors import InputError
 from proofmass.report.case_data import finite
 from proofmass.report.figures import save
-from proofmass.report.marks import MARKS, Tone, tones
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, place
 from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import RC, Look, hatches, looks
+from proofmass.report.svg_markers import MARKS, Tone, tones
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, exactly, read_boundaries
 from proofmass.wording import format_solver, number, pretty
 

@@ -21,10 +21,10 @@ from proofmass.front import nondominated
 from proofmass.outcome import Outcome
 from proofmass.report.case_data import finite
 from proofmass.report.figures import save
-from proofmass.report.marks import MARKS, Tone, tones
 from proofmass.report.page import slug
 from proofmass.report.study import Pages, Written, prepared
 from proofmass.report.style import KNOWN, RC, Look
+from proofmass.report.svg_markers import MARKS, Tone, tones
 from proofmass.sim.protocol import ParameterValue
 from proofmass.studies.record import KINDS, NAN, Setting, StudyRow, read_table
 from proofmass.studies.trade.choose import MARGIN, beside, enough, floor_at, would_need

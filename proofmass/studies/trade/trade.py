@@ -34,7 +34,7 @@ from proofmass.studies.run import MOMENT, Progress, pool, run
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import ROUNDED, DisturbedMotion, motions_of, rounding, within
-from proofmass.studies.trade.floor import (
+from proofmass.studies.trade.floor_cause import (
     ROUNDING,
     UNKNOWN,
     factor,

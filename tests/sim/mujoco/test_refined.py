@@ -9,8 +9,8 @@ import pytest
 from proofmass import reference
 from proofmass.compare import compare
 from proofmass.errors import InputError
-from proofmass.ladder import Rung
 from proofmass.reference import evaluate, grid
+from proofmass.self_consistency import Rung
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate as in_mujoco

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from proofmass.report.figures import save
-from proofmass.report.marks import MARKS
+from proofmass.report.svg_markers import MARKS
 from proofmass.studies.stress import page as stress_page
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.stress.page import KINDS, sentence, write_stress

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from proofmass.errors import InputError
-from proofmass.report.marks import MARKS, tones
+from proofmass.report.svg_markers import MARKS, tones
 from proofmass.studies.stress.boundary import (
     Boundary,
     BoundaryKind,

@@ -12,7 +12,7 @@ from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade as trade_module
-from proofmass.studies.trade.floor import (
+from proofmass.studies.trade.floor_cause import (
     SIGNIFICANT,
     gain,
     halve_segments,

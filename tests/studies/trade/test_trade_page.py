@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from proofmass.report.figures import save
-from proofmass.report.marks import tones
+from proofmass.report.svg_markers import tones
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade import page as trade_page
 from proofmass.studies.trade.figure import dressed

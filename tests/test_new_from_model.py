@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import proposal
+from proofmass import new_from_model
 from proofmass.check import check
 from proofmass.cli import app
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
+from proofmass.new_from_model import look_at, measured_tolerance, rounded_up, write_proposal
 from proofmass.outcome import Outcome
-from proofmass.proposal import look_at, measured_tolerance, rounded_up, write_proposal
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
@@ -24,9 +24,9 @@ verdicts = partial(check, jobs=1, detectable=False, causes=False)
 @pytest.fixture
 def few(monkeypatch):
     """Proposed sweeps have 37 samples: what holds of a sweep is no matter of their number."""
-    whole = proposal.Proposal.text
+    whole = new_from_model.Proposal.text
     monkeypatch.setattr(
-        proposal.Proposal,
+        new_from_model.Proposal,
         "text",
         lambda own: whole(own).replace("[run.sweep]\n", "[run.sweep]\nn = 37\n"),
     )
@@ -219,7 +219,7 @@ def test_a_model_without_names_has_nothing_to_measure(tmp_path):
 def test_a_model_that_takes_too_long_to_look_at_is_said(tmp_path, monkeypatch):
     model = tmp_path / "box.xml"
     model.write_text(BOX)
-    monkeypatch.setattr(proposal, "LOOKING", 0.05)
+    monkeypatch.setattr(new_from_model, "LOOKING", 0.05)
     with pytest.raises(InputError, match=r"could not be looked at: no answer in 0\.05 s"):
         write_proposal("fallen", model)
     assert [file.name for file in tmp_path.iterdir()] == ["box.xml"]

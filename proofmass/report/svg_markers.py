@@ -1,4 +1,7 @@
-"""Markers of figures as paths of SVG, so that a page shows what a figure for papers shows."""
+"""Markers of figures as paths of SVG, so that a page shows what a figure for papers shows.
+
+Colours are chosen in `proofmass.report.style`.
+"""
 
 from collections.abc import Iterable
 from typing import NamedTuple

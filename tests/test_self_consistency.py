@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from proofmass.check import check
-from proofmass.ladder import WITHIN, Rung, why_failed
 from proofmass.outcome import Outcome
+from proofmass.self_consistency import WITHIN, Rung, why_failed
 from proofmass.sim.protocol import OwnMotion, OwnRun
 
 TIMES = np.linspace(0.0, 1.0, 101)

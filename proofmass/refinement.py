@@ -1,4 +1,4 @@
-"""What a refinement found: a row for each number of segments, and verdicts on orders and limits."""
+"""`[refine]` of a sidecar: a row for each number of segments, order of convergence, and limit."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field

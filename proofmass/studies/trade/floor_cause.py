@@ -1,4 +1,6 @@
-"""What an error floor is: each possible cause is changed separately, and the error follows one.
+"""What causes an error floor: each possible cause is changed separately, and the error follows one.
+
+Whether a series ends in a floor is found in `proofmass.studies.trade.series`.
 
 A cause that has a share s of the error, and is of first order, changes it by a factor
 1 / (1 - s/2) when it is halved.  The time step is no cause: a floor is what halving it leaves.

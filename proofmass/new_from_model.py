@@ -39,9 +39,9 @@ from proofmass.compare import Comparison, compare
 from proofmass.engines import default_engines, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text, write_whole
-from proofmass.ladder import PROCESSOR, Rung, why_failed
 from proofmass.outcome import Outcome
 from proofmass.reference import smooth_terms
+from proofmass.self_consistency import PROCESSOR, Rung, why_failed
 from proofmass.sim.contents import joint_of, joints, keys, loose_bodies, place_sensors, sensors
 from proofmass.sim.mjcf import NATIVE, compile_model
 from proofmass.sim.protocol import BadModel, NotSolved, Unsupported
