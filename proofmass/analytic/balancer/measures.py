@@ -619,13 +619,13 @@ def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
         if paths.why[0]:
             return {}
         path, rub = along(b, paths, angle), np.zeros((angle.size, b.segments))
-    bearing = float(parameters.get("pendulum_friction", 0.0)) * np.sign(np.gradient(angle))
-    moment = (path.moment[0, :, 0] + rub[:, 0] + bearing)[360:]
+    bearing = float(parameters.get("pendulum_friction", 0.0))
+    moment = (path.moment[0, :, 0] + rub[:, 0])[360:]
+    forth, back = moment[:181] + bearing, moment[:179:-1] - bearing
     wanted = expected(str(parameters["expected"]), angle[360:])
-    left = np.abs(moment - wanted)
-    work = np.trapezoid(left[:181], way) + np.trapezoid(left[180:][::-1], way)
+    left = np.abs(forth - wanted[:181]) + np.abs(back - wanted[:179:-1])
+    work, lost = np.trapezoid(left, way), np.trapezoid(forth - back, way)
     reference = 2.0 * np.trapezoid(wanted[:181], way)
-    lost = np.trapezoid(moment[:181], way) - np.trapezoid(moment[180:][::-1], way)
     return {
         "work reduction of the loop": f"{100.0 * (1.0 - work / reference):.2f} % against "
         f"{parameters['expected']}",
