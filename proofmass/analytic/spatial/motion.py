@@ -43,6 +43,9 @@ APART = 1e-3
 """Share of the extent, or rad, by which the start pose may be open."""
 ROUNDS = 20
 """Newton steps at most to close the equalities."""
+SHORT, IN_TURN = 1e-8, 10
+"""Share of the longest step, and how many steps one after the other are shorter beside a pose in
+which the equalities lose rank: accelerations are rounding there, and the integrator stops."""
 
 
 @dataclass(frozen=True)
@@ -292,12 +295,17 @@ class FreeTree:
         for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
             holder.last = last
             solver = begin(holder, start, q, v, stop)
+            longest, short = 0.0, 0
             while solver.status == "running":
                 begun = solver.t
                 try:
                     message = solver.step()
                     if solver.status == "failed":
                         raise SingularHere(str(message))
+                    longest = max(longest, solver.step_size)
+                    short = short + 1 if solver.step_size < SHORT * longest else 0
+                    if short == IN_TURN:
+                        raise SingularHere("steps vanish, as where the equalities lose rank")
                     yield Step(begun, solver.t, inside(holder, solver, size))
                     if solver.status == "running":
                         y = holder.close(solver.t, solver.y[:size], solver.y[size:])

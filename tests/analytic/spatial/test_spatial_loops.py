@@ -4,6 +4,7 @@ Each has one degree of freedom s, so that energy gives its motion: T = I(s) s'^2
 I and V are those of the points and axes of its bodies, by plain geometry.
 """
 
+import re
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -258,18 +259,34 @@ def test_a_stride_that_leaves_its_tangent_is_another_branch(monkeypatch):
         spatial.solve([0.2], **given)
 
 
-def test_a_loop_that_begins_flat_chooses_no_branch():
-    """A parallelogram: flat, its loop holds one row less than in any other pose."""
-    model = mujoco.MjModel.from_xml_string("""<mujoco><option><flag contact="disable"/></option>
+def parallelogram(key: str) -> mujoco.MjModel:
+    """Cranks of 0.2 m and a coupler of 0.5 m, which turns by as much as they do the other way."""
+    return mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option gravity="0 0 0"><flag contact="disable"/></option>
       <worldbody><body><joint axis="0 -1 0"/><geom size=".05" pos=".1 0 0"/>
         <body pos=".2 0 0"><joint axis="0 -1 0"/><geom size=".05" pos=".25 0 0"/>
           <site name="one" pos=".5 0 0"/></body></body>
       <body pos=".5 0 0"><joint axis="0 -1 0"/><geom size=".05" pos=".1 0 0"/>
         <site name="two" pos=".2 0 0"/></body></worldbody>
       <equality><connect site1="one" site2="two"/></equality>
-      <keyframe><key name="start" qvel="1 -1 1"/></keyframe></mujoco>""")
+      <keyframe><key name="start" {key}/></keyframe></mujoco>""")
+
+
+def test_a_loop_that_begins_flat_chooses_no_branch():
+    """A parallelogram: flat, its loop holds one row less than in any other pose."""
     with pytest.raises(ValueError, match="the equalities lose rank: 2 rows hold, 1 at the start"):
-        spatial.solve([0.0, 0.1], model=model)
+        spatial.solve([0.0, 0.1], model=parallelogram('qvel="1 -1 1"'))
+
+
+def test_a_motion_ends_beside_a_pose_where_a_loop_loses_rank():
+    """Without weight cranks turn evenly, by half a turn between two poses in which all is flat."""
+    turn, rate = 0.5, -2.0
+    model = parallelogram(f'qpos="{turn} {-turn} {turn}" qvel="{rate} {-rate} {rate}"')
+    with pytest.raises(ValueError, match="steps vanish, as where the equalities lose") as error:
+        spatial.solve([0.0, 20.0], model=model)
+    end = float(re.search(r"t = ([\d.]+) s", str(error.value))[1])
+    halves = (turn + rate * end) / np.pi
+    assert halves == pytest.approx(round(halves), abs=1e-5)  # times have six digits
 
 
 @pytest.mark.parametrize(("rows", "least"), [(6, 1.0), (6, 1e-4), (9, 1e-3), (9, 1e-4)])
