@@ -24,7 +24,7 @@ from proofmass.analytic.contacts import restitution
 from proofmass.case import Case
 from proofmass.compare import compare
 from proofmass.sim.mujoco.contacts import creep_rate
-from proofmass.sim.mujoco.scans import (
+from proofmass.sim.mujoco.tried_settings import (
     GAP,
     HALF,
     RADIUS,

@@ -21,7 +21,7 @@ import mujoco
 from examples.chosen import truths
 from proofmass.case import Case
 from proofmass.reference import grid
-from proofmass.sim.mujoco.scans import INTEGRATORS
+from proofmass.sim.mujoco.tried_settings import INTEGRATORS
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import PRINTED, imposed, written

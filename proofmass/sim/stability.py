@@ -6,7 +6,7 @@ A spring and a damper on one coordinate, I q'' = -k q - c q', have
 
 and a step takes (q, dt q') to A (q, dt q').  It is stable while no eigenvalue of A lies outside the
 unit circle.  With trace t and determinant d that is |d| <= 1 and |t| <= 1 + d (Jury).  The engines'
-own maps stand in their folders, such as `proofmass.sim.mujoco.scans`.
+own maps stand in their folders, such as `proofmass.sim.mujoco.tried_settings`.
 """
 
 from functools import cache

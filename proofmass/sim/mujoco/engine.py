@@ -10,7 +10,7 @@ import mujoco
 
 from proofmass.sim.mjcf import compile_model, read_tree, refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
-from proofmass.sim.mujoco import scans
+from proofmass.sim.mujoco import tried_settings
 from proofmass.sim.mujoco.dynamics import dynamics, passive
 from proofmass.sim.mujoco.model import load, loop_gap
 from proofmass.sim.mujoco.own_motion import solve_closely, solve_own_motion
@@ -221,9 +221,9 @@ class Mujoco(Engine):
     settings = MujocoSettings
     native = True
     imposed = IMPOSED
-    schemes = scans.SCHEMES
-    labels = scans.LABELS
-    sizes = scans.SIZES
+    schemes = tried_settings.SCHEMES
+    labels = tried_settings.LABELS
+    sizes = tried_settings.SIZES
     accuracy = ACCURACY
 
     def simulate(self, model: Path, run: Run) -> Curves:
@@ -250,26 +250,26 @@ class Mujoco(Engine):
             return solve_closely(model, run)
 
     def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
-        """See `proofmass.sim.mujoco.scans.at_step`."""
-        return scans.at_step(parameters, step)
+        """See `proofmass.sim.mujoco.tried_settings.at_step`."""
+        return tried_settings.at_step(parameters, step)
 
     def scans(self, about: Studied) -> Iterator[Scan]:
-        """See `proofmass.sim.mujoco.scans.scans`."""
-        return scans.scans(self.title, about)
+        """See `proofmass.sim.mujoco.tried_settings.scans`."""
+        return tried_settings.scans(self.title, about)
 
     def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-        """See `proofmass.sim.mujoco.scans`."""
-        return scans.orders(scan, derivative, about)
+        """See `proofmass.sim.mujoco.tried_settings`."""
+        return tried_settings.orders(scan, derivative, about)
 
     def perturbations(
         self, parameters: ParameterValues, about: Studied, scaled: bool
     ) -> Iterator[Perturbation]:
-        """See `proofmass.sim.mujoco.scans.perturbations`."""
-        return scans.perturbations(parameters, about, scaled)
+        """See `proofmass.sim.mujoco.tried_settings.perturbations`."""
+        return tried_settings.perturbations(parameters, about, scaled)
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
-        """See `proofmass.sim.mujoco.scans.recipes`."""
-        return scans.recipes(self.title, about)
+        """See `proofmass.sim.mujoco.tried_settings.recipes`."""
+        return tried_settings.recipes(self.title, about)
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
         """MJCF; see `snippet`."""
@@ -304,11 +304,11 @@ class Mujoco(Engine):
 
     def scheme_of(self, parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
         """The scheme of the integrator."""
-        return scans.scheme_of(parameters, model)
+        return tried_settings.scheme_of(parameters, model)
 
     def limit_problems(self) -> Iterator[LimitProblem]:
-        """See `proofmass.sim.mujoco.scans.limit_problems`."""
-        return scans.limit_problems()
+        """See `proofmass.sim.mujoco.tried_settings.limit_problems`."""
+        return tried_settings.limit_problems()
 
 
 ENGINE = Mujoco()

@@ -15,7 +15,7 @@ from proofmass.sim.protocol import (
     Studied,
     left_to_sidecar,
 )
-from proofmass.sim.pymunk import scans
+from proofmass.sim.pymunk import tried_settings
 from proofmass.sim.pymunk.dynamics import SURE, dynamics
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
@@ -120,9 +120,9 @@ class Pymunk(Engine):
     chooses = (*SPACE, *CONTACTS)
     planar = True
     imposed = IMPOSED
-    schemes = scans.SCHEMES
-    labels = scans.LABELS
-    sizes = scans.SIZES
+    schemes = tried_settings.SCHEMES
+    labels = tried_settings.LABELS
+    sizes = tried_settings.SIZES
     accuracy = ACCURACY
 
     def simulate(self, model: Path, run: Run) -> Curves:
@@ -130,22 +130,22 @@ class Pymunk(Engine):
         return simulate(model, run)
 
     def scans(self, about: Studied) -> Iterator[Scan]:
-        """See `proofmass.sim.pymunk.scans.scans`."""
-        return scans.scans(self.title, about)
+        """See `proofmass.sim.pymunk.tried_settings.scans`."""
+        return tried_settings.scans(self.title, about)
 
     def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-        """See `proofmass.sim.pymunk.scans`."""
-        return scans.orders(scan, derivative, about)
+        """See `proofmass.sim.pymunk.tried_settings`."""
+        return tried_settings.orders(scan, derivative, about)
 
     def perturbations(
         self, parameters: ParameterValues, about: Studied, scaled: bool
     ) -> Iterator[Perturbation]:
-        """See `proofmass.sim.pymunk.scans.perturbations`."""
-        return scans.perturbations(parameters, about)
+        """See `proofmass.sim.pymunk.tried_settings.perturbations`."""
+        return tried_settings.perturbations(parameters, about)
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
-        """See `proofmass.sim.pymunk.scans.recipes`."""
-        return scans.recipes(self.title)
+        """See `proofmass.sim.pymunk.tried_settings.recipes`."""
+        return tried_settings.recipes(self.title)
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
         """Python; see `snippet`."""

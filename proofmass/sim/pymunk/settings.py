@@ -2,6 +2,8 @@
 
 `ACCURACY` says how far pymunk may be off a driven linkage, and why, for cases without a tolerance
 of their own.  Its shares hold for steps of 1 ms with `error_bias` 0, proofmass's own settings.
+
+What `trade` and `choose` try of these is in `tried_settings.py`.
 """
 
 from typing import Annotated

@@ -13,8 +13,8 @@ from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.engine import pasted
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.program import write_program
-from proofmass.sim.mujoco.scans import recipes
 from proofmass.sim.mujoco.settings import PLACES, SOFTNESS, MujocoSettings, configure, named_values
+from proofmass.sim.mujoco.tried_settings import recipes
 from proofmass.sim.protocol import Run, Studied, leading
 from proofmass.solve import simulate
 from proofmass.studies.record import ParameterValue, Setting

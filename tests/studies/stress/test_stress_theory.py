@@ -5,8 +5,8 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass.sim.mujoco.scans import SCHEMES, discrete, euler, euler_explicit
-from proofmass.sim.pymunk.scans import chipmunk
+from proofmass.sim.mujoco.tried_settings import SCHEMES, discrete, euler, euler_explicit
+from proofmass.sim.pymunk.tried_settings import chipmunk
 from proofmass.sim.stability import limit
 from proofmass.studies.stress import problems, theory
 from proofmass.studies.stress.boundary import Boundary

@@ -8,7 +8,7 @@ import pytest
 from proofmass.reference import compiled
 from proofmass.sidecar import load_case
 from proofmass.sim.contents import may_touch
-from proofmass.sim.pymunk.scans import is_damped
+from proofmass.sim.pymunk.tried_settings import is_damped
 from proofmass.studies.measure import StudyRun, simulate
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run

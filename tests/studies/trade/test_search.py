@@ -13,7 +13,7 @@ import pytest
 from proofmass.case import Case
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Imposed
-from proofmass.sim.pymunk.scans import left_after
+from proofmass.sim.pymunk.tried_settings import left_after
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store

@@ -10,7 +10,7 @@ from benchmarks.accuracy_places import orders_of_places
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
-from proofmass.sim.mujoco.scans import INTEGRATORS
+from proofmass.sim.mujoco.tried_settings import INTEGRATORS
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow, read_table
 from proofmass.studies.run import run
