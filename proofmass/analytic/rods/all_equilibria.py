@@ -50,9 +50,9 @@ g and is one step off::
 It is worth a start where that step is short.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -760,6 +760,27 @@ OVERLAP = 12.0  # alpha from which on loads are drawn as well, if they may excee
 
 
 @dataclass(frozen=True)
+class LoadBound:
+    """How far loads of all equilibria can go, found when it is asked for.
+
+    Attributes
+    ----------
+    state : RodState
+        Inputs and loads.
+    modes : sequence of int
+        The most inflections of each rod.
+    """
+
+    state: RodState
+    modes: Sequence[int]
+
+    @cached_property
+    def alpha(self) -> float:
+        """The largest alpha [1], by `theoretical_bound`."""
+        return theoretical_bound(self.state, self.modes)
+
+
+@dataclass(frozen=True)
 class Solutions:
     """Equilibria (n,) of one assembly of k rods, the lowest potential first.
 
@@ -780,8 +801,8 @@ class Solutions:
         where k_rel is 1 in double precision, for alpha beyond about 18.
     up_to : float
         The largest alpha [1] that was searched: the count holds up to there.
-    proof : callable
-        What gives `bound`, which takes as long as a small search.
+    load_bound : LoadBound
+        Of `bound`.
     """
 
     state: RodState
@@ -793,14 +814,15 @@ class Solutions:
     alpha: Array
     complement: Array
     up_to: float
-    proof: Callable[[], float]
+    load_bound: LoadBound
 
     @property
     def bound(self) -> float:
-        """alpha [1] that no rod of any equilibrium with these modes exceeds, by
-        `theoretical_bound`; inf where there is no proof.
+        """alpha [1] that no rod of any equilibrium with these modes exceeds; inf without a proof.
+
+        It is found when it is first asked for, which takes as long as a small search.
         """
-        return self.proof()
+        return self.load_bound.alpha
 
     @property
     def bounded(self) -> bool:
@@ -893,9 +915,9 @@ def solutions(
     """
     given = state(a, inputs=inputs, load=load)
     upto = checked(given, modes, most_load, poses)
-    proof = cache(partial(theoretical_bound, given, upto))
+    most = LoadBound(given, upto)
     if most_load is None:
-        cap = proof() if np.isfinite(proof()) else LATTICE
+        cap = most.alpha if np.isfinite(most.alpha) else LATTICE
     else:
         cap = min(most_load, theoretical_bound(given, upto, most_load))
     batches = list(starts(given, upto, min(cap, LATTICE), poses))
@@ -907,7 +929,7 @@ def solutions(
     sheet = rods(chart[:, 0], chart[:, 1])
     within = (sheet.waves < np.array(upto)[:, None]) & (chart[:, 0] <= cap)
     kept = distinct(given, chart, pose, np.flatnonzero(within.all(axis=0)))
-    return described(given, chart[..., kept], pose[:, kept], cap, proof)
+    return described(given, chart[..., kept], pose[:, kept], cap, most)
 
 
 def checked(
@@ -958,9 +980,7 @@ def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) ->
     return which[apart]
 
 
-def described(
-    s: RodState, chart: Array, pose: Array, up_to: float, proof: Callable[[], float]
-) -> Solutions:
+def described(s: RodState, chart: Array, pose: Array, up_to: float, most: LoadBound) -> Solutions:
     """Equilibria in the document's terms."""
     a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
     force = turned(s, found)[1].T
@@ -987,5 +1007,5 @@ def described(
         chart[:, 0].T[order],
         (1.0 / np.cosh(chart[:, 1])).T[order],
         up_to,
-        proof,
+        most,
     )

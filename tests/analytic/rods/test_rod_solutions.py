@@ -26,7 +26,7 @@ def random():
 def light(f):
     """Those with loads up to alpha = 20: integrated from a clamp, others are off by e^alpha."""
     kept = alphas(f).max(axis=1) <= 20.0
-    parts = {name: getattr(f, name) for name in ("up_to", "proof")}
+    parts = {name: getattr(f, name) for name in ("up_to", "load_bound")}
     return Solutions(*(getattr(f, one.name)[kept] for one in fields(f)[:-2]), **parts)
 
 

@@ -1,5 +1,6 @@
 """How far equilibria of 3RFR and 3PFR are counted: the bound of loads, what is beyond 20."""
 
+import pickle
 from functools import cache
 
 import numpy as np
@@ -227,3 +228,11 @@ def test_no_pose_of_an_equilibrium_is_left_out():
             & (np.abs(off.imag) <= boxes.half)
             & (np.abs(turn) <= boxes.turn)
         )
+
+
+def test_solutions_of_another_process_tell_their_bound():
+    a, given = made("rfr2")
+    f = solutions(a, modes=1, most_load=5.0, **given)
+    there = pickle.loads(pickle.dumps(f))
+    assert there.bound == f.bound == theoretical_bound(state(a, **given), [1] * a.rods)
+    assert np.array_equal(there.alpha, f.alpha)
