@@ -29,8 +29,8 @@ explain it. Of a four-bar whose rocker was made 1 % longer in the model it says:
 
 ```
   cause: in fourbar.xml: site of rocker_end x = 2.5 m instead of 2.525 m (-0.9901 %)
-         puts all 17 channels right, 1.5e-13 of the error left
-         next best: rocker = 2.525 m instead of 2.5 m (+1 %) (16 of 17 channels right, 1.1e-13 left)
+         puts all 17 channels right, 3.3e-14 of the error left
+         next best: rocker = 2.525 m instead of 2.5 m (+1 %) (16 of 17 channels right, 3.3e-14 left)
          2.525 stands in fourbar.xml, line 33
 ```
 

@@ -333,10 +333,6 @@ class StillBodies:
         return np.frombuffer(self.found.float_buf()).reshape(-1, 3).copy()
 
 
-set_phase: Callable[[pymunk.GearJoint, float], None] = vars(pymunk.GearJoint)["phase"].fset
-"""Sets the phase of a gear in half the time that an assignment takes, which asks Python first."""
-
-
 class HingeDrive(pymunk.GearJoint):
     """Holds two links at an angle, as a gear of ratio 1 with a phase."""
 
@@ -347,7 +343,7 @@ class HingeDrive(pymunk.GearJoint):
 
     def aim(self, value: float) -> None:
         """Set the value [rad] of the joint after the next step."""
-        set_phase(self, self.sign * (value - self.start))
+        self.phase = self.sign * (value - self.start)
 
 
 class SlideDrive(pymunk.GrooveJoint):
