@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def mobility(case: Case) -> int | None:
-    """Freedoms of a case's model in its start pose: joints less independent loop equations.
+    """Degrees of freedom of a model in its start pose: joints less independent loop equations.
 
     Returns
     -------
@@ -56,7 +56,7 @@ KEPT = 64
 
 @lru_cache(KEPT)
 def model_dof(model: "MjModel", start: str) -> int:
-    """Freedoms of a compiled model, found once for all runs."""
+    """Degrees of freedom of a compiled model, found once for all runs."""
     from proofmass.analytic.planar import read
     from proofmass.analytic.planar.kinematics import count_dof, nearest
 

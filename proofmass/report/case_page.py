@@ -98,7 +98,7 @@ def rendered(
     """The text of a case's page with the curves that were gathered."""
     runs, views = gathered.runs, gathered.views
     faults = faults_of(case, result)
-    tell = partial(find, case, beyond_limits(runs))
+    tell = partial(find_in_worker, case, beyond_limits(runs))
     rows = [c for run in runs for c in run.rows]
     all_rows = [c for run in runs for c in (*run.rows, *run.verdicts)]
     state = state_of(case, all_rows, faults)
@@ -190,7 +190,9 @@ def gathered_here(result: Result) -> Gathered:
     return Gathered(runs, all_viewed(case, runs), recorded_data(case, runs))
 
 
-def find(case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any) -> Any:
+def find_in_worker(
+    case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any
+) -> Any:
     """What a function finds out of a case, from a worker.
 
     Something else where the case is at fault, which the runs have said, or `beyond` its limits.
@@ -212,7 +214,7 @@ def properties_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
             and curves.properties is not None
         ):
             return curves.properties
-    return cast(dict[str, str], find(case, beyond, properties, {}))
+    return cast(dict[str, str], find_in_worker(case, beyond, properties, {}))
 
 
 def parameters_of(case: Case) -> dict[str, str]:

@@ -400,7 +400,7 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     Kept(coverage=replace(coverage_found(fourbar), key=key)).write(file_of(fourbar, key, None))
     assert noticed(fourbar)
     monkeypatch.setattr(  # a worker may have another folder of what was found
-        "proofmass.report.case_page.find",
+        "proofmass.report.case_page.find_in_worker",
         lambda case, beyond, function, otherwise: function(case),
     )
     with without_figures():

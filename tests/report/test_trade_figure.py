@@ -41,12 +41,12 @@ def texts(ax) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def sheet() -> Figure:
+def figure() -> Figure:
     return drawn(*study())
 
 
-def test_a_row_of_panels_for_each_kind(sheet: Figure) -> None:
-    assert [ax.get_title("left") for ax in sheet.axes] == [
+def test_a_row_of_panels_for_each_kind(figure: Figure) -> None:
+    assert [ax.get_title("left") for ax in figure.axes] == [
         "position",
         "",
         "velocity",
@@ -54,10 +54,12 @@ def test_a_row_of_panels_for_each_kind(sheet: Figure) -> None:
         "acceleration",
         "",
     ]
-    assert sheet.axes[-2].get_xlabel() == "wall time of the run [s]"
-    assert all("share of the range" in ax.get_ylabel() for ax in sheet.axes[::2])
+    assert figure.axes[-2].get_xlabel() == "wall time of the run [s]"
+    assert all("share of the range" in ax.get_ylabel() for ax in figure.axes[::2])
     assert (
-        {ax.get_xscale() for ax in sheet.axes} == {ax.get_yscale() for ax in sheet.axes} == {"log"}
+        {ax.get_xscale() for ax in figure.axes}
+        == {ax.get_yscale() for ax in figure.axes}
+        == {"log"}
     )
 
 
@@ -96,12 +98,12 @@ def test_no_two_lines_look_the_same() -> None:
     assert len(euler) == 1
 
 
-def test_nothing_is_over_the_panels_or_cut_off(sheet: Figure) -> None:
+def test_nothing_is_over_the_panels_or_cut_off(figure: Figure) -> None:
     """The legend stands above the panels; every letter and every cause lies inside the figure."""
-    legend = sheet.legends[0].get_window_extent()
-    whole = sheet.bbox
+    legend = figure.legends[0].get_window_extent()
+    whole = figure.bbox
     assert legend.x1 <= whole.x1
-    for ax in sheet.axes:
+    for ax in figure.axes:
         assert ax.get_tightbbox().y1 <= legend.y0
         for text in ax.texts:
             box = text.get_window_extent()
@@ -109,8 +111,8 @@ def test_nothing_is_over_the_panels_or_cut_off(sheet: Figure) -> None:
             assert box.x1 <= whole.x1
 
 
-def test_causes_in_the_margin_do_not_touch(sheet: Figure) -> None:
-    for ax in sheet.axes[1::2]:
+def test_causes_in_the_margin_do_not_touch(figure: Figure) -> None:
+    for ax in figure.axes[1::2]:
         boxes = sorted(
             (t.get_window_extent() for t in ax.texts if t.get_window_extent().x0 > ax.bbox.x1),
             key=lambda box: box.y0,
@@ -119,7 +121,7 @@ def test_causes_in_the_margin_do_not_touch(sheet: Figure) -> None:
         assert all(one.y1 <= two.y0 for one, two in pairwise(boxes))
 
 
-def test_the_front_is_that_of_all_settings(sheet: Figure) -> None:
+def test_the_front_is_that_of_all_settings(figure: Figure) -> None:
     """Brute force: nothing measured is cheaper and closer; filled markers are these."""
     rows = [row for row in study()[0] if row.outcome == "ran"]
     best = front(rows, "position")
@@ -131,19 +133,19 @@ def test_the_front_is_that_of_all_settings(sheet: Figure) -> None:
             for o in rows
         )
         assert (row in best) == (not beaten)
-    stairs = next(one for one in sheet.axes[0].lines if one.get_color() == FRONT["color"])
+    stairs = next(one for one in figure.axes[0].lines if one.get_color() == FRONT["color"])
     assert len(stairs.get_xdata()) == len(best)
     filled = sum(
         len(one.get_xdata())
-        for one in sheet.axes[0].lines
+        for one in figure.axes[0].lines
         if one.get_linestyle() == "None" and one.get_marker() not in ("x", "_")
     )
     assert filled == len(best)
 
 
-def test_triangles_have_the_expected_slopes(sheet: Figure) -> None:
+def test_triangles_have_the_expected_slopes(figure: Figure) -> None:
     slopes = []
-    for patch in sheet.axes[1].patches:
+    for patch in figure.axes[1].patches:
         (x, top), (_, foot), (far, _) = patch.get_path().vertices[:3]
         slopes.append(np.log(top / foot) / np.log(far / x))
     assert sorted(slopes) == pytest.approx([1.0, 2.0, 4.0])
@@ -154,19 +156,19 @@ def test_an_order_that_no_line_shows_has_no_triangle() -> None:
     assert not figure.axes[1].patches
 
 
-def test_floors_are_ticks_with_their_causes(sheet: Figure) -> None:
-    ticks = [float(one.get_ydata()[0]) for one in sheet.axes[0].lines if one.get_marker() == "_"]
+def test_floors_are_ticks_with_their_causes(figure: Figure) -> None:
+    ticks = [float(one.get_ydata()[0]) for one in figure.axes[0].lines if one.get_marker() == "_"]
     assert sorted(ticks) == pytest.approx([2e-9, 3e-8, *(2e-4 * (1 + k / 10) for k in range(5))])
-    told = " ".join(texts(sheet.axes[1])).replace("\n", " ")
+    told = " ".join(texts(figure.axes[1])).replace("\n", " ")
     assert "softness of the loop (a c e g i)" in told
     assert "3e-8 cap of solimp (h)" in told
 
 
-def test_failures_are_crosses_at_the_upper_edge(sheet: Figure) -> None:
+def test_failures_are_crosses_at_the_upper_edge(figure: Figure) -> None:
     """A run that came apart has made no steps; those that it should have made are 6.28 s / 16 ms.
 
     Its wall time is not known: over that it has no place."""
-    left, right = ([one for one in ax.lines if one.get_marker() == "x"] for ax in sheet.axes[:2])
+    left, right = ([one for one in ax.lines if one.get_marker() == "x"] for ax in figure.axes[:2])
     assert not left
     assert [one.get_xdata()[0] for one in right] == pytest.approx([6.28 / 0.016], abs=1)
     failed = StudyRow("", "", "", "", "", "", 0.0, {"timestep": 0.1}, outcome="diverged")

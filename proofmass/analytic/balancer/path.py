@@ -79,7 +79,7 @@ class Point:
         return Point(np.concatenate(alpha), np.concatenate(unknowns), np.concatenate(side))
 
 
-def some(b: Balancer, which: NDArray[np.int_]) -> Balancer:
+def subset(b: Balancer, which: NDArray[np.int_]) -> Balancer:
     """Those of a batch with rising numbers: itself, without a copy, if they are all of it."""
     return b if which.size == len(b) else b[which]
 
@@ -140,7 +140,9 @@ def solve(b: Balancer, p: Point) -> tuple[Point, Array]:
     unknowns, moved = p.unknowns.copy(), np.zeros(len(b))
     left = np.arange(len(b))
     for _ in range(MOST):
-        residual, matrix = system(some(b, left), Point(p.alpha[left], unknowns[left], p.side[left]))
+        residual, matrix = system(
+            subset(b, left), Point(p.alpha[left], unknowns[left], p.side[left])
+        )
         step = -solved(matrix, residual)
         unknowns[left] += step
         size = np.abs(step[:, : b.segments]).max(axis=-1)
@@ -307,7 +309,7 @@ class PathFollower:
     def step(self) -> None:
         """One stride of every path that is not at its end."""
         k = np.flatnonzero(self.going)
-        b, here, out = some(self.b, k), self.at[k], self.out[k]
+        b, here, out = subset(self.b, k), self.at[k], self.out[k]
         h = self.sense * np.minimum(self.stride[k], np.abs(self.to - here.alpha))
         there, moved = solve(b, here.ahead(h, out))
         into, stable = tangent(b, there)

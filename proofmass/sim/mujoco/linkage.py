@@ -430,7 +430,7 @@ class Linkage:
                 )
 
     def dof(self) -> int:
-        """Freedoms left at the present pose when the drives are held."""
+        """Degrees of freedom left at the present pose when the drives are held."""
         rows = self.scaled(self.rows()[1])
         if not len(rows):  # numpy up to 2.4.0 refuses the rank of an empty matrix
             return int(self.model.nv)

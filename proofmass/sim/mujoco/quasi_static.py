@@ -47,8 +47,8 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         The loops cannot be closed at the first values of the drives, or the start pose is an
         unstable equilibrium.
     Unsupported
-        Freedoms are left that nothing brings to rest near the start pose, or an equality is of
-        another kind.
+        Degrees of freedom are left that nothing brings to rest near the start pose, or an equality
+        is of another kind.
     """
     if not run.drives:
         raise BadModel("a sweep needs a [drive]: the joint that is moved")

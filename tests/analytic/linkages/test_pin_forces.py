@@ -80,6 +80,19 @@ def arm(length, k, inertia):
     return vector, inertia * (1j * change - rate**2) * vector
 
 
+def driven_bar(k, base, length, mass, inertia, forces, moment):
+    """The k-th driven arm as a bar about its base."""
+    vector, acceleration = arm(length, k, inertia)
+    rest = np.zeros_like(vector)
+    ends = (rest + base, rest + base + vector)
+    return bar(mass, ends, (rest, acceleration), inertia * LAW[2, k], forces, moment)
+
+
+def coupler_forces(pose):
+    """Of the crank on the coupler, and of the coupler on what follows."""
+    return (force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin"))
+
+
 def point(pose, name, inertia):
     """Place and acceleration of a point."""
     place = pose[f"{name}_x"] + 1j * pose[f"{name}_y"]
@@ -96,18 +109,11 @@ def fourbar_bodies(mode, inertia):
     rest = np.zeros_like(p)
     on_crank = force(pose, "crank_force", LAW[0, 0])
     on_rocker = force(pose, "rocker_force", pose["rocker_angle"])
-    on_coupler, of_pin = (
-        force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin")
-    )
+    on_coupler, of_pin = coupler_forces(pose)
     turning = {k: inertia * pose[f"{k}_acceleration"] for k in ("coupler", "rocker")}
     return {
-        "crank": bar(
-            1.3,
-            (rest, p),
-            (rest, at_p),
-            inertia * LAW[2, 0],
-            (on_crank, -on_coupler),
-            pose["holding_moment"],
+        "crank": driven_bar(
+            0, 0.0, 1.0, 1.3, inertia, (on_crank, -on_coupler), pose["holding_moment"]
         ),
         "coupler": bar(2.1, (p, q), (at_p, at_q), turning["coupler"], (on_coupler, -of_pin)),
         "rocker": bar(
@@ -132,12 +138,9 @@ def slider_crank_bodies(mode, inertia):
         inertia=inertia,
     )
     (p, at_p), (s, at_s) = arm(0.6, 0, inertia), point(pose, "slider", inertia)
-    rest = np.zeros_like(p)
     of_guide = force(pose, "guide_force", 0.3)
     on_crank = force(pose, "crank_force", LAW[0, 0])
-    on_coupler, of_pin = (
-        force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin")
-    )
+    on_coupler, of_pin = coupler_forces(pose)
     # along the guide there are its friction and the load
     rubs = np.sign(pose["slide_rate"])
     assert set(rubs) == {-1.0, 1.0}
@@ -145,11 +148,12 @@ def slider_crank_bodies(mode, inertia):
     on_pin = -0.4 * np.sign(pose["coupler_rate"] - LAW[1, 0])  # of the crank on the coupler
     turning = inertia * pose["coupler_acceleration"]
     return {
-        "crank": bar(
+        "crank": driven_bar(
+            0,
+            0.0,
+            0.6,
             1.3,
-            (rest, p),
-            (rest, at_p),
-            inertia * LAW[2, 0],
+            inertia,
             (on_crank, -on_coupler),
             pose["holding_moment"] - 0.6 * np.sign(LAW[1, 0]) - on_pin,
         ),
@@ -175,21 +179,11 @@ def inverted_slider_crank_bodies(mode, inertia):
     on_rod, of_guide, of_pin = (
         force(pose, f"{k}_force", pose["rod_angle"]) for k in ("rod", "guide", "pin")
     )
-    crank = bar(
-        1.3,
-        (rest, p),
-        (rest, at_p),
-        inertia * LAW[2, 0],
-        (on_crank, -on_rod),
-        pose["holding_moment"],
+    crank = driven_bar(
+        0, 0.0, link["crank"], 1.3, inertia, (on_crank, -on_rod), pose["holding_moment"]
     )
-    driven = bar(
-        0.8,
-        (rest + ground, s),
-        (rest, at_s),
-        inertia * LAW[2, 1],
-        (on_bar, of_pin),
-        pose["holding_moment_bar"],
+    driven = driven_bar(
+        1, ground, link["bar"], 0.8, inertia, (on_bar, of_pin), pose["holding_moment_bar"]
     )
     rod = bar(2.1, (p, end), (at_p, at_e), turning, (on_rod, rest), -pose["guide_moment"])
     rod = replace(rod, pulls=((on_rod, p), (-of_guide, s)))
@@ -226,11 +220,12 @@ def fivebar_bodies(mode, inertia):
         vector, acceleration = arm(link[f"{side}_crank"], k, inertia)
         on_crank = force(pose, f"{side}_crank_force", LAW[0, k])
         on_coupler = force(pose, f"{side}_coupler_force", pose[f"{side}_coupler_angle"])
-        found[f"{side}_crank"] = bar(
+        found[f"{side}_crank"] = driven_bar(
+            k,
+            link[f"{side}_x"],
+            link[f"{side}_crank"],
             masses[f"{side}_crank"],
-            (base, base + vector),
-            (rest, acceleration),
-            inertia * LAW[2, k],
+            inertia,
             (on_crank, -on_coupler),
             pose[f"{side}_moment"],
         )
