@@ -1,15 +1,15 @@
 """A case and all tables of its sidecar.
 
-The sidecar says what cannot be said in MJCF: the reference, which sensor must equal which quantity,
-how close, and why that close.  Unknown keys are errors.
+The sidecar has what MJCF cannot state: the reference, the quantity that each sensor must equal, the
+tolerance and its reason.  Unknown keys are errors.
 
-A view is a figure of curves over something else than the run's own x, which must rise: a loop runs
-over time in a run, and over a channel in a view.  A chart is a figure of what the reference knows
-beside the runs, such as all equilibria.
+A view is a figure of curves over any channel or quantity.  The x of a run must rise, that of a view
+need not: it may show a closed loop over a channel.  A chart is a figure that the reference computes
+apart from the runs, such as all equilibria.
 
 ``[refine]`` repeats a run with its rods in more and more segments.  An error e of order p falls by
-r^p when a rod is cut into r times as many segments, n2 = r n1, and then two runs point to the limit
-of many segments (Richardson), except for terms of higher order:
+r^p when a rod is divided into r times as many segments, n2 = r n1.  Then two runs give the limit of
+many segments (Richardson), except for terms of higher order:
 
     p = log(e1 / e2) / log r          v = v2 + (v2 - v1) / (r^p - 1)
 """
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 @cache
 def made_models() -> Path:
-    """A folder for models that this process makes, which goes when it ends."""
+    """A folder for models that this process makes; it is removed when the process ends."""
     folder = mkdtemp(prefix="proofmass-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
@@ -61,7 +61,7 @@ def known_unit(unit: str) -> str:
 
 
 def one_or_more(kind: Any) -> BeforeValidator:
-    """Of a key that may hold one thing alone instead of a list of them."""
+    """Validator of a key that may have a single entry instead of a list."""
     return BeforeValidator(
         lambda value: (value,) if isinstance(value, str | dict) else value,
         json_schema_input_type=kind | tuple[kind, ...],
@@ -72,11 +72,11 @@ Names = Annotated[tuple[str, ...], one_or_more(str)]
 
 
 Rows = Annotated[tuple[float, ...], Field(min_length=2)]
-"""Numbers in a sidecar that stand for a column [SI]."""
+"""Numbers in a sidecar instead of a column of a file [SI]."""
 
 
 def form_of_column(column: Any) -> str:
-    """The form in which a column is given."""
+    """The tag of the type in which a column is given."""
     return "rows" if isinstance(column, list | tuple) else RecordedColumn.__name__
 
 
@@ -87,11 +87,12 @@ Column = Annotated[
 
 
 class ProfileTable(Strict):
-    """``profile = { file = .. }``: a drive that follows the rows of a CSV file beside the sidecar.
+    """``profile = { file = .. }``: a drive that follows the rows of a CSV file.
 
-    Either its `value` is given, or its `rate`, which is integrated from the drive's ``from`` on;
+    Given is either its `value`, or its `rate`, which is integrated from the drive's ``from`` on.
     `time` is the first column if it is left out.  A column is a name, or a table, see
     `proofmass.recorded.RecordedColumn`.  Without a `file` the columns are lists of numbers [SI].
+    The path of the file is relative to the sidecar.
     """
 
     file: str | None = None
@@ -128,14 +129,14 @@ class ProfileTable(Strict):
 
     @property
     def given(self) -> tuple[str, RecordedColumn | tuple[float, ...]]:
-        """What is given, ``value`` or ``rate``, and its column."""
+        """The quantity that is given, ``value`` or ``rate``, and its column."""
         if self.value is not None:
             return "value", self.value
         return "rate", cast(RecordedColumn | tuple[float, ...], self.rate)
 
     @property
     def words(self) -> str:
-        """What is followed, in words."""
+        """A description of the column that the profile follows."""
         kind, column = self.given
         if isinstance(column, tuple):
             return f"{kind} in a table of {len(column)} rows"
@@ -143,7 +144,7 @@ class ProfileTable(Strict):
 
 
 def form_of(profile: Any) -> str:
-    """The form in which a profile is given."""
+    """The tag of the type in which a profile is given."""
     if isinstance(profile, dict | ProfileTable):
         return ProfileTable.__name__
     return "str" if isinstance(profile, str) else "tuple"
@@ -160,12 +161,12 @@ Profile = Annotated[
 class DriveTable(Strict):
     """``[drive]``, or one of several ``[[drive]]``: a joint that is moved, and how.
 
-    One of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and ``period`` (a swing
-    to and fro); ``profile`` with ``until``, a function of the reference's module; ``profile`` as
-    three columns of a recorded reference (value, rate, acceleration), or as a table that names a
-    file, see `ProfileTable`.  The first drive leads.  Another with
-    ``from`` and ``to`` keeps its proportion to the first one's progress (`to` may equal
-    `from`: it is held); one with a joint alone takes its row of the first one's profile.
+    The first drive has one of: ``from``, ``to`` and ``rate`` (constant speed); ``from``, ``to`` and
+    ``period`` (a swing to and fro); ``profile`` with ``until``, a function of the reference's
+    module; ``profile`` as three columns of a recorded reference (value, rate, acceleration), or as
+    a table that names a file, see `ProfileTable`.  Another drive with ``from`` and ``to`` moves in
+    proportion to the first drive's progress (`to` may equal `from`: it does not move); one with
+    only a joint takes its row of the first drive's profile.
     """
 
     joint: str
@@ -209,11 +210,11 @@ class DriveTable(Strict):
 
     @property
     def steady(self) -> bool:
-        """Whether it runs at constant speed, so that a sweep can go by its value."""
+        """Whether the drive has constant speed, so that a sweep can be sampled by its value."""
         return self.to is not None and self.period is None
 
     def check_leader(self) -> None:
-        """Raise ValueError if this table alone does not say how its joint moves."""
+        """Raise ValueError unless this table fully defines the motion of its joint."""
         if (self.to is None) == (self.profile is None):
             raise ValueError("give either from, to and rate, or from, to and period, or profile")
         if self.rate is not None and not self.steady:
@@ -229,23 +230,24 @@ class DriveTable(Strict):
             raise ValueError("rate must be non-zero and lead from 'from' to 'to'")
 
     def check_follower(self) -> None:
-        """Raise ValueError if this table says more than a drive after the first one may."""
+        """Raise ValueError if this table has a key that only the first drive may have."""
         for key in ("rate", "period", "until"):
             if getattr(self, key) is not None:
                 raise ValueError(f"{key} belongs to the first drive, which leads")
 
     @property
     def speed(self) -> float:
-        """Rate of a steady drive [rad/s or m/s], 1 when the sidecar gives none."""
+        """Rate of a steady drive [rad/s or m/s]; 1 if the sidecar gives none."""
         return 1.0 if self.rate is None else self.rate
 
 
 class LoadTable(Strict):
     """``[load]``, or one of several ``[[load]]``: an actuator whose control changes along a run.
 
-    Its control goes from ``from`` to `to` in proportion to the first drive's progress; or, if that
-    follows a `profile`, in proportion to time.  Or its control is the value of a `profile`, rows
-    over time.  `scales` are parameters of the reference that are multiplied by the control.
+    Either the control goes from ``from`` to `to`, in proportion to the first drive's progress or,
+    if that drive follows a `profile`, in proportion to time.  Or the control is the value of a
+    `profile` of rows over time.  `scales` are parameters of the reference that are multiplied by
+    the control.
     """
 
     actuator: str
@@ -266,17 +268,17 @@ class LoadTable(Strict):
 
 
 MOST_SAMPLES = 10**8
-"""Samples of a run: a curve of them is 0.8 GB, and a run has dozens of curves."""
+"""Largest number of samples of a run: one curve then takes 0.8 GB, and a run has dozens."""
 
 
 class RunTable(Strict):
     """``[run.sweep]``, ``[run.dynamics]`` or ``[run.equilibrium]``: samples and solvers.
 
-    `until` is the last time [s], or the last arc length [m] in equilibrium: the shortest rod's.  A
-    run, its model and its reference have `timeout` [s] and `memory` [GiB].  With `inertia` moments
-    and forces of a sweep are those at the rates and accelerations of its drives, else those at
-    rest.  Samples and solvers that a sidecar leaves out are filled in by
-    `proofmass.sidecar.fill_defaults`.
+    `until` is the last time [s], or in equilibrium the last arc length [m], by default that of the
+    shortest rod.  `timeout` [s] and `memory` [GiB] are the limits of the run, its model and its
+    reference.  With `inertia`, moments and forces of a sweep include those of the rates and
+    accelerations of its drives; without, they are those at rest.
+    `proofmass.sidecar.fill_defaults` fills in the samples and solvers that a sidecar leaves out.
     """
 
     n: int | None = Field(None, ge=2, le=MOST_SAMPLES)
@@ -290,9 +292,9 @@ class RunTable(Strict):
 class Channel(Strict):
     """``[channels]``: sensor = scale * quantity + shift, in `unit`.
 
-    `equals` names a quantity of the reference, or is a number: then the curve must be constant.
-    `unit` is any unit of what the sensor delivers; sensor and quantity are both brought from SI to
-    it.  `shift`, and `equals` if it is a number, are in that unit; `scale` is a plain factor.
+    `equals` names a quantity of the reference, or is a number that the curve must have throughout.
+    `unit` is any unit of the sensor's quantity; sensor and reference are converted from SI to it.
+    `shift`, and `equals` if it is a number, are in that unit; `scale` has no unit.
     """
 
     equals: str | float
@@ -313,16 +315,16 @@ class Channel(Strict):
 
     @property
     def factor(self) -> float:
-        """What a number in `unit` is multiplied by to be in SI."""
+        """The factor that converts a number in `unit` to SI."""
         return si_unit(self.unit)[1]
 
 
 class Tolerance(Strict):
     """``[[tolerance]]``: a number, where it holds, and the reason for it.
 
-    `run`, `solver`, `unit` and `channels` select; what is left out selects all.  The number is
-    `abs`, in the channel's unit, or `relative_to_range`, a share of the reference curve's range;
-    of a curve that does not move, a share of its size, see `proofmass.compare.scale_of`.
+    `run`, `solver`, `unit` and `channels` select where it holds; a missing key selects all.
+    The number is `abs`, in the channel's unit, or `relative_to_range`, a share of the reference
+    curve's range, or of its size if the curve is constant, see `proofmass.compare.scale_of`.
     """
 
     run: Kind | None = None
@@ -342,11 +344,11 @@ class Tolerance(Strict):
         return self
 
     def is_for(self, run: str, solver: str) -> bool:
-        """Whether this tolerance speaks of any channel of that solver in that run."""
+        """Whether this tolerance may cover channels of a solver in a run."""
         return self.run in (None, run) and any(fnmatchcase(solver, s) for s in self.solver)
 
     def covers(self, run: str, solver: str, name: str, unit: str) -> bool:
-        """Whether this tolerance speaks of that channel of that solver in that run."""
+        """Whether this tolerance covers a channel of a solver in a run."""
         return (
             self.is_for(run, solver)
             and ("*" in self.unit or unit in self.unit)
@@ -354,19 +356,19 @@ class Tolerance(Strict):
         )
 
     def allowed(self, scale: float) -> float:
-        """The largest error allowed on a curve of that range or size, in the curve's unit."""
+        """The largest allowed error of a curve of range or size `scale`, in the curve's unit."""
         return self.abs if self.abs is not None else float(self.relative_to_range or 0) * scale
 
 
 class View(Strict):
     """``[[view]]``: a figure of the report.
 
-    Names are channels, driven joints, or quantities of the reference.  `y` is drawn as the
-    reference and every solver, a panel each; `stack` piles up quantities of the reference and draws
-    their sum as a line.  `dashed` are held beside `y`, a target for one.  `marks` are places on x
-    by what happens there, or a function of the reference's module that tells them of its
-    parameters.  `unit` and `x_unit` are those of names that no channel knows; such names and marks
-    are in SI.
+    Names are channels, driven joints, or quantities of the reference.  Each name in `y` has a panel
+    with the reference and every solver.  `stack` adds quantities of the reference up as areas, with
+    their sum as a line.  `dashed` are drawn together with `y`, such as a target.  `marks` are
+    values of x by what happens there, or a function of the reference's module that computes them
+    from its parameters.  `unit` and `x_unit` are those of names that are not channels; without
+    them such names, and marks, are in SI.
     """
 
     title: str = Field(min_length=1)
@@ -396,8 +398,8 @@ class View(Strict):
 class ChartTable(Strict):
     """``[[chart]]``: a figure of the report that the reference's module computes.
 
-    `draw` is a function of it that returns an `proofmass.analytic.chart.Chart`.  It gets the case's
-    parameters that it takes by name, and `parameters` in addition, or instead of them.
+    `draw` is a function of the module that returns a `proofmass.analytic.chart.Chart`.  It gets
+    those of the case's parameters that it takes by name; `parameters` are added or replace them.
     """
 
     title: str = Field(min_length=1)
@@ -406,30 +408,31 @@ class ChartTable(Strict):
 
 
 class Beside(Strict):
-    """``[compare_with.NAME]``: another parameter set of the reference, drawn thin in every view."""
+    """``[compare_with.NAME]``: another set of parameters, drawn as a thin line in every view."""
 
     parameters: dict[str, float | str]
 
 
 MOST_SEGMENTS = 10**5
-"""Segments of a rod: one matrix of the engines, a row and a column for each, is then 80 GB."""
+"""Largest number of segments of a rod: an engine's square matrix of that size takes 80 GB."""
 Segments = Annotated[int, Field(le=MOST_SEGMENTS)]
 
 
 class RodTable(Strict):
-    """``[rod.NAME]``: where a rod is held, what it is made of, and how it is cut into links.
+    """``[rod.NAME]``: the supports of a rod, its stiffnesses, and its division into links.
 
-    It begins at the site `from`, its tangent along that site's x axis, and bends about the z axis.
-    The site `to` of another body, or ``OTHER.tip`` of a rod before it, holds its far end; left out,
-    that is free.  `turn` is that of its tangent from end to end in the start pose, an arc [rad]:
-    which of several equilibria it comes to rest in.  Sensors on the sites ``NAME.middle`` and
-    ``NAME.tip`` stay in place whatever the number of `segments`.  `mass` is needed where gravity
-    acts.  Without `axial`, EA [N], it does not stretch; without `shear`, GA [N], its sections stay
-    normal to it.  `load` is a dead load per length in the axes of the world [N/m].
+    The rod begins at the site `from`, its tangent along that site's x axis, and bends about the
+    z axis.  The site `to` of another body, or ``OTHER.tip`` of a rod before it, supports its far
+    end; without `to` the far end is free.  `turn` is the angle by which the tangent turns from end
+    to end in the start pose, an arc [rad]: it chooses one of several equilibria.  Sensors on the
+    sites ``NAME.middle`` and ``NAME.tip`` stay in place for any number of `segments`.  `mass` is
+    needed where gravity acts.  Without `axial`, EA [N], the rod does not stretch; without `shear`,
+    GA [N], its sections stay normal to its axis.  `load` is a dead load per length in the axes of
+    the world [N/m].
 
-    With `torsion`, GJ [N m2], it leaves the plane: its free end bends about the y axes of its
-    sections as well, against `stiffness_y`, and twists.  `curvature` is then its twist and its
-    curvatures about y and z without loads [1/m].
+    With `torsion`, GJ [N m2], the rod leaves the plane: it also bends about the y axes of its
+    sections, against `stiffness_y`, and twists.  `curvature` is then its twist and its curvatures
+    about y and z without loads [1/m].
     """
 
     start: str = Field(alias="from")
@@ -488,7 +491,7 @@ class RodTable(Strict):
         return self
 
     def built(self, name: str) -> Rod:
-        """What a simulator is asked to build."""
+        """The rod that a simulator is asked to build."""
         return Rod(
             name,
             self.start,
@@ -510,14 +513,15 @@ class RodTable(Strict):
 
 
 class Refine(Strict):
-    """``[refine]``: every rod in so many `segments`, one number after the other, in one `run`.
+    """``[refine]``: one `run` repeated with every rod in each number of `segments` in turn.
 
-    The largest error of each of the `channels` must fall with `order`, from each number to the next
-    and `within` so much. A rest is sampled where every number of segments has the same place on its
-    links, for what lies between their ends is off by more or less. Errors up to `error_floor`, in
-    the channel's unit, are left to rounding and to the reference, and show no order. `richardson`
-    is what the limits of places may be off by at the last sample [m]; `between` the two numbers
-    that they are taken from, the last two if left out.
+    The largest error of each of the `channels` must fall with `order`, from each number of segments
+    to the next, up to a deviation `within`. An equilibrium is sampled at points that are ends of
+    links for every number of segments, since the error between the ends of a link varies. Errors up
+    to `error_floor`, in the channel's unit, are due to rounding and to the reference, and show no
+    order. `richardson` is the allowed error of the limits of positions at the last sample [m];
+    `between` are the two numbers of segments that the limits are computed from, by default the last
+    two.
     """
 
     segments: tuple[Segments, ...] = Field(min_length=2)
@@ -543,27 +547,27 @@ class Refine(Strict):
         return self
 
     def covers(self, channel: str) -> bool:
-        """Whether the order of a channel's error is asked for."""
+        """Whether the order of a channel's error is checked."""
         return any(fnmatchcase(channel, pattern) for pattern in self.channels)
 
     def sampled(self, run: RunTable) -> RunTable:
-        """The run with the samples that all numbers of segments have in common."""
+        """The run with samples at points that are ends of links for all numbers of segments."""
         if self.run != "equilibrium":
             return run
         return run.model_copy(update={"n": gcd(*self.segments) + 1, "until": None})
 
     @property
     def last(self) -> tuple[int, int]:
-        """The two numbers of segments that point to the limit."""
+        """The two numbers of segments from which the limit is computed."""
         return self.between or (self.segments[-2], self.segments[-1])
 
 
 class Case(Strict):
-    """One sidecar.  `file` is where it was read; everything else stands in it.
+    """One sidecar.  `file` is its path; the other fields are its tables, but for the last two.
 
-    `unchecked` says that nothing of the case is checked, on purpose.  `unmatched` are sensors that
-    are not listed and have the name of no quantity.  `called` is its name where other cases have
-    the name of its file.
+    `unchecked` says that on purpose nothing of the case is checked.  `unmatched` are sensors that
+    are not listed and match no quantity.  `called` is the name of the case if other cases have the
+    name of its file.
     """
 
     file: Path
@@ -590,7 +594,7 @@ class Case(Strict):
 
     @property
     def name(self) -> str:
-        """The sidecar's file name without its ending, unless `called` is another one."""
+        """The sidecar's file name without its ending, unless `called` replaces it."""
         return self.called or self.file.stem
 
     @property
@@ -605,24 +609,24 @@ class Case(Strict):
 
     @property
     def profile_files(self) -> tuple[Path, ...]:
-        """The files that drives and loads follow."""
+        """The files of the profiles of drives and loads."""
         profiles = [one.profile for one in self.drive] + [one.profile for one in self.load]
         files = [profile.file for profile in profiles if isinstance(profile, ProfileTable)]
         return tuple(self.file.parent / file for file in files if file is not None)
 
     def require_model(self) -> None:
-        """Raise InputError if there is no such file."""
+        """Raise InputError if the MJCF file does not exist."""
         if not self.model_path.is_file():
             raise InputError(self.file, "model", f"no file {self.model!r} beside the sidecar")
 
     @property
     def rods(self) -> tuple[Rod, ...]:
-        """The rods that complete the model."""
+        """The rods that are added to the model."""
         return tuple(table.built(name) for name, table in self.rod.items())
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """The channels that must equal a number, whatever the reference is."""
+        """The channels that must equal a number, independently of the reference."""
         return tuple(n for n, c in self.channels.items() if not isinstance(c.equals, str))
 
     @property
@@ -631,11 +635,11 @@ class Case(Strict):
         return self.drive[0] if self.drive else None
 
     def drive_key(self, k: int, *keys: str) -> str:
-        """Where drive number k, or a key of it, stands in the sidecar."""
+        """The key of the sidecar for drive number k, or for a key of that drive."""
         return ".".join(["drive", *[str(k)] * (len(self.drive) > 1), *keys])
 
     def load_key(self, k: int, *keys: str) -> str:
-        """Where load number k, or a key of it, stands in the sidecar."""
+        """The key of the sidecar for load number k, or for a key of that load."""
         return ".".join(["load", *[str(k)] * (len(self.load) > 1), *keys])
 
     @field_validator("run", mode="before")
@@ -782,7 +786,7 @@ class Case(Strict):
         return self
 
     def run_of(self, view: View) -> Kind:
-        """The run that a view shows: the one it names, else the first that records its channels."""
+        """The run that a view shows: the one it names, or the first that records its channels."""
         runs = self.run if view.run is None else [view.run]
         names = [n for n in (view.x, *view.y) if n in self.channels]
         for kind in (k for k in runs if k in self.run):
@@ -805,7 +809,7 @@ class Case(Strict):
             raise ValueError(f"{key}: there is no run.{kind}; there are: {', '.join(self.run)}")
 
     def _match(self, place: str, tolerance: Tolerance) -> None:
-        """Raise ValueError for a pattern that matches no name, or if all together cover nothing."""
+        """Raise ValueError if a pattern matches no name, or if the tolerance covers no channel."""
         there = {
             "solver": [s for run in self.run.values() for s in run.solvers],
             "unit": [channel.unit for channel in self.channels.values()],
@@ -874,18 +878,18 @@ class Case(Strict):
     def with_model(
         self, changes: Mapping[str, Mapping[str, Any] | None], **parameters: float | str
     ) -> "Case":
-        """The case with a changed model, and with other parameters of its reference.
+        """Make a case with a changed model, and with changed parameters of its reference.
 
-        The model is kept in a temporary folder until Python ends.
+        The changed model is stored in a temporary folder until Python ends.
 
         Parameters
         ----------
         changes : mapping
-            By element of the MJCF, such as ``site pin``, ``body crank/inertial`` or
-            ``body crank/geom``: tag and name, and tags below it. What attributes it gets, texts or
-            numbers [SI]; None removes it.
+            The attributes that an element of the MJCF gets, texts or numbers [SI]; None removes the
+            element. Elements are named by tag and name, and by tags below it, such as ``site pin``,
+            ``body crank/inertial`` or ``body crank/geom``.
         **parameters : float
-            By name [its unit]; the others are those of the case.
+            Changed parameters [its unit]; the others are those of the case.
 
         Returns
         -------
@@ -924,7 +928,7 @@ class Case(Strict):
         return as_html(self)
 
     def has_inertia(self, kind: str) -> bool:
-        """Whether moments and forces of a run are those of a motion, and not those at rest."""
+        """Whether moments and forces of a run include inertia."""
         return kind == "dynamics" or self.run[kind].inertia  # type: ignore[index]
 
     def channels_of(self, kind: str) -> dict[str, Channel]:
@@ -932,6 +936,6 @@ class Case(Strict):
         return {n: c for n, c in self.channels.items() if c.only in (None, kind)}
 
     def tolerance_for(self, kind: str, solver: str, name: str) -> Tolerance | None:
-        """The tolerance of a channel, or None: it is then shown but not checked."""
+        """The tolerance of a channel; None if the channel is shown but not checked."""
         unit = self.channels[name].unit
         return next((t for t in self.tolerance if t.covers(kind, solver, name, unit)), None)

@@ -1,4 +1,4 @@
-"""From paths to verdicts: find the cases, run every solver, compare."""
+"""Check cases: find them below given paths, run every solver and compare its curves."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator
@@ -27,21 +27,22 @@ from proofmass.validate import validate
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
 
 CheckTask = tuple[Case, Kind, str] | Finer | Path
-LOADING = 60.0  # [s] until the reading of a sidecar is given up
+LOADING = 60.0  # [s], the time limit of reading a sidecar
 OWN_TIMEOUT = 240.0
-"""Wall time after which they are given up [s]: other processes may have the processor."""
+"""Time limit of a model without a sidecar [s]: other processes may use the processor."""
 FOLLOWED, SAMPLES = 1.0, 101
-"""How long it is followed [s], and at how many moments the ways are compared."""
-CAUSES = 60.0  # [s] until the search for the causes of one run's differences is given up
+"""Length of the motion of a model without a sidecar [s], and the number of times at which two ways
+of solving it are compared."""
+CAUSES = 60.0  # [s], the time limit of the search for the causes of one run's differences
 
 
 @dataclass(frozen=True)
 class Result:
-    """All that was found out: comparisons, the curves and rows behind them, the inputs at fault.
+    """All results of a check: comparisons, their curves, diagnoses, and errors of the input.
 
-    Curves and diagnoses are those of a case's run and solver, by their names.  Curves that were
-    compared have their reference with them, see `proofmass.reference.ComparedCurves`.  `failed` has
-    curves of runs that failed, until then.  Only runs that differ or failed have a diagnosis.
+    Curves and diagnoses are stored by the names of case, run and solver.  Curves that were compared
+    have their reference with them, see `proofmass.reference.ComparedCurves`.  `failed` has the
+    curves of failed runs, up to the failure.  Only runs that differ or failed have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     """
 
@@ -69,21 +70,22 @@ class Result:
 
     @property
     def unchecked(self) -> list[Case]:
-        """Cases that ran and of which nothing was checked, though the sidecar does not say so."""
+        """Cases that ran without any check, although the sidecar does not say ``unchecked``."""
         ran = {c.case for c in self.comparisons}
         checked = {c.case for c in self.comparisons if c.outcome not in OPEN}
         return [case for case in self.cases if case.name in ran - checked and not case.unchecked]
 
 
 def find(paths: Iterable[Path]) -> Iterator[Path]:
-    """Sidecars, and models without a sidecar, among the given files and below the given folders.
+    """Find sidecars, and models without a sidecar, in given files and below given folders.
 
-    They come folder by folder.  Hidden folders and links to folders are not searched.
+    They are found folder by folder.  Hidden folders and links to folders are not searched.
 
     Raises
     ------
     InputError
-        A path is not there or no input; a folder cannot be read, after all that can.
+        A path does not exist or is no input; a folder cannot be read (raised after the files of all
+        folders that can).
     """
     for path in paths:
         if not path.exists():
@@ -99,7 +101,7 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
 
 
 def search_folder(folder: Path) -> Iterator[Path]:
-    """What `find` yields of a folder."""
+    """Find what `find` yields of one folder."""
     unreadable: list[OSError] = []
     nothing = True
     for place, folders, files in os.walk(folder, onerror=unreadable.append):
@@ -124,9 +126,9 @@ def search_folder(folder: Path) -> Iterator[Path]:
 
 
 def family_of(file: Path, paths: Iterable[Path]) -> str:
-    """The folder of a file, as it is called below the given folder in which the file was found.
+    """The family of a file: the path of its folder below the given folder in which it was found.
 
-    A file that lies in the given folder itself, or that was given, has its folder's own name.
+    The family of a file in the given folder itself, or of a given file, is its folder's own name.
 
     >>> family_of(Path("models/linkages/fourbar.toml"), [Path("models")])
     'linkages'
@@ -144,10 +146,10 @@ def family_of(file: Path, paths: Iterable[Path]) -> str:
 
 
 def tell_apart(files: Iterable[Path]) -> dict[Path, str]:
-    """A name for each sidecar, and each model without one: that of its file.
+    """Choose a name for each sidecar, and each model without one: the name of its file.
 
-    Where others have it too, as many folders stand before it as tell them apart.  A sidecar keeps
-    its name beside models.
+    If several files have the same name, as many folders are put before it as make it unique.  A
+    sidecar keeps its plain name if only models share it.
 
     >>> tell_apart([Path("/a/arm.toml"), Path("/b/arm.toml"), Path("/b/leg.toml")]).values()
     dict_values(['a/arm', 'b/arm', 'leg'])
@@ -171,17 +173,17 @@ def tell_apart(files: Iterable[Path]) -> dict[Path, str]:
 
 
 def called(case: Case, name: str) -> Case:
-    """A case with another name than that of its file, or with that one."""
+    """The case under a name, which may differ from that of its file."""
     return case if case.name == name else case.model_copy(update={"called": name})
 
 
 def read(path: Path) -> Case:
-    """Read a sidecar in another process, with its model and reference if it leaves channels out.
+    """Read a sidecar in another process; its model and reference too if it leaves channels out.
 
     Raises
     ------
     InputError
-        Also where the reading fails in another way, or takes too long.
+        Also if reading fails in another way, or takes too long.
     """
     try:
         return isolated(load_case, path, timeout=LOADING)
@@ -193,10 +195,10 @@ def read(path: Path) -> Case:
 
 
 def load(path: Path, strict: bool = False) -> Case:
-    """Read a sidecar, and check what can be checked before anything runs, see `validate`.
+    """Read a sidecar and `validate` the case.
 
-    What takes longer, or more memory, than the longest of its runs is left to the runs, which say
-    so; to a `strict` reader it is an error.
+    A validation that takes more time or memory than any of the runs may is no error, since the runs
+    will report it; with `strict` it is an error.
 
     Raises
     ------
@@ -213,7 +215,7 @@ def load(path: Path, strict: bool = False) -> Case:
         )
     except InputError:
         raise
-    except Exception as error:  # the runs meet it as well, and say what it is
+    except Exception as error:  # the runs fail for the same reason, and report it
         if strict:
             raise InputError(path, "", f"its model or its reference: {error}") from None
     return case
@@ -222,11 +224,10 @@ def load(path: Path, strict: bool = False) -> Case:
 def run_one(
     case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
 ) -> tuple[list[Comparison], Curves | None]:
-    """Run and compare one solver; a run that fails gives comparisons that say so, and the curves
-    until then if the engine has them.
+    """Run and compare one solver; a failed run gives failed comparisons, and its curves if any.
 
     The model is compiled and the reference evaluated in the run's own process, within its limits.
-    A model that the simulator does not cover is bad input of the sidecar that asked for it.
+    A model that the simulator does not cover is bad input: the sidecar asked for it.
     """
     limits = case.run[kind]
     try:
@@ -254,7 +255,7 @@ def run_one(
 def measured(
     case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]]
 ) -> tuple[list[Comparison], Curves]:
-    """Do what `run_one` does, in this process; what nobody meant to raise is a crash."""
+    """Do what `run_one` does, in this process; an unexpected exception becomes a crash."""
     try:
         mobility(case)
         curves = run_here(case, kind, solver)
@@ -268,7 +269,7 @@ def measured(
 
 
 def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> InputError | None:
-    """The error of a sweep that ended early, at a limit position for one; its curves are kept."""
+    """The error of a sweep that ended early, such as at a limit position; its curves are kept."""
     if curves is None or not curves.stopped:
         return None
     return InputError(
@@ -280,7 +281,7 @@ def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> Input
 
 
 def check_model(model: Path) -> list[Comparison]:
-    """Tell the rung of a model that has no sidecar, see `proofmass.self_consistency`."""
+    """Check a model without a sidecar by itself, see `proofmass.self_consistency`."""
     try:
         return [isolated(rung_of, model, timeout=OWN_TIMEOUT)]
     except BadModel as error:
@@ -293,7 +294,8 @@ def check_model(model: Path) -> list[Comparison]:
 def rung_of(model: Path) -> Comparison:
     """Do what `check_model` does, in this process.
 
-    The comparison's error is that of the model's own run, `at` the time until which it is known.
+    The comparison has the error of the model's own run; `at` is the time until which the motion is
+    known.
     """
     motion = engine_of(NATIVE).own_motion(model, FOLLOWED, SAMPLES, PROCESSOR)
     own = motion.runs[0]
@@ -329,25 +331,25 @@ def check(
     causes: bool = True,
     detectable: bool = True,
 ) -> Result:
-    """Run every case below `paths` and hold it against its reference.
+    """Run every case below `paths` and compare it with its reference.
 
     Parameters
     ----------
     paths : iterable of path
         Sidecars, models, folders.
     jobs : int, optional
-        Runs side by side; as many as there are processors when not given.
+        Number of parallel runs; the number of processors if not given.
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each run.
     causes : bool
-        Whether changes are looked for that would explain why a run differs.
+        Whether to search for changes that would explain why a run differs.
     detectable : bool
-        Whether `Comparison.detectable` is found as well, see `compare`.
+        Whether to find `Comparison.detectable` as well, see `compare`.
 
     Returns
     -------
     Result
-        Bad input is collected in `Result.errors`; the other cases still run.
+        Errors of the input are collected in `Result.errors`; the other cases still run.
     """
     given = tuple(map(Path, paths))
     result = Result(paths=given)
@@ -366,7 +368,7 @@ def check(
 
 
 def planned(paths: list[Path], result: Result, pool: Executor) -> list[CheckTask]:
-    """Read the sidecars, and tell what there is to do; cases and errors go into the result."""
+    """Read the sidecars and list the tasks; cases and errors are added to the result."""
     tasks: list[CheckTask] = []
     names = tell_apart(paths)
     read = {path: pool.submit(load, path) for path in paths if path.suffix != ".xml"}
@@ -392,10 +394,10 @@ def done(
     progress: Callable[[str, int, int], None],
     detectable: bool,
 ) -> dict[int, Ran]:
-    """What came of the tasks, by their numbers; those at fault are left out, and said in errors.
+    """Run the tasks, and give their results by number; tasks with bad input add errors instead.
 
-    A worker that is free goes on with a task of the case it had last: it has its model compiled,
-    and knows its reference at changed parameters.
+    A free worker continues with a task of its last case, since it has the compiled model of that
+    case in memory, and its reference at changed parameters.
     """
     outcomes = dict[int, Ran]()
     waiting: dict[Path, list[int]] = {}
@@ -418,7 +420,7 @@ def done(
             except InputError as error:
                 if str(error) not in map(str, result.errors):
                     result.errors.append(error)
-            except Exception as error:  # nothing may cost the other tasks their results
+            except Exception as error:  # so that the other tasks keep their results
                 result.errors.append(
                     InputError(
                         file_of(tasks[k]),
@@ -432,7 +434,7 @@ def done(
 
 
 def take_task(waiting: dict[Path, list[int]], last: Path | None, busy: set[Path]) -> int:
-    """Take a task of the file `last`, else of one that no worker is busy with, else of any.
+    """Take a task of the file `last`, or of a file that no worker is busy with, or of any file.
 
     >>> waiting = {Path("a"): [0, 1], Path("b"): [2]}
     >>> take_task(waiting, None, set()), take_task(waiting, None, {Path("a")})
@@ -449,7 +451,7 @@ def take_task(waiting: dict[Path, list[int]], last: Path | None, busy: set[Path]
 
 
 def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> None:
-    """Put what came of the tasks into the result, in their order."""
+    """Add the outcomes of the tasks to the result, in the order of the tasks."""
     models = [task for task in tasks if isinstance(task, Path)]
     names = tell_apart([*models, *(case.file for case in result.cases)])
     for k in sorted(outcomes):
@@ -477,9 +479,9 @@ def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> N
 def diagnose(
     result: Result, pool: Executor, progress: Callable[[str, int, int], None] = lambda *_: None
 ) -> None:
-    """Look for the causes of all runs that differ or failed; they go into the result.
+    """Search for the causes of all runs that differ or failed, and add them to the result.
 
-    The first run of a case is looked at most thoroughly: others will have the same cause.
+    The search is most thorough for the first run of a case; its others likely have the same cause.
     """
     cases = {case.name: case for case in result.cases}
     differing = dict.fromkeys(
@@ -512,21 +514,21 @@ def one_diagnosis(
     failed: bool = False,
     thorough: bool = True,
 ) -> Diagnosis:
-    """What a search for causes finds, in a worker; nothing where they cannot be sought."""
+    """Search for the causes of one run in a worker; a search that fails gives its own error."""
     search = describe_failure if failed else partial(find_causes, thorough=thorough)
     limits = {"timeout": CAUSES, "memory": case.run[run].memory}
     try:
         return cast(Diagnosis, isolated(search, case, run, solver, curves, **limits))
-    except Exception as error:  # nothing may cost the verdicts
+    except Exception as error:  # so that the comparisons are reported in any case
         return Diagnosis(
             case.name, run, solver, fault=str(error) or type(error).__name__, failed=failed
         )
 
 
 def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:
-    """`find`, a path at a time, so that one wrong path does not hide the others.
+    """Apply `find` to one path at a time, so that one wrong path does not hide the others.
 
-    A file that is found on two ways is there once.
+    A file that is found by two paths is listed once.
     """
     found: dict[str, Path] = {}
     for path in paths:
@@ -541,7 +543,7 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
 
 
 def one_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:
-    """A run of a case, or a look at a model without a sidecar."""
+    """Run one task: a run of a case, or the check of a model without a sidecar."""
     if isinstance(task, Path):
         return check_model(task), None
     hold = partial(compare, detectable=detectable)
@@ -554,7 +556,7 @@ def file_of(task: CheckTask) -> Path:
 
 
 def label(task: CheckTask) -> str:
-    """What a progress line calls a task."""
+    """The name of a task in a progress line."""
     if isinstance(task, Path):
         return task.name
     finer = f", {task.segments} segments" if isinstance(task, Finer) else ""

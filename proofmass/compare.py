@@ -1,4 +1,4 @@
-"""Curves against the reference: one `Comparison` for each channel of each solver."""
+"""Compare curves with the reference: one `Comparison` for each channel of each solver."""
 
 import inspect
 from collections.abc import Callable
@@ -38,12 +38,15 @@ UNCHECKED = (
     "nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
     "a solver delivers, or say unchecked = true"
 )
-START = 0.1  # share of dynamics in which errors of the start are expected to decay
-CONSTANT = 1e-3  # a curve whose range is less of its size does not move, up to what drives do
-ZERO = 1e-12  # of the mechanism's size: what a reference computes instead of a zero
-SMALL = 1e-6  # change of a parameter for a slope: the square of it is 1e-12, rounding 1e-10 of it
-LARGE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # changes to try where a small one tells nothing
-SMOOTH = 0.1  # curvature over slope, up to which a slope is good for one digit
+START = 0.1  # share of a dynamics run after which errors of the start pose have decayed
+CONSTANT = 1e-3
+"""Range over size of a curve below which it counts as constant; drives cause as much variation."""
+ZERO = 1e-12  # share of the mechanism's size up to which a reference's values count as zero
+SMALL = 1e-6
+"""Relative change of a parameter for a slope: the neglected terms are 1e-12, and rounding is 1e-10
+of the change."""
+LARGE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # relative changes to try where a slope is not enough
+SMOOTH = 0.1  # curvature over slope up to which the slope is exact to about one digit
 Differences = list[dict[str, Array]]
 DifferencesAt = Callable[[float], Differences]
 
@@ -55,8 +58,8 @@ class DetectableChange:
     Attributes
     ----------
     size : float
-        [its unit or 1]; NaN where it is not known: the reference cannot be evaluated
-        at changed values.
+        The change [its unit or 1]; NaN where it is not known because the reference cannot be
+        evaluated at changed values.
     relative : bool
         Whether `size` is a share of the parameter's value; otherwise the value is 0, and `size` is
         the change itself, in the parameter's SI unit.
@@ -68,22 +71,23 @@ class DetectableChange:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One channel of one solver in one run, held against the reference.
+    """One channel of one solver in one run, compared with the reference.
 
     Attributes
     ----------
     case, solver, run, channel, unit : str
-        What was compared.
+        The case, solver, run and channel that were compared, and the channel's unit.
     error_max, at : float
-        Largest absolute difference [its unit], and the x at which it stands [SI].
+        Largest absolute difference [its unit], and the x at which it occurs [SI].
     error_rms, nrmse : float
         Root mean square of the difference [its unit], and the same over `scale_of` the reference
         curve [1], which is its range unless it is constant.
     allowed : float
         Tolerance [its unit]; NaN when the channel is not checked.
     detectable : dict of str to DetectableChange
-        For each parameter the smallest change that the tolerance would catch. A parameter that
-        could change by 10 % is left out, such as one that the channel does not depend on.
+        For each parameter the smallest change that the tolerance would catch. A parameter is left
+        out if the tolerance does not even catch a change by 10 %, such as one on which the channel
+        does not depend.
     outcome : str
         agrees, differs, undecided, unchecked, unsupported, diverged, crashed, timed out or out of
         memory.
@@ -92,11 +96,12 @@ class Comparison:
     seconds, steps, violation
         Cost of the run, and its largest constraint violation [m].
     error_later : float
-        Largest absolute difference after the first tenth of dynamics [its unit]: the start pose
-        is often in another equilibrium of a soft loop than the motion; NaN in other runs.
+        Largest absolute difference after the first tenth of dynamics [its unit], since soft
+        constraints of a simulator are often not in equilibrium in the start pose; NaN in other
+        runs.
     uncertainty : float
-        What the curve may be off by at most for a reason that is no error of what is judged, such
-        as the interpolation of recorded rows [its unit]; 0 where there is none.
+        Largest possible error of the curve for a reason other than the solver, such as the
+        interpolation of recorded rows [its unit]; 0 where there is none.
     """
 
     case: str
@@ -135,7 +140,7 @@ class Comparison:
 
     @property
     def allowed_of_range(self) -> float:
-        """What is allowed, as such a share; NaN without an error, which has no other measure."""
+        """The allowed error over `scale_of` the reference curve; NaN if the error is 0."""
         return self.allowed * self.nrmse / self.error_rms if self.error_rms else NAN
 
     def _share(self, error: float) -> float:
@@ -143,7 +148,7 @@ class Comparison:
 
 
 def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
-    """Curves with the reference that `compare` held them against in this process, if it did."""
+    """Curves with the reference that `compare` used for them in this process, if it did."""
     found = last_used.get(key_of(case, run, curves))
     if found is None or found.asked is None or found.asked[0] is not curves.drive:
         return curves
@@ -151,12 +156,12 @@ def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
 
 
 def reference_for(case: Case, run: Kind, curves: Curves) -> Curves:
-    """The reference at the state the drive really had in that run."""
+    """The reference at the state that the drives really had in a run."""
     return evaluate(case, run, curves.x, curves.drive)
 
 
 class Comparisons(list[Comparison]):
-    """Comparisons, which a notebook shows as a table."""
+    """A list of comparisons that a notebook shows as a table."""
 
     def _repr_html_(self) -> str:
         from proofmass import as_html
@@ -167,24 +172,24 @@ class Comparisons(list[Comparison]):
 def compare(
     case: Case, run: Kind, solver: str, curves: Curves, detectable: bool = True
 ) -> list[Comparison]:
-    """Hold a solver's curves against the reference.
+    """Compare a solver's curves with the reference.
 
     Parameters
     ----------
     case : Case
-        Holds the channels and their tolerances.
+        Has the channels and their tolerances.
     run, solver : str
-        Which run of the case the curves are of.
+        The run and the solver that the curves belong to.
     curves : Curves
         From `solve`.
     detectable : bool
-        Whether `Comparison.detectable` is found as well, which evaluates the reference at least
-        twice for each parameter, and what `properties` tells, for a report.
+        Whether to find `Comparison.detectable` and the `properties` of the case as well. The
+        reference is then evaluated at least twice for each parameter.
 
     Returns
     -------
     list of Comparison
-        One for each channel, in the sidecar's order.
+        One comparison for each channel, in the order of the sidecar.
 
     Raises
     ------
@@ -232,7 +237,7 @@ def one(
     reference: Array,
     detectable: dict[str, DetectableChange],
 ) -> Comparison:
-    """Compare one channel; its curves are in SI units, the comparison in the channel's."""
+    """Compare one channel: the curves are in SI units, the comparison in the channel's unit."""
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
     scale = scale_of(case, run, name, curves, reference) / factor
@@ -279,7 +284,7 @@ def one(
 def allowed_error(
     case: Case, run: str, solver: str, name: str, curves: Curves, reference: Array
 ) -> float | None:
-    """The largest error that a channel's tolerance allows, in SI units; None if there is none."""
+    """The largest error that a channel's tolerance allows [SI]; None if there is no tolerance."""
     if (tolerance := case.tolerance_for(run, solver, name)) is None:
         return None
     factor = case.channels[name].factor
@@ -287,20 +292,24 @@ def allowed_error(
 
 
 def start_until(curves: Curves) -> float:
-    """Where the first tenth of a run ends."""
+    """The x at which the first tenth of a run ends."""
     return float(curves.x[0] + START * (curves.x[-1] - curves.x[0]))
 
 
 def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) -> float:
-    """What ``relative_to_range`` is a share of, in SI units.
+    """The scale of a reference curve that ``relative_to_range`` refers to [SI].
 
-    It is the range of the reference curve, unless that is constant: its range is less than a
-    thousandth of its size.  Then it is that size.  Where a place or an angle is zero is a
-    convention, so the size of a place is that of the mechanism, and of an angle 1 rad.  The size
-    of any other curve is its largest magnitude, or, if it is zero throughout, what the mechanism's
-    length L, its mass M and a time T make of the unit: L / T of a velocity, M L^2 / T^2 of a
-    moment.  T is 1 over the largest rate of a drive (L over the largest speed of a slide), or the
-    length of a free motion.
+    The scale is the range of the curve.  If the range is less than a thousandth of the curve's
+    size, the curve counts as constant, and its scale is its size:
+
+    - of a position the size of the mechanism, and of an angle 1 rad, since where a position or an
+      angle is zero is a convention;
+    - of any other curve its largest magnitude;
+    - of any other curve that is zero throughout, the product of powers of the mechanism's length
+      L, its mass M and a time T that has the unit: L / T of a velocity, M L^2 / T^2 of a moment.
+
+    T is 1 over the largest rate of a drive (L over the largest speed of a slide), or the duration
+    of a free motion.
     """
     unit, span = case.channels[name].si_unit, float(np.ptp(reference))
     model = compiled(case)
@@ -317,7 +326,7 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) 
 
 
 def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
-    """The time T of `scale_of` [s]; 0 if nothing tells it."""
+    """The time T of `scale_of` [s]; 0 if neither drives nor the run define one."""
     if not case.drive:
         return float(np.ptp(curves.x)) if run == "dynamics" else 0.0
     if curves.drive is None or not extent:
@@ -331,7 +340,7 @@ def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
 
 
 def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:
-    """Outcome and message of a largest error; NaN never agrees.
+    """Decide the outcome of a largest error, and word its message; NaN never agrees.
 
     >>> verdict(1e-6, 1e-5, "m", "rounding")
     ('agrees', 'rounding')
@@ -359,7 +368,7 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome,
 
 
 def undecided(uncertainty: float, allowed: float, unit: str) -> str:
-    """Why a curve neither agrees nor differs.
+    """Explain why a curve neither agrees nor differs.
 
     >>> undecided(2e-3, 1e-3, "m").partition(";")[0]
     'its curve is known to 0.002 m alone, where 0.001 m is allowed: too coarse to tell'
@@ -372,7 +381,7 @@ def undecided(uncertainty: float, allowed: float, unit: str) -> str:
 
 
 def changeable(case: Case) -> dict[str, float]:
-    """The parameters that are quantities: no words, and no whole numbers such as a mode."""
+    """Parameters that are quantities; texts and whole numbers such as a mode are left out."""
     reference = module_of(case)
     if isinstance(reference, Recorded):
         return {}
@@ -387,7 +396,7 @@ def changeable(case: Case) -> dict[str, float]:
 def detectable_changes(
     reference: "RunReference", allowed: dict[str, float]
 ) -> dict[str, dict[str, DetectableChange]]:
-    """For each channel and parameter, the smallest change that a tolerance would catch.
+    """Find the smallest change of each parameter that the tolerance of each channel would catch.
 
     Parameters
     ----------
@@ -399,7 +408,7 @@ def detectable_changes(
     -------
     dict of str to dict of str to DetectableChange
         By channel, then by parameter; empty for a recorded curve, which has no parameters. A change
-        is relative to the parameter; where that is 0, its steps are shares of the largest one.
+        is relative to the parameter, or, if that is 0, relative to the largest parameter.
     """
     found: dict[str, dict[str, DetectableChange]] = {name: {} for name in allowed}
     for key, value in reference.parameters.items():
@@ -413,10 +422,10 @@ def detectable_changes(
 
 
 class RunReference:
-    """The reference of a run: with the drives as a solver moved them, and at changed parameters.
+    """The reference of a run, at the drives' measured motion and at changed parameters.
 
-    At changed parameters the drives have the values of their laws.  So the changed curves are the
-    same for all solvers of the run, and are evaluated once.
+    At changed parameters the drives follow their motion profiles exactly.  So the changed curves
+    are the same for all solvers of the run, and are evaluated once.
     """
 
     def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
@@ -432,15 +441,18 @@ class RunReference:
         self.unchanged = self.by_laws.channels
 
     def evaluated(self, changed: dict[str, float], more: bool = False) -> Curves:
-        """The channels, from the memory of searches; nothing where there is no reference."""
+        """Evaluate the channels at changed parameters; empty where the reference has no solution.
+
+        The memory keeps what searches found at neighbouring parameters.
+        """
         try:
             with memory_in_use(self.memory, more):
                 return evaluate(self.case, self.run, self.x, self.state, **changed)
-        except InputError:  # the changed mechanism cannot be assembled everywhere
+        except InputError:  # the changed mechanism cannot be assembled at some sample
             return Curves(self.x, {})
 
     def as_driven(self, state: DriveState | None) -> Curves:
-        """The reference with the drives as a solver moved them, which stays in `asked`."""
+        """The reference at the drives' motion in a solver; it is kept for the next call."""
         if self.asked and self.asked[0] is state:
             return self.asked[1]
         same = state is None or np.array_equal(state, cast(DriveState, self.state))
@@ -452,17 +464,17 @@ class RunReference:
         return found
 
     def find_properties(self) -> None:
-        """Find the `properties` of a case for its first run, whose motion is there now."""
+        """Find the `properties` of the case if this is its first run, whose motion they are of."""
         if self.properties is None and self.run == next(iter(self.case.run)):
             with suppress(InputError):
                 self.properties = properties(self.case)
 
     def step(self, key: str, share: float) -> float:
-        """A share of a parameter, or of the largest one if it is 0."""
+        """A share of a parameter, or of the largest parameter if it is 0."""
         return share * (abs(self.parameters[key]) or self.largest)
 
     def differences(self, key: str, share: float) -> Differences:
-        """The channels' differences at a changed parameter; nothing where there is no reference."""
+        """Differences of the channels at a changed parameter; empty where there is no reference."""
         if (key, share) not in self.known:
             changed = {key: self.parameters[key] + self.step(key, share)}
             self.known[key, share] = self.evaluated(changed).channels
@@ -474,12 +486,12 @@ last_used: dict[Any, RunReference] = {}
 
 
 def key_of(case: Case, run: Kind, curves: Curves) -> tuple[object, ...]:
-    """What tells the reference of a run from others."""
+    """A key that differs for runs with different references."""
     return identity(case), run, curves.x.tobytes(), curves.drive is None
 
 
 def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
-    """The last reference again, if it is of the same run: workers judge its solvers one by one."""
+    """The last reference if it is of the same run, since workers compare solvers one by one."""
     key = key_of(case, run, curves)
     found = last_used.get(key)
     if found is None:
@@ -492,11 +504,12 @@ def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
 def small_shares(
     moved: DifferencesAt, allowed: dict[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """The smallest share of a parameter that each channel detects, by its slope.
+    """The smallest relative change of a parameter that each channel detects, by its slope.
 
-    The second result is the part of `allowed` to which large changes have to answer: channels where
-    rounding hides a slope that might matter; all of them, where none has a slope. One that promises
-    nothing up to the largest change is none, curves not being straight over more.
+    The second result are the items of `allowed` that have to be tried with large changes: channels
+    in which rounding hides a slope that might matter, or all channels if no slope is large enough.
+    A slope is not used if it predicts a change larger than the largest one that is tried, since
+    curves are not straight that far.
     """
     found, hidden, small = {}, {}, slopes(moved)
     for name, most in allowed.items():
@@ -510,9 +523,9 @@ def small_shares(
 
 
 def large_shares(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, float]:
-    """The smallest of the large shares that each channel notices; NaN where it is not known.
+    """The smallest of the large changes that each channel detects; NaN where it is not known.
 
-    A channel that does not notice the largest is left out.
+    A channel that does not detect the largest change is left out.
     """
     found = {}
     for name, most in allowed.items():
@@ -530,8 +543,9 @@ def large_shares(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, f
 def slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
     """For each channel the largest slope times `SMALL`, and whether the curves are smooth there.
 
-    Central differences; differences to one side, of second order, where the reference ends. Where
-    a curve is not smooth, or rounding hides it, the largest difference is given instead.
+    Slopes are central differences, or one-sided differences of second order where the reference has
+    no solution on one side. Where a curve is not smooth, or rounding hides its slope, the largest
+    difference is given instead.
     """
     up, down = moved(SMALL), moved(-SMALL)
     if up and down:
@@ -561,7 +575,7 @@ def worst(sides: Differences, name: str) -> float:
 
 
 def check_branch(case: Case, run: Kind, curves: Curves, reference: Curves) -> None:
-    """Refuse a model that is assembled in another mode than the sidecar says."""
+    """Raise InputError if the model is assembled in another mode than the sidecar says."""
     if "mode" not in case.parameters or curves.drive is None:
         return
     if misfit(case, curves, reference) <= 0.1:
@@ -569,7 +583,7 @@ def check_branch(case: Case, run: Kind, curves: Curves, reference: Curves) -> No
     for mode in modes(case):
         try:
             other = evaluate(case, run, curves.x, curves.drive, mode=mode)
-        except InputError:  # a mode that is not there at these poses
+        except InputError:  # a mode that does not exist at these poses
             continue
         if misfit(case, curves, other) < 0.01:
             raise InputError(

@@ -1,6 +1,6 @@
-"""Drive laws: joint value, rate and acceleration as functions of the run's x.
+"""Motion profiles: value, rate and acceleration of a driven joint as functions of the run's x.
 
-They are small classes, not closures, so that a run can be sent to another process.
+Profiles are small classes instead of closures, so that a run can be sent to another process.
 """
 
 import math
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 DriveState = tuple[Array, Array, Array]
 LAG = 0.05
-"""Share of its way that a driven joint may be off: a soft drive lags, MuJoCo's default one by 2e-3.
-"""
+"""Allowed error of a driven joint as a share of the drive's range: soft drives lag; MuJoCo's lags
+by 2e-3 with default settings."""
 
 EXACT, MOST = 1e-12, 4000
-"""What a written table of a law may be off half way between its times [share of the range], and
-its most rows."""
+"""Allowed error of a table of a profile half way between its rows [share of the range], and its
+largest number of rows."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Steady:
 
 @dataclass(frozen=True)
 class Swing:
-    """To and fro between two values, at rest at both: a cosine of time."""
+    """Swing between two values, at rest at both: a cosine of time."""
 
     start: float
     to: float
@@ -57,7 +57,7 @@ class Swing:
 
 @dataclass(frozen=True)
 class InProportion:
-    """A drive that keeps its share of another's way: start + ratio (value - origin)."""
+    """A drive in proportion to another drive: start + ratio (value - origin)."""
 
     leader: Callable[[Array], DriveState]
     origin: float
@@ -81,9 +81,9 @@ class InProportion:
 
 @dataclass(frozen=True)
 class FunctionLaw:
-    """A function of time that a reference module brings along, such as a motor profile.
+    """A function of time from a reference module, such as a motor profile.
 
-    A law of several drives gives arrays (drives, n), of which this is one `row`.
+    A function for several drives returns arrays (drives, n), of which this drive has one `row`.
     """
 
     function: Callable[..., DriveState]
@@ -100,7 +100,7 @@ class FunctionLaw:
 
 @dataclass(frozen=True)
 class Samples:
-    """A recorded drive: exact at its samples, polynomials of fifth degree between them."""
+    """A recorded motion: exact at its samples, polynomials of fifth degree between them."""
 
     x: Array
     value: Array
@@ -116,9 +116,9 @@ class Samples:
 
 
 def quintic(x: Array, value: Array, rate: Array, acceleration: Array) -> "PPoly":
-    """Polynomials of fifth degree that have values, rates and accelerations (n,) at places x (n,).
+    """Polynomials of fifth degree through values, rates and accelerations (n,) at places x (n,).
 
-    scipy's ``BPoly.from_derivatives`` makes the same, one interval after the other in Python.
+    scipy's ``BPoly.from_derivatives`` makes the same polynomials, but in a Python loop.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def quintic(x: Array, value: Array, rate: Array, acceleration: Array) -> "PPoly"
 
     h = np.diff(x)
     p, v, a = value[:-1], h * rate[:-1], h**2 * acceleration[:-1]
-    miss = value[1:] - (p + v + 0.5 * a)  # of the parabola, at the end of each piece
+    miss = value[1:] - (p + v + 0.5 * a)  # error of the parabola at the end of each piece
     turn = h * rate[1:] - (v + a)
     bend = h**2 * acceleration[1:] - a
     pieces = np.array(
@@ -147,21 +147,21 @@ def quintic(x: Array, value: Array, rate: Array, acceleration: Array) -> "PPoly"
 
 
 def check_driven(run: Run, curves: Curves) -> None:
-    """Refuse curves of an engine that did not move the driven joints.
+    """Refuse curves of an engine that did not move the driven joints as prescribed.
 
-    Curves are compared at the state that the drives really had, in which a mechanism that stands
-    still would agree.
+    Curves are compared at the motion that the drives really had, so that a mechanism that does not
+    move would agree with the reference.
 
     Raises
     ------
     Diverged
-        A driven joint is off its law by more than `LAG` of the longest way of all drives.
+        A driven joint is off its profile by more than `LAG` times the largest range of all drives.
     """
     if curves.drive is None:
         return
     led = run.motion(curves.x)[0]
     off = np.abs(curves.drive[0] - led)
-    way = float(np.ptp(led, axis=1).max(initial=0.0)) or 1.0  # all of them are held: rad or m
+    way = float(np.ptp(led, axis=1).max(initial=0.0)) or 1.0  # [rad or m] if no drive moves
     if not (off <= LAG * way).all():
         drive, sample = np.unravel_index(np.argmax(np.nan_to_num(off, nan=np.inf)), off.shape)
         raise Diverged(
@@ -173,10 +173,10 @@ def check_driven(run: Run, curves: Curves) -> None:
 
 
 def motion_source(laws: Sequence[object], x: Array) -> str:
-    """Source of ``motion(t)``: values, rates and accelerations (drives, n) of drives at times (n,).
+    """Write ``motion(t)``: values, rates and accelerations (drives, n) of drives at times (n,).
 
-    It uses ``np``, NumPy.  A law that is no formula is written as values, rates and accelerations
-    at times, with the polynomial of fifth degree through them in between.
+    The source uses NumPy as ``np``.  A profile that is not a formula is written as a table of
+    values, rates and accelerations, with polynomials of fifth degree between its rows.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def motion(t):
 
 
 def formula(law: object) -> tuple[str, str, str] | None:
-    """A law as Python of times t: value, rate and acceleration; None if it is no formula."""
+    """A profile as Python expressions of t: value, rate, acceleration; None if it is no formula."""
     if isinstance(law, Steady) and law.x_is_time:
         return f"{law.start!r} + {law.rate!r} * t", f"{law.rate!r} * one", "0.0 * one"
     if isinstance(law, Swing):
@@ -265,8 +265,11 @@ def formula(law: object) -> tuple[str, str, str] | None:
 
 
 def table_times(laws: Sequence[object], x: Array) -> Array:
-    """Times of a table of laws so dense that half way between two of them nothing is off by more
-    than `EXACT` of the range, or as dense as `MOST` rows are."""
+    """Times of a table of profiles.
+
+    They are so dense that half way between two of them no profile is off by more than `EXACT` of
+    its range, unless this takes more than `MOST` rows.
+    """
     times = x
     while times.size < MOST:
         middle = 0.5 * (times[:-1] + times[1:])
@@ -284,7 +287,7 @@ def table_times(laws: Sequence[object], x: Array) -> Array:
 
 
 def lines_of(values: Array) -> str:
-    """Numbers with all their digits, four in a line."""
+    """Write numbers with all their digits, four in a line."""
     numbers = [repr(float(value)) for value in values]
     rows = [", ".join(numbers[k : k + 4]) for k in range(0, len(numbers), 4)]
     return "[\n    " + ",\n    ".join(rows) + "]"

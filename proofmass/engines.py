@@ -1,4 +1,4 @@
-"""The engines that there are: entry points of the group ``proofmass.engines``, loaded by name."""
+"""Find engines: entry points of the group ``proofmass.engines``, loaded by name."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ if TYPE_CHECKING:
 
 GROUP = "proofmass.engines"
 OWN = "proofmass"
-"""The distribution whose engines have looks of their own, and stand in written sidecars."""
+"""The distribution whose engines have fixed colours, and are written into new sidecars."""
 
 
 class NoEngine(ValueError):
-    """There is no engine of that name, or it cannot be loaded; says why."""
+    """No engine has that name, or it cannot be loaded; the message says why."""
 
 
 @cache
 def found() -> dict[str, EntryPoint]:
-    """The entry points by the names of their engines; none of them is imported.
+    """Entry points by the names of their engines; no engine is imported.
 
-    Where two distributions bring a name, it is that of this distribution, or the first one.
+    If two distributions provide an engine of the same name, that of this distribution is taken, or
+    else the first in the order of their names.
     """
     there: dict[str, EntryPoint] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda e: (distribution(e) != OWN, e.name)):
@@ -33,12 +34,12 @@ def found() -> dict[str, EntryPoint]:
 
 
 def distribution(entry: EntryPoint) -> str:
-    """The name of the distribution that brings an engine."""
+    """The name of the distribution that provides an engine."""
     return str(entry.dist.name) if entry.dist else ""
 
 
 def brought_by(name: str) -> str:
-    """The other distribution that an engine is of; empty for one of this distribution."""
+    """The distribution that provides an engine; empty for an engine of this distribution."""
     entry = found().get(name)
     return "" if entry is None or distribution(entry) == OWN else distribution(entry)
 
@@ -55,19 +56,21 @@ def own_engines() -> tuple[str, ...]:
 
 
 def default_engines(in_space: bool = False) -> tuple[str, ...]:
-    """The engines of this distribution that a sidecar has if it names none: all that compute.
+    """Engines of a sidecar that names none: those of this distribution that compute their curves.
 
     Parameters
     ----------
     in_space : bool
-        Whether the motion is one in space, which engines of the plane do not have.
+        Whether the motion is one in space; planar engines are left out then.
     """
     there = filter(computes, own_engines())
     return tuple(name for name in there if not (in_space and engine_of(name).planar))
 
 
 def computes(solver: str) -> bool:
-    """Whether a solver's engine computes its curves; of one that cannot be loaded the run says why.
+    """Whether a solver's engine computes its curves, instead of reading them from a file.
+
+    An engine that cannot be loaded counts as one that computes; its run reports why.
 
     >>> computes("mujoco:default"), computes("recorded:rig")
     (True, False)
@@ -80,12 +83,12 @@ def computes(solver: str) -> bool:
 
 @cache
 def engine_of(name: str) -> Engine:
-    """An engine by its name, or by that of a solver.
+    """Load an engine by its name, or by the name of a solver.
 
     Raises
     ------
     NoEngine
-        There is none, it cannot be loaded, or it is no `proofmass.sim.protocol.Engine`.
+        No engine has the name, it cannot be loaded, or it is no `proofmass.sim.protocol.Engine`.
     """
     from proofmass.sim.protocol import Engine
 

@@ -1,4 +1,4 @@
-"""The one error that a user can cause."""
+"""The error of bad input, and suggestions of what would have been right."""
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 class InputError(Exception):
-    """Something in a file is not usable; says where, what is wrong and what would be right.
+    """A file of the user is wrong; the message says where, what is wrong and what would be right.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class InputError(Exception):
 
 
 def in_model(file: Path, error: Exception) -> InputError:
-    """The error of a model in words of an engine, which may begin with the file's name.
+    """Make bad input of an engine's error, whose text may begin with the file's name.
 
     >>> str(in_model(Path("models/a.xml"), ValueError("a.xml: no joint 'b'")))
     "models/a.xml: no joint 'b'"
@@ -46,7 +46,7 @@ RENAMED = {
     "marks": "events",
     **{f"winding{k}{of}": f"deflection{k}{of}" for k in range(1, 5) for of in ("", "_rate")},
 }
-"""Keys of sidecars, parameters and quantities of references by their former names."""
+"""Present names of keys of sidecars, parameters and quantities of references by former names."""
 
 
 def suggest(
@@ -55,7 +55,7 @@ def suggest(
     known: str = "there are",
     renamed: Mapping[str, str] = RENAMED,
 ) -> str:
-    """What would have been right instead of a word: the nearest name, and all of them.
+    """Say what would have been right instead of a word: the nearest name, then all names.
 
     >>> suggest("mujco", ["mujoco", "pymunk"])
     "did you mean 'mujoco'? there are: mujoco, pymunk"

@@ -1,6 +1,6 @@
 """Reading and writing files.
 
-A file that cannot be read is bad input; a file that is written is there as a whole or not at all.
+A file that cannot be read is bad input.  A file is written as a whole or not at all.
 """
 
 import os
@@ -10,7 +10,7 @@ from threading import get_ident
 
 from proofmass.errors import InputError
 
-HALF = ".part"  # the ending of a file until it is whole
+HALF = ".part"  # ending of the name of a file that is being written
 
 
 def read_bytes(file: Path) -> bytes:
@@ -19,7 +19,8 @@ def read_bytes(file: Path) -> bytes:
     Raises
     ------
     InputError
-        Not there, not readable, or no regular file: a pipe would be waited for without end.
+        The file does not exist, cannot be read, or is not a regular file: reading a pipe might
+        never end.
     """
     try:
         mode = file.stat().st_mode
@@ -42,7 +43,7 @@ def read_text(file: Path) -> str:
     Raises
     ------
     InputError
-        See `read_bytes`; or in another encoding: the line is named.
+        See `read_bytes`; also a file in another encoding, with the line of the first wrong byte.
     """
     data = read_bytes(file)
     try:
@@ -57,7 +58,7 @@ def read_text(file: Path) -> str:
 
 
 def write_whole(file: Path, what: str | bytes) -> None:
-    """Write a file that is there as a whole or not at all, whenever the process ends."""
+    """Write a file as a whole or not at all, at whatever moment the process ends."""
     half = file.with_name(f"{file.name}.{os.getpid()}.{get_ident()}{HALF}")
     try:
         with half.open("wb") as stream:
@@ -67,5 +68,5 @@ def write_whole(file: Path, what: str | bytes) -> None:
         os.replace(half, file)
     except OSError as error:
         half.unlink(missing_ok=True)
-        error.filename = str(file)  # which the user asked for, and not the half of it
+        error.filename = str(file)  # name the file that the user asked for, not the partial one
         raise

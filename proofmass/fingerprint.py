@@ -1,4 +1,4 @@
-"""What a stored result depends on, as digests: files, compiled models, versions, sources."""
+"""Digests of what a stored result depends on: files, compiled models, versions and sources."""
 
 import hashlib
 import importlib.metadata
@@ -28,19 +28,19 @@ def digest(data: bytes) -> str:
 
 
 def model_bytes(case: Case) -> bytes:
-    """The compiled model, with its rods, and with what the file includes."""
+    """The compiled model as bytes, with its rods and with the files that it includes."""
     return saved(compiled(case))
 
 
 def saved(model: mujoco.MjModel) -> bytes:
-    """A compiled model as the engine saves it."""
+    """Save a compiled model to bytes in MuJoCo's own format."""
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
 
 
 def recorded_bytes(case: Case) -> str:
-    """Digest of the recorded files: the reference's, those that drives follow, those of engines."""
+    """Digest the recorded files of the reference, of motion profiles and of engines."""
     files = [case.file.parent / case.reference] if case.recorded else []
     files += case.profile_files
     for solver, settings in case.settings.items():
@@ -53,7 +53,7 @@ def recorded_bytes(case: Case) -> str:
 
 @cache
 def versions(engine: str) -> dict[str, str]:
-    """Of what computes a result."""
+    """Versions of the packages that compute a result, and a digest of an adapter from elsewhere."""
     brought = brought_by(engine)
     names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
     code = (
@@ -73,7 +73,7 @@ def versions(engine: str) -> dict[str, str]:
 
 
 def sources_with(own: Iterable[Path]) -> str:
-    """Digest of the code of simulators and references, and of files of the core."""
+    """Digest the source code of simulators and references, and of given files of the core."""
     files = [
         file
         for package in (sim, analytic)

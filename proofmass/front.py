@@ -1,4 +1,4 @@
-"""The front of what nothing else betters in both of two aims."""
+"""The Pareto front of points with two aims, both to be small."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,9 +7,9 @@ from proofmass.analytic.numerics import Array
 
 
 def nondominated(aims: Array) -> NDArray[np.intp]:
-    """Which of the points (B, 2) no other one beats in both aims, the first aim rising.
+    """Indices of the nondominated ones of points (B, 2), in rising order of the first aim.
 
-    Points that are not finite are none of them.
+    A point that is not finite is never among them.
 
     >>> nondominated(np.array([[1.0, 3.0], [2.0, 3.0], [3.0, 1.0], [2.0, 2.0]])).tolist()
     [0, 3, 2]

@@ -1,4 +1,4 @@
-"""What came of a run, or of a channel that was compared: one word for tables, JSON and pages."""
+"""Outcomes of runs and of compared channels, as tables, JSON and pages name them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut
 
 
 class Outcome(StrEnum):
-    """An outcome; its value is its word, and `sentence` says what the word means.
+    """An outcome: its value is the word that is shown, and `sentence` explains the word.
 
     >>> Outcome.TIMED_OUT, Outcome.TIMED_OUT.sentence
     ('timed out', 'the engine gave no answer in the time that the run has')
@@ -18,14 +18,14 @@ class Outcome(StrEnum):
     sentence: str
 
     def __new__(cls, word: str, sentence: str) -> Outcome:
-        """A member that is its word and carries its sentence."""
+        """Make a member that equals its word and carries its sentence."""
         member = str.__new__(cls, word)
         member._value_ = word
         member.sentence = sentence
         return member
 
     def __repr__(self) -> str:
-        """The word: records that are read from a file have it, and are the same."""
+        """Show the word, so that records that were read from a file look the same."""
         return repr(self.value)
 
     AGREES = "agrees", "every sample is as near to the reference as the tolerance asks for"
@@ -53,16 +53,16 @@ class Outcome(StrEnum):
 
 
 CHECKED = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED)
-"""Outcomes of channels that were held against a tolerance."""
+"""Outcomes of channels that were compared with a tolerance."""
 OPEN = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
-"""Outcomes of channels and models that nothing of their own judges."""
+"""Outcomes of channels and models for which no tolerance decides between right and wrong."""
 GOOD = (Outcome.AGREES, *OPEN)
 FAILED = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
-"""Outcomes of runs that gave no curves.
+"""Outcomes of runs that gave no curves to compare.
 
-Three places decide that a run diverged, and raise `Diverged`: `proofmass.drive.check_driven`, if
-a driven joint is far from where it was asked to be; the dynamics of an engine, if a value is not
-finite or a loop is open; and its sweeps and equilibria, if no pose at rest was found.
+`Diverged` is raised in three places: by `proofmass.drive.check_driven` if a driven joint is far
+from its prescribed value; by the dynamics of an engine if a value is not finite or a loop is open;
+and by its sweeps and equilibria if no pose at rest was found.
 """
 FAILURES: dict[type[Exception], Outcome] = {
     Unsupported: Outcome.UNSUPPORTED,
@@ -72,4 +72,4 @@ FAILURES: dict[type[Exception], Outcome] = {
     TimedOut: Outcome.TIMED_OUT,
     OutOfMemory: Outcome.OUT_OF_MEMORY,
 }
-"""Outcomes by the exceptions that say them."""
+"""Outcomes by the exceptions that engines and workers raise."""

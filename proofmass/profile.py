@@ -1,11 +1,11 @@
-"""Sampled profiles: the motion of a drive, or a control, from rows, as other programs impose it.
+"""Sampled profiles: the motion of a drive, or a control, from rows of a table.
 
-A file, or a table in the sidecar, has the value of a drive or its rate at rising times.  Both are
-made a piecewise polynomial p(t), of which the derivatives and the integral are exact:
+A file, or a table in the sidecar, has the value of a drive or its rate at rising times.  The rows
+become a piecewise polynomial p(t), whose derivatives and integral are exact:
 
     value, spline    q = p, cubic, q'' continuous          q' = p'     q'' = p''
-    value, linear    q = p, straight between rows          of a control alone
-    value, held      q = p, a stair from row to row        of a control alone
+    value, linear    q = p, straight between rows          only for a control
+    value, held      q = p, a stair from row to row        only for a control
     rate, spline     q' = p, cubic, q''' continuous        q = from + integral of p, quartic
     rate, linear     q' = p, straight between rows         q quadratic, q'' a stair
 """
@@ -32,9 +32,9 @@ from proofmass.recorded import (
     read_table,
 )
 
-KEPT = 16  # laws
-FEWEST = 4  # rows of a spline; any file has at least the two of a line
-STEEP = 10.0  # times its neighbours, from which on a change from row to row is a jump
+KEPT = 16  # profiles in memory
+FEWEST = 4  # smallest number of rows of a spline; any table has at least two rows
+STEEP = 10.0  # times the neighbouring slopes: a steeper change from row to row is a jump
 SEEN = 1e-6  # of the range: a smaller change is no jump
 
 
@@ -45,13 +45,13 @@ class SampledLaw:
     Attributes
     ----------
     times : ndarray (m,)
-        Where the pieces meet [s].
+        Times at which the pieces meet [s].
     pieces : ndarray (degree + 1, m - 1)
-        Coefficients of the value, that of the highest power first [SI].
+        Coefficients of the value, the highest power first [SI].
     file : str
-        Name of the file that it is of, or what stands for it.
+        Name of the file of the rows, or words for a table in the sidecar.
     words : str
-        How it was made of the rows, and how closely it is known between them.
+        How the polynomial was made of the rows, and how accurate it is between them.
     """
 
     times: Array
@@ -62,7 +62,7 @@ class SampledLaw:
     def __call__(self, x: Array) -> DriveState:
         """Value, rate and acceleration of the joint at samples x of a run.
 
-        At a row where one of them jumps it is that of the piece that begins there.
+        At a row where one of them jumps, it is that of the piece that begins there.
         """
         t = np.asarray(x, float)
         k = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, self.times.size - 2)
@@ -79,7 +79,7 @@ class SampledLaw:
         return found[0], found[1], found[2]
 
     def scalar(self) -> Callable[[float], float]:
-        """The value alone, as a function of one time [s].
+        """The value only, as a function of one time [s].
 
         >>> law = SampledLaw(np.array([0.0, 1.0, 3.0]), np.array([[2.0, -1.0], [0.0, 2.0]]), "", "")
         >>> [law.scalar()(t) for t in (0.5, 1.0, 2.0)], law(np.array([0.5, 1.0, 2.0]))[0].tolist()
@@ -111,24 +111,24 @@ class SampledLaw:
 def law_of_profile(
     folder: Path, profile: ProfileTable, start: float, unit: str, *others: str
 ) -> SampledLaw:
-    """The law of a drive, or of the control of a load, that follows rows.
+    """Make the profile of a drive, or of the control of a load, from rows.
 
     Parameters
     ----------
     folder : Path
-        That of the sidecar, from which the file is named.
+        The folder of the sidecar, to which the name of the file is relative.
     profile : ProfileTable
     start : float
         First value of a drive whose rate is given [rad or m].
     unit, *others : str
-        SI units of the joint's value, rad or m, or those that a control may have.
+        SI unit of the joint's value, rad or m; for a control all units that it may have.
 
     Raises
     ------
     InputError
-        The file is at fault; names it, with the line or the column.
+        The file is wrong; the message names it, with the line or the column.
     ValueError
-        A column is not there, or measures something else; names it.
+        A column does not exist, or measures something else; the message names it.
     """
     if profile.file is None:
         return law_of_table(profile, start, unit)
@@ -138,7 +138,7 @@ def law_of_profile(
 
 
 def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
-    """The law of a profile whose rows stand in the sidecar.
+    """Make a profile from rows that stand in the sidecar.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
 
 
 def ends(times: Array, profile: ProfileTable) -> Array:
-    """Where pieces meet [s]: a row that is held lasts to the next, the last as long as the others.
+    """Times at which pieces meet [s]; a held row lasts until the next, the last as long as before.
 
     >>> stair = ProfileTable(time=(0.0, 0.5, 0.7), value=(1.0, 2.0, 3.0), interpolation="held")
     >>> ends(np.array(stair.time), stair)
@@ -169,7 +169,7 @@ def ends(times: Array, profile: ProfileTable) -> Array:
 
 
 def last_time(folder: Path, profile: ProfileTable) -> float:
-    """The last time of rows that a drive follows [s]; InputError and ValueError as above."""
+    """The last time of rows that a drive follows [s]; it raises what `law_of_profile` raises."""
     if profile.file is None:
         return float(cast(tuple[float, ...], profile.time)[-1])
     table = read_table(folder / profile.file)
@@ -177,7 +177,7 @@ def last_time(folder: Path, profile: ProfileTable) -> float:
 
 
 def clock_of(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
-    """The column of times; ValueError if it is none."""
+    """The column of times; ValueError if it does not measure times."""
     clock = profile.time or RecordedColumn(column=next(iter(table.units)))
     assert isinstance(clock, RecordedColumn)
     table.require(clock, "s")
@@ -188,7 +188,7 @@ def clock_of(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
 def law_once(
     file: Path, changed: int, profile: ProfileTable, start: float, unit: str, *others: str
 ) -> SampledLaw:
-    """`law_of_profile`, for a file as it was at the time `changed`."""
+    """Do what `law_of_profile` does for a file that was last changed at `changed`; a cache."""
     table = read_table(file)
     kind, column = profile.given
     assert isinstance(column, RecordedColumn)
@@ -198,7 +198,7 @@ def law_once(
     times, values = table.rising(clock), table.curve(column)
     if profile.interpolation == "spline" and times.size < FEWEST:
         raise InputError(file, "", f"{times.size} rows; a spline needs {FEWEST}")
-    steep = kind == "value" and profile.interpolation != "spline"  # as a control may be
+    steep = kind == "value" and profile.interpolation != "spline"  # a control, which may jump
     if not steep and (k := jump_in(times, values)) is not None:
         raise InputError(
             file,
@@ -216,7 +216,7 @@ def law_once(
 
 
 def advice(kind: str, unit: str, step: float) -> str:
-    """What would be right instead of a jump."""
+    """Say what would be right instead of a jump."""
     turns = step / (2 * np.pi)
     if kind == "value" and unit == "rad" and abs(turns) > 0.5 and abs(turns - round(turns)) < 0.1:
         return "the angle is wrapped; add unwrap = true to its column"
@@ -228,15 +228,15 @@ def advice(kind: str, unit: str, step: float) -> str:
 
 
 def jump_in(times: Array, values: Array) -> int | None:
-    """The row after which a curve jumps: it is much steeper there than before and after.
+    """Find the row after which a curve jumps: it is much steeper there than before and after.
 
-    A single row that stands out, up and down again, is a jump as well.
+    A single row that is far off its neighbours is a jump as well.
 
     >>> t = np.linspace(0.0, 1.0, 21)
     >>> jump_in(t, np.sin(t)), jump_in(t, np.sin(t) + (t > 0.52)), jump_in(t, t + (t == t[7]))
     (None, 10, 6)
     """
-    if times.size < ENOUGH:  # where a few rows are the corners of a motion that is meant so
+    if times.size < ENOUGH:  # a few rows may be the intended corners of a motion
         return None
     slopes = np.diff(values) / np.diff(times)
     sides = np.pad(np.abs(slopes), 2)
@@ -252,7 +252,7 @@ def jump_in(times: Array, values: Array) -> int | None:
 def made(
     times: Array, values: Array, profile: ProfileTable, start: float, si: str
 ) -> tuple[Array, str]:
-    """The pieces of the value, and how they were made."""
+    """Make the polynomials of the value, and words that say how they were made."""
     kind, _ = profile.given
     if profile.interpolation == "held":
         return values[None], "held from row to row"
@@ -302,10 +302,11 @@ def piecewise(t, times, pieces):
 
 
 def controls_source(laws: Sequence[object], x: Array) -> str:
-    """Source of ``controls(t)``: controls (loads, n) of loads that change, at times (n,).
+    """Write ``controls(t)``: controls (loads, n) of changing loads at times (n,).
 
-    It uses ``np``, NumPy.  Rows are joined as the law has it, by straight lines or by polynomials;
-    another law that is no formula is written as a table, see `proofmass.drive.motion_source`.
+    The source uses NumPy as ``np``.  Rows are joined as in the profile, by straight lines or by
+    polynomials; any other profile that is not a formula is written as a table, see
+    `proofmass.drive.motion_source`.
 
     Parameters
     ----------
@@ -332,7 +333,7 @@ def controls_source(laws: Sequence[object], x: Array) -> str:
 
 
 def control_source(law: object, x: Array) -> str:
-    """A law as Python of times t."""
+    """A profile as a Python expression of t."""
     if found := formula(law):
         return found[0]
     if isinstance(law, SampledLaw):
@@ -348,5 +349,5 @@ def control_source(law: object, x: Array) -> str:
 
 
 def indented(values: Array) -> str:
-    """Numbers as a list in lines that can be read."""
+    """Write numbers as an indented list."""
     return lines_of(values).replace("\n", "\n        ")

@@ -1,4 +1,4 @@
-"""The reference of a case: a closed form in `analytic/`, or a recorded curve beside the sidecar."""
+"""The reference of a case: a module of `analytic/`, or a recorded curve in a file."""
 
 import importlib
 import inspect
@@ -44,10 +44,10 @@ from proofmass.units import same_quantity, si_unit
 
 DriveLaw = InProportion | FunctionLaw | SampledLaw | Samples | Steady | Swing
 DRIVE, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
-"""Names of what laws ask of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
+"""Names of the prescribed motion of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
 CONTROLS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
-"""What the control of a motor or of a servo may be measured in."""
-KEPT = 64  # models and curves; a study asks for rods cut into many numbers of links
+"""SI units that the control of a motor or of a servo may have."""
+KEPT = 64  # compiled models and read curves in memory; a study tries many numbers of rod links
 compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
 read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
@@ -60,7 +60,7 @@ class ReferenceCurves(Curves):
     Attributes
     ----------
     shown : dict of str to ndarray (n,)
-        By its own names, what views of the run show of it [SI].
+        Quantities of the reference that views of the run show, by their own names [SI].
     """
 
     shown: dict[str, Array] = field(default_factory=dict)
@@ -68,16 +68,16 @@ class ReferenceCurves(Curves):
 
 @dataclass(frozen=True)
 class ComparedCurves(Curves):
-    """Curves of a solver, with what their channels had to be where they were compared.
+    """Curves of a solver, with the reference curves with which they were compared.
 
     Attributes
     ----------
     reference : dict of str to ndarray (n,)
-        By channel [SI].
+        Reference curves by channel [SI].
     shown : dict of str to ndarray (n,)
-        What views of the run show of the reference, see `ReferenceCurves` [SI].
+        Quantities of the reference that views of the run show, see `ReferenceCurves` [SI].
     properties : dict of str to str, optional
-        What `properties` tells of the case; None where nobody asked.
+        The `properties` of the case; None if they were not asked for.
     """
 
     reference: dict[str, Array] = field(default_factory=dict)
@@ -88,13 +88,13 @@ class ComparedCurves(Curves):
     def of(
         cls, curves: Curves, reference: Curves, properties: dict[str, str] | None = None
     ) -> Self:
-        """Curves with the reference that they are compared with."""
+        """Join curves and the reference with which they are compared."""
         shown = reference.shown if isinstance(reference, ReferenceCurves) else {}
         return cls(**vars(curves), reference=reference.channels, shown=shown, properties=properties)
 
 
 def module_of(case: Case) -> ModuleType | Recorded:
-    """The reference's module in `analytic/`, or the recorded curve."""
+    """Load the reference's module of `analytic/`, or read the recorded curve."""
     if case.recorded:
         file = case.file.parent / case.reference
         return read_once(file, file.stat().st_mtime_ns if file.is_file() else None)
@@ -110,7 +110,7 @@ def module_of(case: Case) -> ModuleType | Recorded:
 
 
 def reads_model(case: Case) -> bool:
-    """Whether the reference takes its numbers from the case's own MJCF: wrong there, wrong here."""
+    """Whether the reference reads its numbers from the MJCF, whose errors it then shares."""
     reference = module_of(case)
     return (
         not isinstance(reference, Recorded)
@@ -119,7 +119,7 @@ def reads_model(case: Case) -> bool:
 
 
 def knows_inertia(case: Case) -> bool:
-    """Whether moments and forces of the reference may be those of a motion, and not at rest."""
+    """Whether the reference can include inertia in moments and forces."""
     reference = module_of(case)
     return (
         not isinstance(reference, Recorded)
@@ -128,7 +128,7 @@ def knows_inertia(case: Case) -> bool:
 
 
 def grid(case: Case, kind: Kind) -> Array:
-    """Where a run is sampled."""
+    """The samples x (n,) of a run: times [s], drive values, or arc lengths [m] in equilibrium."""
     reference, run, leader = module_of(case), case.run[kind], case.leader
     if isinstance(reference, Recorded):
         return reference.x
@@ -147,12 +147,12 @@ def grid(case: Case, kind: Kind) -> Array:
 
 
 def laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
-    """The drive laws of a run, one for each drive; none for a free motion."""
+    """The motion profiles of a run, one for each drive; none for a free motion."""
     return tuple(law(case, kind, k) for k in range(len(case.drive)))
 
 
 def law(case: Case, kind: Kind, k: int) -> DriveLaw:
-    """The law of drive number k."""
+    """The motion profile of drive number k."""
     drive, reference, leader = case.drive[k], module_of(case), case.drive[0]
     if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
@@ -195,7 +195,7 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
 
 
 def sampled_law(case: Case, k: int) -> SampledLaw:
-    """The law of drive number k, which follows the rows of a file."""
+    """The motion profile of drive number k, which follows the rows of a file."""
     drive = case.drive[k]
     unit = joints(compiled(case)).get(drive.joint) or "rad"
     return named_in_profile(
@@ -204,18 +204,18 @@ def sampled_law(case: Case, k: int) -> SampledLaw:
 
 
 def load_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
-    """The laws of the controls of a run's loads that change, one for each load."""
+    """The profiles of the controls of a run's changing loads, one for each load."""
     return tuple(load_law(case, kind, k) for k in range(len(case.load)))
 
 
 def control_laws(case: Case, kind: Kind) -> dict[str, DriveLaw]:
-    """The same by the names of the actuators."""
+    """The profiles of `load_laws`, by the names of the actuators."""
     names = (load.actuator for load in case.load)
     return dict(zip(names, load_laws(case, kind), strict=True))
 
 
 def load_law(case: Case, kind: Kind, k: int) -> DriveLaw:
-    """The law of the control of load number k."""
+    """The profile of the control of load number k."""
     load = case.load[k]
     if load.profile is not None:
         try:
@@ -232,11 +232,12 @@ def load_law(case: Case, kind: Kind, k: int) -> DriveLaw:
 
 
 def named_in_profile(case: Case, k: int, read: Callable[..., Any], *args: object) -> Any:
-    """What is read of the file of a profile; a column that is wrong there is named in the sidecar.
+    """Call a function that reads a profile; its ValueError becomes bad input of the drive.
 
     Raises
     ------
     InputError
+        A column of the profile is wrong.
     """
     try:
         return read(*args)
@@ -249,13 +250,13 @@ def evaluate(
 ) -> ReferenceCurves:
     """The reference curves of a run of a case, channel by channel.
 
-    They are evaluated in this process: without limits, and with as many threads as BLAS has here.
-    Workers have one thread, so that last digits may differ from theirs.
+    The reference is evaluated in this process, without limits of time or memory, and with as many
+    threads as BLAS has here.  Workers have one thread, so that last digits may differ.
 
     Parameters
     ----------
     case : Case
-        Names the reference and holds its parameters.
+        Has the name of the reference and its parameters.
     kind : str
         The run.
     x : ndarray (n,)
@@ -263,13 +264,13 @@ def evaluate(
     state : tuple of three ndarray (drives, n), or None
         Drive values, rates and accelerations, *as the drives really moved*; None: a free motion.
     **changed
-        Parameters to use instead of the sidecar's [SI].
+        Parameters that replace the sidecar's [SI].
 
     Returns
     -------
     ReferenceCurves
-        One curve a channel, under the channel's name, in SI units; and what views show, unless
-        parameters are changed.
+        One curve for each channel, by the channel's name, in SI units; and the quantities that
+        views show, unless parameters are changed.
     """
     parameters = {**case.parameters, **changed}
     names = frozenset(c.equals for c in case.channels.values() if isinstance(c.equals, str))
@@ -277,7 +278,7 @@ def evaluate(
     known = reference_quantities(case, kind, x, state, parameters, only=names | more)
     if any(name.startswith(DRIVE) for name in names | more):
         known = known | asked_of_drives(case, kind, x)
-    if not names <= known.keys():  # an error, which suggests another of all names
+    if not names <= known.keys():  # an error; its message suggests one of all names
         known = quantities(case, kind, x, state, parameters)
     shown = {name: known[name] for name in more if name in known}
     return ReferenceCurves(x, channels(case, x, known), shown=shown)
@@ -301,10 +302,7 @@ def quantities(
     parameters: dict[str, float | str],
     key: str = "parameters",
 ) -> dict[str, Array]:
-    """All that a channel may equal: what the reference knows, and what was asked of the drives.
-
-    See `reference_quantities` and `asked_of_drives`.
-    """
+    """All curves that a channel may equal: `reference_quantities` and `asked_of_drives`."""
     return {
         **reference_quantities(case, kind, x, state, parameters, key),
         **asked_of_drives(case, kind, x),
@@ -320,9 +318,10 @@ def reference_quantities(
     key: str = "parameters",
     only: frozenset[str] | None = None,
 ) -> dict[str, Array]:
-    """What the reference knows, by its own names; `parameters` stand in the sidecar at `key`.
+    """Evaluate the reference's quantities, by their own names.
 
-    `kind`, `x` and `state` are those of `evaluate`; of `only` some names, it may leave out others.
+    `kind`, `x` and `state` are those of `evaluate`.  `parameters` stand in the sidecar at `key`.
+    If `only` is given, the reference may leave out other quantities.
     """
     reference = module_of(case)
     if not isinstance(reference, Recorded):
@@ -333,10 +332,10 @@ def reference_quantities(
 
 
 def asked_of_drives(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
-    """What the laws ask of the drives: ``drive.JOINT``, ``drive.JOINT.rate``, ``.acceleration``.
+    """The prescribed motion of drives: ``drive.JOINT``, ``drive.JOINT.rate``, ``.acceleration``.
 
-    A channel that equals one of them is held against the law, and not against the state that the
-    drive really had.
+    A channel that equals one of them is compared with the motion profile, and not with the motion
+    that the drive really had.
     """
     return {
         f"{DRIVE}{drive.joint}{part}": np.broadcast_to(values, np.shape(x))
@@ -346,7 +345,7 @@ def asked_of_drives(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
 
 
 def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
-    """What each channel must be, from the reference's quantities; both in SI units."""
+    """The curve that each channel must have, from the reference's quantities; both in SI units."""
     reference, wanted = module_of(case), {}
     for name, channel in case.channels.items():
         if isinstance(channel.equals, float):
@@ -376,16 +375,18 @@ def call(
     key: str = "parameters",
     only: frozenset[str] | None = None,
 ) -> dict[str, Array]:
-    """``solve`` of a closed form, with its complaints turned into errors of the sidecar at `key`.
+    """Call ``solve`` of a reference, and turn its errors into bad input at `key` of the sidecar.
 
-    One drive's state is given as arrays (n,), several as (drives, n).  A reference that asks for
-    ``model``, ``start`` or ``joints`` by name is given the case's own: it reads the MJCF itself.
-    One that asks for ``inertia`` is given whether moments and forces are those of a motion, one
-    that asks for ``only`` which of its quantities are used, None for all, one that asks for
-    ``in_time`` is given the laws of the drives of a motion in time, ``control_laws`` those of its
-    loads, one that asks for ``terms`` is given those of the equations of motion as MuJoCo computes
-    them, and one that asks for ``closely`` the sensors of the model's own motion, see
-    `solve_closely`.
+    The state of one drive is passed as arrays (n,), that of several as (drives, n).  A reference
+    gets what its ``solve`` has as keyword-only parameters:
+
+    - ``model``, ``start``, ``joints``: the compiled MJCF, its start key and the driven joints;
+    - ``inertia``: whether moments and forces include inertia;
+    - ``only``: the quantities that are used, None for all;
+    - ``in_time``, ``control_laws``: in dynamics, the profiles of the drives and of the loads;
+    - ``controls``, ``control_rates``, ``load_rates``: controls and scaled parameters along the run;
+    - ``terms``: the terms of the equations of motion as MuJoCo computes them;
+    - ``closely``: the sensors of the model's own motion, see `solve_closely`.
     """
     known = [
         p.name
@@ -430,7 +431,7 @@ def call(
         args = tuple(part[0] if len(part) == 1 else part for part in state)
     try:
         more = {k: own[k]() for k in own if k in known}
-        if "model" in more:  # its numbers may change, and such references keep what they found
+        if "model" in more:  # such references have a memory of their own, as models may change
             return reference.solve(*args, **parameters, **more)
         return answered(reference.solve, *args, **parameters, **more)
     except NotCovered as error:
@@ -445,12 +446,12 @@ def call(
 def under_loads(
     case: Case, kind: Kind, reference: ModuleType, x: Array, parameters: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Parameters with those that loads scale as curves (n,), and the rates of these.
+    """Turn the parameters that loads scale into curves (n,), and find the rates of these.
 
     Raises
     ------
     InputError
-        The reference has no such parameter, or one that does not change along a path.
+        The reference has no such parameter, or one that may not change along a path.
     """
     takes = inspect.signature(reference.solve).parameters
     may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
@@ -484,12 +485,12 @@ def under_loads(
 
 
 def solve_closely(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
-    """All sensors of a model, solved without time steps, at times x [s].
+    """Find all sensors of a model at times x [s], solved without a simulator's time steps.
 
     Raises
     ------
     NotCovered
-        The motion is not known until the end.
+        The motion cannot be solved this way, or is not known until the last time.
     """
     if case.rod:
         raise NotCovered("rods")
@@ -501,7 +502,7 @@ def solve_closely(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
 
 
 def known_closely(case: Case, x: Array) -> tuple[dict[str, Array], str]:
-    """All sensors at times x [s], and what shows that the motion is known."""
+    """All sensors at times x [s], and the evidence that the motion is known."""
     file = case.model_path
     led = zip(case.drive, laws(case, "dynamics"), strict=True)
     drives = tuple(Drive(drive.joint, law) for drive, law in led)
@@ -514,7 +515,7 @@ def known_closely(case: Case, x: Array) -> tuple[dict[str, Array], str]:
 def closely_once(
     file: Path, changed: int, start: str, x: bytes, inputs: bytes
 ) -> tuple[dict[str, Array], str]:
-    """`known_closely`, once for a file, a key, and times, drives and loads as bytes."""
+    """Do what `known_closely` does; a cache, with times, drives and loads as bytes."""
     engine, times = engine_of(NATIVE), np.frombuffer(x)
     drives, loads = pickle.loads(inputs)
     end = float(times[-1])
@@ -533,7 +534,7 @@ def closely_once(
 
 
 def properties(case: Case, beside: str | None = None) -> dict[str, str]:
-    """What the closed form says of the mechanism as a whole: class, limits, stroke; or nothing."""
+    """Properties of the mechanism as a whole, such as its class, limits and stroke, if any."""
     tell = getattr(module_of(case), "properties", None)
     if tell is None:
         return {}
@@ -563,12 +564,12 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
         own["terms"] = smooth_terms(own["model"], case.start)
     try:
         return tell(**own, **parameters)
-    except (TypeError, ValueError):  # the parameters are at fault, which the runs have said
+    except (TypeError, ValueError):  # the parameters are wrong, which the runs report
         return {}
 
 
 def compiled(case: Case) -> MjModel:
-    """The case's compiled MJCF, once for all runs."""
+    """The case's compiled MJCF; it is compiled once for all runs."""
     try:
         return compile_once(case.model_path, case.model_path.stat().st_mtime_ns, case.rods)
     except BadRod as error:
@@ -579,7 +580,7 @@ def compiled(case: Case) -> MjModel:
 
 
 def identity(case: Case) -> tuple[str | int, ...]:
-    """What tells a case from others whose reference has other curves: its keys, and its files."""
+    """A key that differs for cases with different reference curves: their tables and files."""
     asked = case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump_json()
     files = [case.model_path, *case.profile_files]
     files += [case.file.parent / case.reference] if case.recorded else []
@@ -587,7 +588,7 @@ def identity(case: Case) -> tuple[str | int, ...]:
 
 
 def column(case: Case, reference: Recorded, key: str, name: str, unit: str | None = None) -> Array:
-    """A column of the recorded curve, its unit checked."""
+    """A column of the recorded curve; its unit is checked if `unit` is given."""
     if name not in reference.columns:
         raise InputError(
             case.file,
@@ -605,16 +606,15 @@ def column(case: Case, reference: Recorded, key: str, name: str, unit: str | Non
 
 
 def modes(case: Case) -> tuple[int, ...]:
-    """Assembly modes that the closed form knows; empty when it has no such choice."""
+    """Assembly modes that the reference offers; empty if it offers no choice."""
     return getattr(module_of(case), "MODES", ())
 
 
 def unit_of(case: Case, parameter: str) -> str:
-    """The unit of a parameter by the docstring of the reference's `solve`; empty if it tells none.
+    """The unit of a parameter, from the docstring of the reference's `solve`; empty if not there.
 
-    An entry ``names : text with [unit]`` tells it if its text has one unit, which is that of all
-    its names, or as many as there are names, in their order.  ``length1, ..`` stands for all
-    numbers.
+    An entry ``names : text with [unit]`` has either one unit, which is that of all its names, or as
+    many units as names, in the same order.  ``length1, ..`` stands for all numbers.
     """
     reference = module_of(case)
     text = "" if isinstance(reference, Recorded) else inspect.getdoc(reference.solve) or ""

@@ -1,9 +1,9 @@
-"""Reading and writing a sidecar: what it leaves out is filled in with defaults.
+"""Read and write sidecars, and fill in the defaults of what a sidecar leaves out.
 
-`load_case` reads one.  `fill_defaults` gives the table of a sidecar with its runs, samples, solvers
-and channels, `default_tolerances` how far each engine may be off: the numbers are `ACCURACY` in
-`proofmass/sim/ENGINE/settings.py`.  `as_toml` writes a case as the text of a sidecar that leaves
-nothing to defaults.
+`load_case` reads a sidecar.  `fill_defaults` completes its runs, samples, solvers and channels.
+`default_tolerances` adds the tolerances of each engine, whose numbers are `ACCURACY` in
+`proofmass/sim/ENGINE/settings.py`.  `as_toml` writes a case as a sidecar in which nothing is left
+to defaults.
 """
 
 import tomllib
@@ -28,20 +28,21 @@ from proofmass.strict import Kind, Strict
 from proofmass.units import FORCES, KINDS, si_unit
 from proofmass.validate import delivered_unit, first_samples
 
-SAMPLES = 361  # of a sweep or dynamics: a turn in degrees
+SAMPLES = 361  # default number of samples of a sweep or dynamics: one turn in steps of a degree
 OTHERS = "*"
-"""The key of ``[channels]`` for all sensors that are not listed."""
+"""The key of ``[channels]`` that stands for all sensors that are not listed."""
 OWN = {"file", "unmatched", "called"}
-"""What a `Case` knows beside the keys of its sidecar."""
+"""Fields of a `Case` that are no keys of its sidecar."""
 ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "compare_with", "refine", "unchecked")
 TomlTable = dict[str, Any]
 
 
 class Accuracy(Strict):
-    """``accuracy.ENGINE``: shares of the range instead of those that the engine states.
+    """``accuracy.ENGINE``: tolerances relative to the range that replace the engine's own.
 
-    `sweep` is of all channels of a sweep, but for rates where drives leave degrees of freedom at
-    rest, which have `rest`; the others are of the channels of dynamics, `force` of moments as well.
+    `sweep` applies to all channels of a sweep.  Where the drives leave degrees of freedom, which
+    come to rest, `rest` applies to rates instead.  The other keys apply to channels of dynamics;
+    `force` includes moments.
     """
 
     sweep: float | None = Field(None, gt=0)
@@ -53,29 +54,29 @@ class Accuracy(Strict):
 
 
 class Levels(Strict):
-    """All of ``accuracy``."""
+    """The table ``accuracy``."""
 
     accuracy: dict[str, Accuracy] = Field({})
 
 
 def fill_defaults(table: TomlTable, file: Path) -> TomlTable:
-    """The table of a sidecar with its runs and channels filled in.
+    """Fill in the runs and channels of a sidecar's table.
 
-    The model is compiled and the reference evaluated at two samples if the table leaves a channel
-    out.  What is wrong in the table otherwise is left to `Case`.
+    If the table leaves a channel out, the model is compiled and the reference evaluated at two
+    samples.  Other faults of the table are left to `Case`.
 
     Raises
     ------
     InputError
-        A channel has no quantity or no unit.
+        A channel matches no quantity, or its unit is not known.
     """
     return fill_channels(fill_runs(table), file)
 
 
 def fill_runs(table: TomlTable) -> TomlTable:
-    """A driven case has a sweep and dynamics if it names no run; runs have proofmass's engines.
+    """Fill in runs: a sweep and dynamics if a driven case names none, with proofmass's engines.
 
-    Dynamics has each engine's own default settings as well, which are shown and not checked.
+    Dynamics also gets each engine with its own default settings, which are shown but not checked.
     """
     runs = table.get("run", {"sweep": {}, "dynamics": {}} if "drive" in table else None)
     if not isinstance(runs, dict):
@@ -99,10 +100,10 @@ def fill_runs(table: TomlTable) -> TomlTable:
 
 
 def fill_channels(table: TomlTable, file: Path) -> TomlTable:
-    """Each channel has its quantity and its unit.
+    """Fill in the quantity and the unit of each channel, and channels for sensors not listed.
 
-    Sensors of which no part is listed are channels if ``[channels]`` is left out or has a ``"*"``;
-    those that match no quantity are in ``unmatched``.
+    Sensors of which no part is listed become channels if ``[channels]`` is left out or has a
+    ``"*"``; those that match no quantity are listed in ``unmatched``.
     """
     listed = table.get("channels", {OTHERS: {}})
     if not isinstance(listed, dict) or not all(isinstance(c, dict) for c in listed.values()):
@@ -169,14 +170,14 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
 
 
 def quantities_of(case: Case) -> list[str]:
-    """The names of what the reference knows."""
+    """The names of the reference's quantities."""
     kind = next(iter(case.run))
     few = first_samples(case, prescribed_run(case, kind))
     return list(quantities(case, kind, few.x, few.drive, case.parameters))
 
 
 def si_or_none(unit: str) -> str | None:
-    """The SI unit of the same quantity; None of an unknown unit, which `Case` names."""
+    """The SI unit of the same quantity; None for an unknown unit, which `Case` reports."""
     try:
         return si_unit(unit)[0]
     except ValueError:
@@ -184,11 +185,11 @@ def si_or_none(unit: str) -> str | None:
 
 
 def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | None:
-    """The quantity that has a channel's name, or None.
+    """Find the quantity that has a channel's name, or None.
 
-    The dot may be an underscore, ``_velocity.x`` and ``_acceleration.x`` may be short as ``_vx``
-    and ``_ax``, the ``.z`` of an angular rate or acceleration or of a moment and the ``_angle`` of
-    an angle may be left out.
+    The quantity's name may have an underscore instead of the dot, ``_vx`` and ``_ax`` instead of
+    ``_velocity.x`` and ``_acceleration.x``, no ``.z`` of an angular rate or acceleration or of a
+    moment, and an additional ``_angle`` of an angle.
 
     >>> match_quantity("pin_velocity.x", "m/s", ["pin_x", "pin_vx"])
     'pin_vx'
@@ -210,19 +211,19 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
 
 
 PLACES = (*KINDS["position"], "1")
-"""SI units of places and angles, and of what tells a turn: quaternions, directions of axes."""
+"""SI units of positions, angles and orientations (quaternions, directions of axes)."""
 
 
 def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Tolerance]:
-    """The engines' own tolerances in each run for which a driven linkage states none itself.
+    """The engines' own tolerances for each run of a driven linkage that states none itself.
 
-    Free motions, rods and recorded curves have none: what they are off by is not the engine's alone
-    to say.
+    Free motions, rods and recorded curves get none, since the engine is not the only cause of their
+    errors.
 
     Raises
     ------
     InputError
-        An accuracy is used by no run.
+        A key of ``accuracy`` applies to no run.
     """
     added, used = list[Tolerance](), set[tuple[str, str]]()
     its_own_alone = case.drive and not (case.rod or case.unchecked or case.recorded)
@@ -258,7 +259,7 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
 
 
 def accuracy_of(engine: str) -> Mapping[str, AccuracyLimit]:
-    """How far an engine says that it may be off; of one that cannot be loaded the run says why."""
+    """The accuracy that an engine states; empty if it cannot be loaded, which its run reports."""
     try:
         return engine_of(engine).accuracy
     except NoEngine:
@@ -266,7 +267,7 @@ def accuracy_of(engine: str) -> Mapping[str, AccuracyLimit]:
 
 
 def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
-    """The parts of an engine's accuracy that a run has, and the units that each of them covers."""
+    """The keys of an engine's accuracy that apply to a run, and the units that each covers."""
     there = [channel.unit for channel in case.channels_of(kind).values()]
     if kind == "equilibrium" or not there:
         return {}
@@ -286,22 +287,22 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
 
 
 LINES = ("parameters", "channels", "refine")
-"""Tables whose entries stand in one line each; of other tables each entry has a heading."""
+"""Tables whose entries are written in one line each; entries of other tables have headings."""
 LISTS = ("tolerance", "view", "chart")
-"""Tables of which a sidecar may have several."""
+"""Tables that a sidecar may have several times."""
 ONE_OR_MORE = ("drive", "load")
-"""Those of which one alone is written as one table."""
+"""Tables that a sidecar may have several times, but that are written as one table if single."""
 
 
 def as_toml(case: Case, every: bool = True) -> str:
-    """The text of a sidecar that loads to the same case, beside the same model.
+    """Write a case as the text of a sidecar; with the same model it loads to the same case.
 
     Parameters
     ----------
     case : Case
         From `proofmass.sidecar.load_case`.
     every : bool
-        Whether keys stand there that change nothing, too, such as ``scale = 1.0``.
+        Whether to write keys with default values too, such as ``scale = 1.0``.
     """
     import tomlkit  # 0.1 s to load
 
@@ -309,7 +310,7 @@ def as_toml(case: Case, every: bool = True) -> str:
         by_alias=True, exclude_none=True, exclude_defaults=not every, exclude=OWN
     )
     if case.unmatched:
-        table["channels"]["*"] = {}  # which finds that nothing else matches
+        table["channels"]["*"] = {}  # lists the unmatched sensors again; no other sensor matches
     for one in table.get("tolerance", ()):
         one |= {k: v[0] for k, v in one.items() if isinstance(v, tuple) and len(v) == 1}
     for key in ONE_OR_MORE:
@@ -317,7 +318,7 @@ def as_toml(case: Case, every: bool = True) -> str:
             (table[key],) = table[key]
     several = {key for key in (*LISTS, *ONE_OR_MORE) if isinstance(table.get(key), tuple)}
     text = tomlkit.document()
-    for key, value in table.items():  # keys of no table first
+    for key, value in table.items():  # keys outside of tables come first in TOML
         if not isinstance(value, Mapping) and key not in several:
             text[key] = in_line(value)
     for key, value in table.items():
@@ -332,7 +333,7 @@ def as_toml(case: Case, every: bool = True) -> str:
 
 
 def in_lines(table: Mapping[str, Any]) -> Any:
-    """A table with a line for each key."""
+    """Write a table with a line for each key."""
     import tomlkit
 
     found = tomlkit.table()
@@ -341,7 +342,7 @@ def in_lines(table: Mapping[str, Any]) -> Any:
 
 
 def in_line(value: Any) -> Any:
-    """A value that stands in one line, with the tables and lists in it."""
+    """Write a value in one line, with the tables and lists in it."""
     import tomlkit
 
     if isinstance(value, Mapping):
@@ -361,7 +362,7 @@ TYPES = (
     ProfileTable.__name__,
     RecordedColumn.__name__,
 )
-"""What pydantic adds to where an error is."""
+"""Parts that pydantic adds to the location of an error, and that are no keys of the sidecar."""
 
 
 def load_case(file: Path | str) -> Case:
@@ -370,7 +371,7 @@ def load_case(file: Path | str) -> Case:
     Parameters
     ----------
     file : path
-        ``NAME.toml``; the model is ``NAME.xml`` beside it unless the sidecar says otherwise.
+        ``NAME.toml``; the model is ``NAME.xml`` in its folder unless the sidecar names another.
 
     Returns
     -------
@@ -379,7 +380,7 @@ def load_case(file: Path | str) -> Case:
     Raises
     ------
     InputError
-        Unreadable, an unknown key, a missing key, a tolerance without a reason, ...
+        The file cannot be read, a key is unknown or missing, a tolerance has no reason, ...
     """
     file = Path(file)
     try:

@@ -30,11 +30,11 @@ from proofmass.sim.protocol import (
 from proofmass.strict import Kind
 from proofmass.worker import Crashed, isolated
 
-ROUNDING = 1e-12  # [rad or m] of a law's value: a drive may end on the end of its joint's range
-FASTEST = 1e150  # [rad/s or m/s] of a law: squares of larger rates are not finite
-TURNS = 1e-9  # share of its way by which a drive may go beyond its samples
+ROUNDING = 1e-12  # [rad or m] by which a drive may pass its joint's limit, as it may end on it
+FASTEST = 1e150  # [rad/s or m/s] of a motion profile: squares of larger rates are not finite
+TURNS = 1e-9  # share of a drive's range by which it may leave the interval between two samples
 MOST = 1e150  # [its unit] of a control: squares of larger forces are not finite
-BETWEEN = 20  # places between two samples of dynamics where a law is looked at as well
+BETWEEN = 20  # intervals into which the time between two samples is divided for checks
 
 
 def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
@@ -46,7 +46,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        No such engine, no such table, or a setting that the engine refuses.
+        There is no such engine or table, or the engine refuses a setting.
     """
     engine, _, variant = solver.partition(":")
     if engine not in engine_names():
@@ -72,7 +72,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
     except NoEngine as error:
         if settings:
             raise InputError(case.file, f"run.{kind}.solvers", str(error)) from None
-        return settings  # the run says why
+        return settings  # the run reports why the engine cannot be loaded
     except BadSetting as error:
         key, why = error.args
         raise InputError(case.file, f"{table}.{key}", why) from None
@@ -92,9 +92,9 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
 
 
 def with_computing_solvers(case: Case) -> tuple[Case, tuple[str, ...]]:
-    """The case with the solvers alone that compute their curves, and the others.
+    """Reduce a case to the solvers that compute their curves; the other solvers come second.
 
-    A run that has no such solver is left out.
+    A run without such a solver is left out.
     """
     others = dict.fromkeys(
         solver for run in case.run.values() for solver in run.solvers if not computes(solver)
@@ -110,7 +110,7 @@ def with_computing_solvers(case: Case) -> tuple[Case, tuple[str, ...]]:
 
 
 def plan(case: Case, kind: Kind, solver: str) -> Run:
-    """What a simulator is asked to do for one run of a case.
+    """The run of a case that a simulator is asked to make, with the solver's settings.
 
     Raises
     ------
@@ -122,12 +122,12 @@ def plan(case: Case, kind: Kind, solver: str) -> Run:
 
 
 def prescribed_run(case: Case, kind: Kind) -> Run:
-    """The same for any simulator: a run without settings.
+    """The run of a case without settings, which is the same for all simulators.
 
     Raises
     ------
     InputError
-        A law cannot be evaluated, is not finite, or leads a joint out of its range.
+        A motion profile cannot be evaluated, is not finite, or leads a joint out of its range.
     """
     drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
     channels = tuple(case.channels_of(kind))
@@ -142,7 +142,7 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
         check_loads(case, run)
     except (InputError, MemoryError):
         raise
-    except Exception as error:  # whatever a function that the sidecar names may raise
+    except Exception as error:  # a function that the sidecar names may raise anything
         raise InputError(
             case.file, "drive.parameters", f"the law of a drive cannot be evaluated: {error}"
         ) from None
@@ -152,8 +152,8 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
 def check_drives(case: Case, run: Run) -> None:
     """Raise `InputError` if a drive of a run is not finite or leaves the range of its joint.
 
-    Nothing holds an ideal drive back: the engines pass over the range, or push against it with a
-    spring whose force means nothing.
+    Nothing limits an ideal drive: engines ignore the range, or push against it with a spring whose
+    force has no meaning.
     """
     if not run.drives:
         return
@@ -164,7 +164,7 @@ def check_drives(case: Case, run: Run) -> None:
         x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
     units = joints(model)
     for k, (drive, *motion) in enumerate(zip(run.drives, *run.motion(x), strict=True)):
-        if drive.joint not in units:  # the engines say which joints there are
+        if drive.joint not in units:  # the engines report it, and list the joints
             continue
         values, unit = motion[0], units[drive.joint]
         if isinstance(drive.law, SampledLaw) and not drive.law.covers(run.x):
@@ -200,9 +200,9 @@ def check_drives(case: Case, run: Run) -> None:
 
 
 def check_loads(case: Case, run: Run) -> None:
-    """Raise `InputError` if a load that changes is no motor's, or leaves the motor's range.
+    """Raise `InputError` if a changing load is not of a motor, or leaves the motor's range.
 
-    In time it may be that of a servo as well.
+    In dynamics it may be of a servo as well.
     """
     if not run.loads:
         return
@@ -253,7 +253,8 @@ def check_loads(case: Case, run: Run) -> None:
 def check_turns(case: Case, run: Run) -> None:
     """Raise `InputError` if a drive turns back between two samples of a sweep with dry friction.
 
-    Rests then depend on where it does, and a sweep goes from sample to sample.
+    With dry friction the poses at rest depend on where a drive turns back, which a sweep from
+    sample to sample would miss.
     """
     between = np.interp(
         np.arange(BETWEEN * (run.x.size - 1) + 1) / BETWEEN, np.arange(run.x.size), run.x
@@ -281,9 +282,9 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     Parameters
     ----------
     case : Case
-        The sidecar.
+        The case, from `load_case`.
     kind : "sweep", "dynamics" or "equilibrium"
-        Which of its runs.
+        The run of the case.
     solver : str
         Engine, or ``engine:variant``.
 
@@ -294,9 +295,9 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     Raises
     ------
     InputError
-        The sidecar or the model is at fault.
+        The sidecar or the model is wrong.
     Unsupported, Diverged, Crashed, TimedOut, OutOfMemory
-        The run is at fault.
+        The run failed.
 
     Examples
     --------
@@ -333,7 +334,7 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
 
 
 def simulate(engine: str, model: Path, run: Run) -> Curves:
-    """Call an engine's ``simulate``; what it did not mean to raise is a crash of that run."""
+    """Call an engine's ``simulate``; an unexpected exception becomes a crash of the run."""
     try:
         return engine_of(engine).simulate(model, run)
     except NoEngine as error:

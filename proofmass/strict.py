@@ -1,4 +1,4 @@
-"""What every table of a sidecar has in common."""
+"""The base class of all tables of a sidecar, and the kinds of runs."""
 
 from typing import Any, Literal
 

@@ -1,8 +1,8 @@
-"""Units: what a word such as ``deg/s^2`` means in SI.
+"""Units: what a unit such as ``deg/s^2`` means in SI.
 
-pint knows the words.  It is imported when a unit is not an SI unit of the list below, because that
-takes longer than the rest of the package.  An angle counts as a quantity of its own, so that
-neither ``1/s`` nor ``Hz`` passes for ``rad/s``.
+pint reads the units.  Importing pint takes longer than importing the rest of the package, so it is
+imported only for a unit that is not among `SI_POWERS`.  An angle counts as a quantity of its own,
+so that neither ``1/s`` nor ``Hz`` is taken for ``rad/s``.
 """
 
 import re
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pint import Unit, UnitRegistry
 
-PLAIN = {  # with the powers of length, mass, time and angle in them
+PLAIN = {  # SI units, with the powers of length, mass, time and angle in them
     "1": (0, 0, 0, 0),
     "m": (1, 0, 0, 0),
     "kg": (0, 1, 0, 0),
@@ -37,16 +37,17 @@ KINDS = {
     "velocity": ("rad/s", "m/s"),
     "acceleration": ("rad/s^2", "m/s^2"),
 }
-"""Kinds of motion, by their SI units."""
+"""SI units of the kinds of motion."""
 FORCES = ("N", "N m")
 """SI units of forces and moments."""
-WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")  # SI words that stay as they are written
+WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")
+"""SI units that `si_unit` keeps as they are written, instead of composing them of others."""
 EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
 
 
 @cache
 def si_unit(unit: str) -> tuple[str, float]:
-    """The SI spelling of a unit and the factor to it.
+    """Find the SI spelling of a unit, and the factor that converts a number to it.
 
     Raises
     ------
@@ -98,10 +99,10 @@ def powers(unit: str) -> tuple[float, float, float, float]:
 
 @cache
 def registry() -> "UnitRegistry":
-    """Pint's units, with angles as a dimension."""
+    """Load pint's units, with the angle as a dimension of its own."""
     from pint import UnitRegistry
 
-    # empty at first: a full registry keeps what it derived from its own radian
+    # empty at first: a full registry would keep units derived from its dimensionless radian
     units: UnitRegistry = UnitRegistry(None, on_redefinition="ignore")
     units.load_definitions(str(files("pint") / "default_en.txt"))
     units.default_system = "mks"
@@ -111,11 +112,12 @@ def registry() -> "UnitRegistry":
 
 
 def parsed(unit: str) -> "Unit":
-    """The unit in pint."""
+    """Read a unit with pint; ValueError if pint does not know it, or if its zero is shifted."""
     try:
         found = registry().Unit("" if unit == "1" else unit)
-        offset = registry().Quantity(0, found).to_base_units().magnitude  # of a degree Celsius
-    except Exception:  # whatever the parser of a free text meets
+        # not 0 of a unit such as degree Celsius, which no factor converts
+        offset = registry().Quantity(0, found).to_base_units().magnitude
+    except Exception:  # pint's parser raises errors of many kinds
         offset = None
     if offset != 0 or not unit.strip():
         raise ValueError(f"unknown unit {unit!r}; write it as in {EXAMPLES}")
@@ -123,7 +125,7 @@ def parsed(unit: str) -> "Unit":
 
 
 def si_word(word: str) -> str:
-    """The SI unit of the quantity that a word of a unit measures."""
+    """Find the SI unit of the quantity that one word of a unit measures."""
     there = next((si for si in WORDS if same_quantity(word, si)), None)
     return there or f"{registry().get_base_units(parsed(word))[1]:~C}".replace("**", "^").replace(
         "*", " "

@@ -1,7 +1,7 @@
-"""What can be found wrong with a case before anything runs: names, units, and laws.
+"""Validate a case before anything runs: names, units and motion profiles.
 
-`load_case` has checked the sidecar by itself; here it is held against the compiled model and the
-reference.
+`load_case` has checked the sidecar by itself; `validate` checks it against the compiled model and
+the reference.
 """
 
 from mujoco import MjModel
@@ -18,15 +18,15 @@ from proofmass.solve import plan, settings_of
 from proofmass.units import same_quantity
 
 FEW = 2
-"""Samples at which the reference is asked for its quantities."""
+"""Number of samples at which the reference is evaluated to learn its quantities."""
 
 
 def validate(case: Case) -> None:
-    """Raise InputError for the first thing that is wrong with a case.
+    """Raise InputError for the first fault of a case.
 
-    Looked at are the start key, the driven joints, the sensors and the units of all channels, the
-    solvers, the laws of the drives over the whole run, and the reference at the first samples: its
-    parameters, its quantities, what views and charts name.
+    Checked are the start key, the driven joints, the sensors and units of all channels, the
+    settings of the solvers, the motion profiles of the drives over the whole run, and the reference
+    at the first samples: its parameters, its quantities, and the names in views and charts.
     """
     for kind, table in case.run.items():
         for solver in table.solvers:
@@ -41,7 +41,7 @@ def validate(case: Case) -> None:
 
 
 def check_model(case: Case, model: MjModel) -> None:
-    """Hold what the sidecar names, and its units, against the compiled model."""
+    """Check the names and units in the sidecar against the compiled model."""
     if model.nkey and case.start not in keys(model):
         raise InputError(
             case.file,
@@ -67,7 +67,7 @@ def check_model(case: Case, model: MjModel) -> None:
 
 
 def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
-    """The SI unit of what the sensor of a channel delivers; None where the model leaves it open.
+    """Find the SI unit that the sensor of a channel delivers; None if the model does not fix it.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
 
 
 def first_samples(case: Case, run: Run) -> Curves:
-    """The prescribed motion at the first samples of a run; all of a recorded curve."""
+    """The prescribed motion at the first samples of a run; at all samples of a recorded curve."""
     x = run.x if case.recorded else run.x[:FEW]
     moved = case.drive and run.kind != "equilibrium"
     return Curves(x, {}, drive=run.motion(x) if moved else None)

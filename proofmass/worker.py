@@ -1,15 +1,16 @@
-"""Runs happen in processes of their own, with limits of time and memory.
+"""Workers: processes in which runs are made, with limits of time and memory.
 
-A run that aborts, hangs or asks for all memory costs itself only.  So does the rest of what a file
-can ask for: commands read sidecars, compile models and evaluate references in workers, within the
-limits that the sidecar states.  A command compiles a model itself only where a worker has compiled
-the same one within these limits before: studies look up numbers of the model of their case, and
-`proofmass diet` compiles what is left of its model when something is cut.  Who calls `evaluate` or
-`compare` from Python has the reference in the calling process.
+A run that aborts, hangs or exhausts the memory ends its own worker and nothing else.  The same
+holds for all other work that depends on a file of the user: commands read sidecars, compile models
+and evaluate references in workers, within the limits that the sidecar states.  There is one
+exception: a command compiles a model in its own process after a worker has compiled the same model
+within these limits.  Studies do so to look up numbers of the model, and `proofmass diet` to compile
+a reduced model.  Calls of `evaluate` and `compare` from Python evaluate the reference in the
+calling process.
 
-A worker is kept for the next run, since importing the engines takes longer than most runs; a worker
-that died, was killed, or broke an engine is replaced.  `multiprocessing` is not used because it
-imports the caller's main script again, which a ten-line script or a notebook does not survive.
+A worker is kept for the next run, since importing the engines takes longer than most runs.  A
+worker that died, was killed, or broke an engine is replaced.  `multiprocessing` is not used because
+it imports the caller's main script again, which fails in a short script or a notebook.
 """
 
 import atexit
@@ -40,37 +41,39 @@ ALONE = dict.fromkeys(
     ),
     "1",
 )
-"""Whatever the environment says: the last digits of what BLAS solves depend on the number of its
-threads, and threads of runs side by side would wait for each other."""
+"""Environment of a worker, which overrides the caller's: one thread for BLAS.  The last digits of
+its results depend on the number of threads, and threads of parallel runs would wait for each other.
+"""
 
 WITHOUT_WINDOWS = {"MUJOCO_GL": "disable"}
-"""Unless the environment says otherwise: MuJoCo loads what draws in windows for a third of its
-time of loading, and no run draws."""
+"""Environment of a worker unless the caller's says otherwise: MuJoCo does not load its renderer.
+The renderer takes a third of the time of loading MuJoCo, and no run renders."""
 
 SPARING = {"MALLOC_MMAP_THRESHOLD_": "4194304"}
-"""Unless the environment says otherwise: glibc gives blocks from 4 MiB on back to the system when
-they are freed.  From its heap, MuJoCo's arenas of 14 MB leave holes that nothing fills: after ten
-minutes of runs a worker that used 0.4 GB had 6.5 GB of data, which `limit_data` counts."""
+"""Environment of a worker unless the caller's says otherwise: glibc returns blocks of 4 MiB or more
+to the system when they are freed.  Otherwise it keeps MuJoCo's arenas of 14 MB in a heap that
+fragments: after ten minutes of runs a worker that used 0.4 GB held 6.5 GB, which `limit_data`
+counts."""
 
-GRACE = 5.0  # [s] a worker outlives its time limit by, if the process that asked is gone
-MEMORY = 8.0  # [GiB] of data that a call may ask for; a worker with both engines loaded has 0.2
+GRACE = 5.0  # [s] after its time limit a worker ends itself, if its caller is gone
+MEMORY = 8.0  # [GiB] that a call may use by default; a worker with both engines loaded uses 0.2
 GIB = 2**30
-LONGEST = 1e9  # [s] that an alarm can be set to
-WORDS = 240  # letters of what a process wrote before it died
-KILLED = "killed by signal"  # words of a `Crashed` whose process aborted
-FULL = ("bad_alloc", "allocate memory")  # what C++ and MuJoCo say last when there is no memory
+LONGEST = 1e9  # [s], the longest alarm that can be set
+WORDS = 240  # characters that are kept of what a process wrote before it died
+KILLED = "killed by signal"  # begins the message of a `Crashed` whose process was killed
+FULL = ("bad_alloc", "allocate memory")  # last messages of C++ and MuJoCo when memory runs out
 
 
 class Crashed(Exception):
-    """The process died without an answer."""
+    """The process ended without an answer."""
 
 
 class TimedOut(Exception):
-    """No answer in time; the process was killed."""
+    """The process did not answer in time and was killed."""
 
 
 class OutOfMemory(Exception):
-    """The call asked for more memory than it may have."""
+    """The call asked for more memory than its limit."""
 
 
 class Worker:
@@ -98,7 +101,7 @@ class Worker:
     def call(self, function: Callable, args: tuple, timeout: float, memory: float) -> Any:
         """Send a call and wait for its answer: (True, result) or (False, exception)."""
         late = threading.Event()
-        self.errors.seek(0)  # the process shares the place, so it writes from there as well
+        self.errors.seek(0)  # the process shares the file position, and writes from there as well
         self.errors.truncate()
 
         def give_up() -> None:
@@ -106,7 +109,7 @@ class Worker:
             self.process.kill()
 
         timer = threading.Timer(min(timeout, threading.TIMEOUT_MAX), give_up)
-        timer.daemon = True  # Ctrl-C may come before it can be cancelled
+        timer.daemon = True  # since Ctrl-C may come before the timer is cancelled
         try:
             timer.start()
             to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
@@ -126,7 +129,7 @@ class Worker:
             timer.cancel()
 
     def last_words(self) -> str:
-        """How the process ended, and what it wrote to standard error first."""
+        """How the process ended, and the beginning of what it wrote to standard error."""
         self.errors.seek(0)
         text = self.errors.read().decode(errors="replace")
         code = self.process.returncode
@@ -142,14 +145,15 @@ class Worker:
 
 
 idle: LifoQueue[Worker] = LifoQueue()
-"""The last one comes first: it has the reference of the case that a study is at."""
+"""Workers that wait for a call.  The last one is used first: it has cached the reference of the
+case that a study is working on."""
 busy: set[Worker] = set()
 stopped = threading.Event()
 
 
 @contextmanager
 def stopping() -> Iterator[None]:
-    """Ctrl-C meanwhile interrupts the calls of all threads, also those still to come."""
+    """Let Ctrl-C within the context interrupt the calls of all threads, also later ones."""
 
     def stop(*_: object) -> None:
         stopped.set()
@@ -157,7 +161,7 @@ def stopping() -> Iterator[None]:
             worker.process.kill()
         raise KeyboardInterrupt
 
-    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+    if threading.current_thread() is not threading.main_thread():  # other threads get no signals
         yield
         return
     before = signal.signal(signal.SIGINT, stop)
@@ -176,27 +180,27 @@ def isolated(function: Callable, *args: object, timeout: float, memory: float = 
     function : callable
         Importable by name; arguments and result must pickle.
     *args
-        Of the function.
+        Arguments of the function.
     timeout : float
         Time until the process is killed [s].
     memory : float
-        Data that the process may have [GiB]; not limited on Windows and macOS.
+        Memory for data that the process may use [GiB]; not limited on Windows and macOS.
 
     Returns
     -------
     object
-        What the function returned.
+        The value that the function returned.
 
     Raises
     ------
     Crashed
-        The process died; with what it wrote to standard error.
+        The process died; the message has what it wrote to standard error.
     TimedOut, OutOfMemory
         The call reached a limit.
     KeyboardInterrupt
-        Ctrl-C reached the process, or `stopping` ended it: that is no crash.
+        Ctrl-C reached the process, or `stopping` ended it; this does not count as a crash.
     Exception
-        Whatever the function raised.
+        The exception that the function raised.
     """
     worker = rested() or Worker()
     busy.add(worker)
@@ -219,7 +223,7 @@ def isolated(function: Callable, *args: object, timeout: float, memory: float = 
 
 
 def rested() -> Worker | None:
-    """A worker that waits for a call, if there is one; an interrupt has ended some of them."""
+    """Take a worker that waits for a call, or None; workers that an interrupt ended are closed."""
     with suppress(Empty):
         while (worker := idle.get_nowait()).process.poll() is not None:
             worker.close()
@@ -229,13 +233,16 @@ def rested() -> Worker | None:
 
 @atexit.register
 def dismiss() -> None:
-    """End the workers that wait for a call, lest they outlive this process for a moment."""
+    """End the workers that wait for a call, so that none outlives this process."""
     while worker := rested():
         worker.close()
 
 
 def main() -> None:
-    """Serve calls from standard input until it closes; engines may print what they like."""
+    """Serve calls from standard input until it closes.
+
+    What engines print to standard output goes to standard error, so that answers stay apart.
+    """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     while True:
@@ -244,7 +251,7 @@ def main() -> None:
         except EOFError:
             return
         alarm(timeout + GRACE)
-        os.chdir(folder)  # where relative paths of the call begin
+        os.chdir(folder)  # so that relative paths of the call are found
         answer = answered(function, args, memory)
         alarm(0.0)
         answers.write(answer)
@@ -252,7 +259,7 @@ def main() -> None:
 
 
 def answered(function: Callable, args: tuple, memory: float) -> bytes:
-    """A call's result or exception, whatever it is, packed for the caller."""
+    """Call a function, and pack its result or its exception for the caller."""
     limit_data(memory)
     try:
         return packed(True, function(*args))
@@ -261,7 +268,7 @@ def answered(function: Callable, args: tuple, memory: float) -> bytes:
     except Exception as error:
         # where dask is installed, pint loads it, and exceptions would be packed with all of these
         error.__traceback__ = error.__cause__ = error.__context__ = None
-        try:  # an exception may be packed and yet not be unpacked
+        try:  # some exceptions can be packed but not unpacked
             answer = packed(False, error)
             pickle.loads(answer)
             return answer
@@ -270,21 +277,21 @@ def answered(function: Callable, args: tuple, memory: float) -> bytes:
 
 
 def packed(good: bool, value: Any) -> bytes:
-    """An answer, and whether this process can be called again."""
-    from proofmass.sim.protocol import BROKEN  # with NumPy, which who calls a worker may not need
+    """Pack an answer, with whether this process can be called again."""
+    from proofmass.sim.protocol import BROKEN  # loads NumPy, which a caller may not need
 
     return pickle.dumps((good, value, not BROKEN))
 
 
 def beyond(memory: float) -> OutOfMemory:
-    """The error of a call that asked for more than `memory` [GiB]."""
+    """The error of a call that asked for more memory than `memory` [GiB]."""
     return OutOfMemory(f"needs more than {memory:g} GiB of memory")
 
 
 def limit_data(memory: float) -> None:
-    """Let this process have so much data [GiB].
+    """Limit the memory for data of this process [GiB].
 
-    Address space is not what is limited: engines and BLAS reserve more of it than they use.
+    The limit is not on the address space, of which engines and BLAS reserve more than they use.
     """
     if resource is not None:
         most = resource.getrlimit(resource.RLIMIT_DATA)[1]
@@ -296,6 +303,6 @@ def limit_data(memory: float) -> None:
 
 
 def alarm(seconds: float) -> None:
-    """End this process after a while, should nobody be left to do it; 0: do not."""
+    """Make this process end itself after a time [s], in case its caller is gone; 0 cancels this."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST))
