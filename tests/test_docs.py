@@ -183,7 +183,7 @@ def test_references_and_their_parameters() -> None:
 
 
 def test_functions_that_a_sidecar_can_name() -> None:
-    there = rows(section(page("sidecar"), "References").split("Further functions")[1])
+    there = rows(section(page("sidecar"), "Functions of references"))
     for name, module in REFERENCES.items():
         own = importlib.import_module(module)
         functions = {
