@@ -202,6 +202,14 @@ def test_functions_that_a_sidecar_can_name() -> None:
         assert set(laws) <= functions.keys(), name
 
 
+def test_the_script_on_the_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (script,) = re.findall(r"^```python\n(.*?)^```", page("python"), re.MULTILINE | re.DOTALL)
+    exec(compile(script, "docs/python.md", "exec"), {})
+    error, violation, _, *channels = capsys.readouterr().out.split(maxsplit=3)
+    assert float(error) < 1e-5 and float(violation) < 1e-6  # rad, m: MuJoCo at 1 ms
+    assert "theta3 agrees" in channels[0]
+
+
 def test_public_names_are_on_the_page() -> None:
     told = re.findall(r"^::: proofmass\.(\w+)$", page("python"), re.MULTILINE)
     assert sorted(told) == sorted(proofmass.__all__)
