@@ -54,8 +54,9 @@ def test_pages_count_the_designs_that_are_better_than_the_thesis():
     )
     assert short in words("README.md")
     text = words("docs/balancer.md")
-    assert f"Of the thesis's {len(THESIS)} kinds of balancers [{better} come out better" in text
-    assert f"and {same} the same at the digits of the print in some figure and worse in" in text
+    assert f"Of the thesis's {len(THESIS)} kinds of balancers, the search finds designs for" in text
+    assert f"[{better} that are better in every figure]" in text
+    assert f"and for {same} that are better or equal at the printed digits in every figure" in text
     assert f"{down} of the {len(THESIS)} designs have their elbow down" in text
     assert f"{up} are as good or better with the elbow up" in text
 
