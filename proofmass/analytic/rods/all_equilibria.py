@@ -1,53 +1,57 @@
 r"""All equilibria of rods on a common platform: the direct problem, without a first guess.
 
 1. The loads of rods in equilibrium are bounded.
-2. A mesh of all rods tells which of them reach a point with their tips, to first order.
-3. A lattice of poses gives starts under small loads; tight poses give starts under large loads.
-4. Newton's method takes each start to an equilibrium, in the charts of the rods and the pose.
+2. A mesh of all rods gives, to first order, the rods whose tips reach a point.
+3. A lattice of poses gives starts under small loads.  Poses in which rods may be stretched tight
+   give starts under large loads.
+4. Newton's method leads from each start to an equilibrium; its unknowns are the chart coordinates
+   of the rods and the pose.
 
 **A bound by one pose.** Along its own load a rod's tip is L (1 - 2 E(alpha)/alpha) from the clamp,
-E(alpha) <= 2 mode E(k). Summed over the rods, with any point c of the plane and rho the largest |P
-- c|::
+with E(alpha) <= 2 mode E(k). Summed over the rods, with any point c of the plane and rho the
+largest |P - c|::
 
     sum R_i (L_i - |O_i - c| - |r_i|) - sum 4 mode_i E(k_i) sqrt(R_i EI_i)  <=  |F| rho
 
 so that no R_i is large unless clamps are so far apart that rods can be stretched between them.
-`bound` holds more often, and takes seconds for a platform.
+The bound of `bound` exists in more cases, but takes seconds for a platform.
 
-**A bound by boxes of poses.** Let d_i lead from a clamp to its pin, and let (v, w) be any small
-motion of the platform, which moves the pins by t_i = v + w J R r_i.  In equilibrium sum n_i.t_i =
-F.v + M w.  A tip's place along its load gives n_i.d_i >= R_i L_i - hold(alpha_i) sqrt(R_i EI_i)
-(see above)::
+**A bound by boxes of poses.** Let d_i be the vector from a clamp to its pin, and let (v, w) be any
+small motion of the platform, which moves the pins by t_i = v + w J R r_i.  In equilibrium
+sum n_i.t_i = F.v + M w.  The position of a tip along its load (see above) gives, with H_i the value
+of `hold` at alpha_i, n_i.d_i >= R_i L_i - H_i sqrt(R_i EI_i), and therefore::
 
     s_i = 1 - |d_i - t_i|/L_i
-    sum EI_i/L_i (alpha_i^2 s_i - hold(alpha_i) alpha_i)  <=  F.v + M w
+    sum EI_i/L_i (alpha_i^2 s_i - H_i alpha_i)  <=  F.v + M w
 
-No alpha_i is large where some motion makes every s_i positive.  No motion does only where rods
-stretched to their full lengths hold the platform tight against each other: with equilibria of few
-inflections and ever larger loads rods would be straight in the limit, with no load but their own.
+No alpha_i is large if some motion makes every s_i positive.  The only poses without such a motion
+are those in which rods of their full lengths pull the platform tight against each other: in
+equilibria of few inflections the rods become straight as their loads grow, and in the limit they
+balance each other without the external load.
 
-One motion serves a box of poses, in which |d_i - t_i| changes by no more than
+The same motion is used for a whole box of poses, in which |d_i - t_i| changes by no more than
 |dP| + sqrt(1 + w^2) |r_i| dphi.  Boxes are halved where their bound is the largest.
 
-**Starts under large loads**, where the lattice's first steps are too long. A rod whose alpha is
-large and whose inflections are few is straight in tension, but for loops of a size of 1/alpha, K
-apart from tip to tip, the last of them cut off by the clamp.  With delta the angle of the clamp
-over the load, j = 0, 1 .. whole loops, on either side (q > 0, q < 0)::
+**Starts under large loads**, where the first steps from the lattice are too long. A rod with a
+large alpha and few inflections is straight in tension, except for loops of a size of 1/alpha.  The
+first loop is K from the tip and each further one 2 K from the one before, all in units of L/alpha;
+the clamp cuts off the last one.  With delta the angle of the clamp over the load and j = 0, 1 ..
+whole loops, to either side (q > 0, q < 0)::
 
     alpha = (2 j + 1) K + y,    tanh(y) = -(-1)^j cos(delta/2),    |q| = K - ln 2 + O(e^-2K)
 
-so a direction and a size of the load leave 2 modes of such rods.  Starts are drawn at random: a
-pose that may hold such loads, by `tight`; loads along the straight rods, in the ratio
-that balances best or in any; one of the 2 modes for each rod, or any rod at all for light loads.
+so each j < mode gives two such rods for a direction and a size of the load.  Starts are drawn at
+random: a pose from `tight`; loads along the straight rods, either in the ratio that balances best
+or in any ratio; and for each clamp one of these rods or, under a light load, any rod of the chart.
 
-**Starts on a lattice.** The mesh lists, at any pose (P, phi), the ways in which each rod can hold
-its pin, with their loads n_i and stiffnesses K_i.  A choice of one way for each rod lacks the load
-g and is one step off::
+**Starts on a lattice.** For any pose (P, phi) the mesh lists the shapes in which each rod reaches
+its pin, with their loads n_i and stiffnesses K_i.  A choice of one shape for each rod has the
+unbalanced load g and is one Newton step from equilibrium::
 
     g = (sum n_i - F,  sum (R r_i) x n_i - M)          A_i = [1, J R r_i],  R = Rot(phi)
     step = -(sum A_i^T K_i A_i - sum (R r_i).n_i e e^T)^-1 g                e = (0, 0, 1)
 
-It is worth a start where that step is short.
+The choice becomes a start if that step is short.
 """
 
 from collections.abc import Iterator, Sequence
@@ -63,12 +67,12 @@ from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.elastica import ElasticaRods, relative, rods
 from proofmass.analytic.rods.equilibrium import RodState, clamps, state
 
-POSE_BOUND_MOST = 200.0  # alpha at which a bound is given up
-POSE_BOUND_SAMPLES = 20001
+POSE_BOUND_MOST = 200.0  # alpha up to which `largest` looks for a bound
+POSE_BOUND_SAMPLES = 20001  # values of alpha up to there
 
 
 def largest(s: RodState, modes: Sequence[int]) -> float:
-    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where this gives none."""
+    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds, by one pose; inf if unknown."""
     a, clamp = s.assembly, clamps(s)[1]
     away = np.abs(clamp - clamp.mean()) + np.abs(a.arm)
     slack = a.length - away
@@ -88,7 +92,7 @@ def largest(s: RodState, modes: Sequence[int]) -> float:
 
 
 def hold(alpha: Array, mode: int) -> Array:
-    """4 mode E(k) of the least bent rod of a mode: that with K = alpha/(2 mode), or straight."""
+    """4 mode E(k) of the least bent rod of a mode: K(k) = alpha/(2 mode), or k = 0 if straight."""
     q = np.linspace(0.0, 20.0, 4001)
     rest = 1.0 / np.cosh(q) ** 2
     return np.asarray(
@@ -96,21 +100,21 @@ def hold(alpha: Array, mode: int) -> Array:
     )
 
 
-WITHIN = 1.1  # of the largest bound of single poses that the bound may be
-FIRST_EDGE = 0.1  # of the first boxes, over the shortest rod
-HALVINGS = 8
-BOXES_AT_ONCE = 20_000  # boxes at once
-BOUND_MOST = 300.0  # alpha at which a bound is given up
-SLACK = np.geomspace(0.01, 2.0, 400)  # s_i of a table; what is less counts as none
-SMOOTH = 5.0, 30.0, 200.0  # the largest of the lengths is smoothed to 1/5, 1/30 .. of a rod
-STEPS = 6  # of Newton's method for each of these
-ROUND = 1e-6  # below which a length is smoothed
-STRIDE = 0.3  # longest step of a motion
+WITHIN = 1.1  # largest ratio of the bound of boxes to the largest bound of single poses
+FIRST_EDGE = 0.1  # edge of the first boxes, over the length of the shortest rod
+HALVINGS = 8  # times that boxes are halved before no bound is found
+BOXES_AT_ONCE = 20_000  # boxes whose motions are found in one batch
+BOUND_MOST = 300.0  # alpha up to which `bound` looks for a bound
+SLACK = np.geomspace(0.01, 2.0, 400)  # values of s_i in a table; a smaller s_i counts as none
+SMOOTH = 5.0, 30.0, 200.0  # sharpness: the largest length is smoothed to 1/5, 1/30 .. of a rod
+STEPS = 6  # steps of Newton's method for each sharpness
+ROUND = 1e-6  # length, over that of a rod, below which its absolute value is smoothed
+STRIDE = 0.3  # longest step of a motion in Newton's method
 
 
 @dataclass(frozen=True)
 class Boxes:
-    """Poses P +- half (1 + i), phi +- turn, with a motion (v, w) for each: (n,), (n, 3)."""
+    """Boxes of poses, P +- half (1 + i) and phi +- turn, with a motion (v, w) for each: (n, 3)."""
 
     where: Complex
     phi: Array
@@ -122,7 +126,7 @@ class Boxes:
         return Boxes(self.where[which], self.phi[which], self.half, self.turn, self.motion[which])
 
     def halved(self, flat: bool) -> "Boxes":
-        """Four or eight for each."""
+        """Four boxes for each, halved in x and y, or eight if phi is halved as well."""
         sides = np.array([-0.5, 0.5])
         x, y, phi = (
             part.ravel()[:, None]
@@ -140,14 +144,16 @@ class Boxes:
 
 
 def bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
-    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds; inf where none is found, or
-    none below `enough`.
+    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds, by boxes of poses.
+
+    It is inf if no bound is found, or none below `enough`.  It is proven up to rounding, since
+    there is no interval arithmetic, and at most a tenth above the value that the inequality gives
+    for the worst pose.
 
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> from proofmass.analytic.rods.equilibrium import state
 
-    Proven but for rounding, without interval arithmetic; by a tenth above what the inequality
-    gives for the worst pose.  Rods that can be stretched against each other have none:
+    Rods that can be stretched against each other have no bound:
 
     >>> float(bound(state(assembly([[-1.0, 0.0], [1.0, 0.0]])), (1, 1)))
     inf
@@ -171,7 +177,7 @@ def bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
 
 
 def tight(s: RodState, modes: Sequence[int], least: float, edge: float) -> Boxes:
-    """All poses, in boxes with that edge [L] or less, where some alpha may exceed `least`."""
+    """Boxes, with that edge [L] or less, of all poses in which some alpha may exceed `least`."""
     boxes = first(s)
     while True:
         boxes = moved(s, boxes)
@@ -183,7 +189,7 @@ def tight(s: RodState, modes: Sequence[int], least: float, edge: float) -> Boxes
 
 
 def first(s: RodState) -> Boxes:
-    """Boxes that hold all poses which pins can be brought to."""
+    """The first boxes, which contain all poses whose pins are within the reach of the rods."""
     a, clamp = s.assembly, clamps(s)[1]
     reach, edge = a.length + np.abs(a.arm), FIRST_EDGE * a.length.min()
     x, y = (
@@ -202,7 +208,7 @@ def first(s: RodState) -> Boxes:
 
 
 def moved(s: RodState, boxes: Boxes) -> Boxes:
-    """The same with motions that make the least s_i of their centres as large as possible."""
+    """The same boxes, with the motions that make the least s_i of their centres largest."""
     parts = (slice(i, i + BOXES_AT_ONCE) for i in range(0, boxes.phi.size, BOXES_AT_ONCE))
     motion = [best(s, boxes.where[i], boxes.phi[i], boxes.motion[i]) for i in parts]
     return Boxes(
@@ -211,9 +217,10 @@ def moved(s: RodState, boxes: Boxes) -> Boxes:
 
 
 def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
-    """Motions (n, 3) whose largest |d_i - t_i|/L_i is about the least: any is a proof.
+    """Motions (n, 3) that nearly minimize the largest |d_i - t_i|/L_i; any motion proves a bound.
 
-    Newton's method for the logarithm of the sum of exp(sharp |d_i - t_i|/L_i), which is convex.
+    Newton's method minimizes the logarithm of the sum of exp(sharp |d_i - t_i|/L_i), which is
+    convex.
     """
     a, unknown = s.assembly, s.assembly.dof
     length = a.length[:, None]
@@ -243,7 +250,7 @@ def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
                 np.einsum("kn,kni,knj->nij", weight, slope, slope)
                 - mean[:, :, None] * mean[:, None, :]
             )
-            matrix += 1e-9 * np.eye(unknown)  # three equal loads leave a motion free
+            matrix += 1e-9 * np.eye(unknown)  # with three equal loads the matrix is singular
             step = np.linalg.solve(matrix, mean[..., None])[..., 0]
             longest = np.abs(step).max(axis=1, keepdims=True)
             at = at - step * np.minimum(1.0, STRIDE / np.maximum(longest, ROUND))
@@ -253,7 +260,7 @@ def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
 def limits(
     s: RodState, boxes: Boxes, modes: Sequence[int], whole: bool = True
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """alpha (n,) that no rod exceeds in a box, or at its centre; and whether all pins get there."""
+    """alpha (n,) that no rod exceeds in a box, or at its centre; whether all pins are in reach."""
     a = s.assembly
     arm, length = np.exp(1j * boxes.phi) * a.arm[:, None], a.length[:, None]
     away = boxes.where + arm - clamps(s)[1][:, None]
@@ -278,18 +285,18 @@ def limits(
 
 @lru_cache(maxsize=16)
 def lowest(mode: int) -> Array:
-    """Least of alpha^2 s - hold(alpha) alpha over alpha, for s in `SLACK`.
+    """Minimum over alpha of alpha^2 s - H alpha, with H the value of `hold`, for s in `SLACK`.
 
-    It is concave in s, so that interpolation stays below it.
+    It is concave in s, so linear interpolation does not exceed it.
     """
     alpha = np.geomspace(0.1, 2.0 * np.pi * mode / SLACK[0], 4000)
     least = (alpha**2 * SLACK[:, None] - hold(alpha, mode) * alpha).min(axis=1)
-    return np.asarray(1.0001 * least)  # between two alpha it may be less by 2e-6
+    return np.asarray(1.0001 * least)  # between two values of alpha the minimum may be 2e-6 lower
 
 
 def largest_root(slack: Array, room: Array, mode: int) -> Array:
-    """alpha, or a little more, beyond which alpha^2 slack - hold(alpha) alpha exceeds room >= 0."""
-    held = np.asarray(4.0 * mode)  # the least that it can be gives less than the root, then more
+    """alpha, or slightly more, beyond which alpha^2 slack - H alpha > room >= 0, H by `hold`."""
+    held = np.asarray(4.0 * mode)  # the least H gives an alpha below the root, the next one above
     for _ in range(2):
         root = (held + np.sqrt(held**2 + 4.0 * slack * room)) / (2.0 * slack)
         held = hold(root, mode)
@@ -297,23 +304,23 @@ def largest_root(slack: Array, room: Array, mode: int) -> Array:
 
 
 def theoretical_bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
-    """The bound that costs nothing, or else that of the boxes, inf where it is above `enough`."""
+    """The bound by one pose if there is one, else by boxes; inf if the latter exceeds `enough`."""
     quick = largest(s, modes)
     return quick if np.isfinite(quick) else bound(s, modes, enough)
 
 
-TIGHT_EDGE = 0.05  # of the boxes [L]
-EACH = 80  # starts for each choice of loops
-FEWEST = 2000
-SEED = 1
-SWAY = 0.1  # of a load from its straight rod [rad]
+TIGHT_EDGE = 0.05  # largest edge of the boxes of tight poses [L]
+EACH = 80  # random starts for each choice of loops
+FEWEST = 2000  # least number of random starts
+SEED = 1  # of the random numbers
+SWAY = 0.1  # standard deviation of the angle from a straight rod to its load [rad]
 LIGHT = 8.0  # alpha below which half of the rods are drawn from the whole chart
-LEAST_SHARE = 1e-3  # of the largest load
-ENDS = 1e-12  # 1 - |tanh(y)| of a rod that lies along its load
+LEAST_SHARE = 1e-3  # least load of a rod, over the largest one
+ENDS = 1e-12  # least 1 - |tanh(y)|, of a rod that lies along its load
 
 
 def drawn(s: RodState, modes: Sequence[int], least: float, most: float) -> tuple[Array, Array]:
-    """Charts (k, 2, n) and poses (3, n) with some alpha within about [least, most]."""
+    """Random starts with some alpha within about [least, most]: charts (k, 2, n), poses (3, n)."""
     a, (theta, clamp, _) = s.assembly, clamps(s)
     boxes, random = tight(s, modes, least, TIGHT_EDGE), np.random.default_rng(SEED)
     n = max(FEWEST, EACH * int(np.prod(2 * np.array(modes)))) if boxes.phi.size else 0
@@ -334,7 +341,7 @@ def drawn(s: RodState, modes: Sequence[int], least: float, most: float) -> tuple
 
 
 def ratios(along: Array, arm: Array, random: np.random.Generator) -> Array:
-    """Loads (k, n) on straight rods: half of them balance as well as any, half are random."""
+    """Ratios of loads (k, n) on straight rods: half balance as well as can be, half are random."""
     balance = np.moveaxis(np.stack([along.real, along.imag, (arm.conj() * along).imag]), -1, 0)
     best = np.abs(np.linalg.svd(balance)[2][:, -1]).T if balance.size else np.ones(along.shape)
     any_other = random.uniform(0.0, 1.0, along.shape)
@@ -344,7 +351,7 @@ def ratios(along: Array, arm: Array, random: np.random.Generator) -> Array:
 def charts(
     alpha: Array, delta: Array, modes: NDArray[np.int_], random: np.random.Generator
 ) -> Array:
-    """Charts (k, 2, n) of rods with random loops; of light ones half anywhere in the chart."""
+    """Charts (k, 2, n) of rods with random loops; half of the light rods have any q."""
     side, loops = random.choice([-1.0, 1.0], alpha.shape), random.integers(0, modes, alpha.shape)
     cosine = -((-1.0) ** loops) * np.cos((side * delta) % TURN / 2.0)
     y = np.arctanh(np.clip(cosine, ENDS - 1.0, 1.0 - ENDS))
@@ -354,28 +361,28 @@ def charts(
     return np.stack([alpha, np.where(light, any_other, q)], axis=1)
 
 
-STRAIGHT = 8.0  # K - alpha: a rod stretched along its clamp's tangent but for 4 exp(-8)
-ARC_POINTS = 500  # points that a row's arc length is measured with
-TURNING = 0.15  # [L] of the mesh that a turn of the load by 1 rad is worth
-BEYOND = 0.15  # how far outside of a triangle it still answers, in its own coordinates
-THIN = 1e-14  # twice the area [L^2] of a triangle without an inside, of straight rods
-BINS = 64  # a side of the square around the reach of a rod
+STRAIGHT = 8.0  # largest K - alpha: a rod straight along its clamp's tangent within 4 exp(-8)
+ARC_POINTS = 500  # points by which the arc length of a row of the mesh is measured
+TURNING = 0.15  # [L] of a row's arc length that a rotation of the load by 1 rad counts for
+BEYOND = 0.15  # how far outside a triangle a point still belongs to it, in its coordinates
+THIN = 1e-14  # twice the area [L^2] of a degenerate triangle, of straight rods
+BINS = 64  # bins along each side of the square around the reach of a rod
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles of rods of unit length and stiffness.
+    """Triangles of rods of unit length and stiffness: the equilibrium manifold of one rod.
 
     Attributes
     ----------
     tip, force : ndarray of complex (t, 3)
-        At the corners.
+        Tip [L] and load [EI/L^2] at the corners.
     chart : ndarray (t, 3, 2)
         alpha and q [1] at the corners.
     into : ndarray of complex (t, 2)
-        Coordinates in a triangle: (conj(into) (tip - first corner)).real
+        Coordinates in a triangle are (conj(into) (tip - first corner)).real [1/L].
     along, across : ndarray of complex (t,)
-        Stiffness: dforce = along dtip + across conj(dtip).
+        Stiffness [EI/L^3]: dforce = along dtip + across conj(dtip).
     first, listed : ndarray
         Triangles by bins: those of bin b are listed[first[b] : first[b + 1]].
     """
@@ -390,7 +397,7 @@ class Mesh:
     listed: Index
 
     def reaching(self, point: Complex) -> tuple[Index, Index, Array]:
-        """Rods that reach points (n,): which point, triangle, and shares of its corners (m, 3)."""
+        """Rods that reach points (n,): the point, the triangle, shares of its corners (m, 3)."""
         box = boxes(point)
         which, place = ragged(self.first[box + 1] - self.first[box])
         triangle = self.listed[self.first[box][which] + place]
@@ -402,13 +409,13 @@ class Mesh:
 
 
 def ragged(counts: Index) -> tuple[Index, Index]:
-    """Rows 0, 1 .. repeated `counts` times, and the place within each."""
+    """Row numbers 0, 1 .., each repeated its number of `counts`, and the place within the row."""
     row = np.repeat(np.arange(counts.size), counts)
     return row, np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def boxes(point: Complex) -> Index:
-    """Number of the bin that a point is in."""
+    """Numbers of the bins that points are in."""
     column, row = (
         np.clip(((part + 1.05) * BINS / 2.1).astype(int), 0, BINS - 1)
         for part in (point.real, point.imag)
@@ -418,7 +425,7 @@ def boxes(point: Complex) -> Index:
 
 @lru_cache(maxsize=8)
 def mesh(modes: int, most: float, size: float) -> Mesh:
-    """The rods of the first `modes` modes with loads up to most^2 EI/L^2, in steps of `size` L."""
+    """Mesh of the rods of the first `modes` modes, loads up to most^2 EI/L^2, steps of `size` L."""
     alpha, q = corners(modes, most, size)
     grid = np.arange(alpha.size).reshape(alpha.shape)
     a, b, c, d = (
@@ -445,7 +452,7 @@ def mesh(modes: int, most: float, size: float) -> Mesh:
 
 
 def corners(modes: int, most: float, size: float) -> tuple[Array, Array]:
-    """alpha and q >= 0 of the mesh: rows of equal alpha, in equal steps of tip and force."""
+    """alpha and q >= 0 of the mesh: rows of equal alpha, in equal steps of the tip and the load."""
     alpha = np.linspace(0.0, most, int(np.ceil(most / (1.5 * size))) + 1)[1:]
     table = np.linspace(0.0, most + STRAIGHT, 4000)
     quarter = ellipkm1(1.0 / np.cosh(table) ** 2)
@@ -462,7 +469,7 @@ def corners(modes: int, most: float, size: float) -> tuple[Array, Array]:
 
 
 def binned(tip: Complex) -> tuple[Index, Index]:
-    """Triangles (t, 3) by the bins that they may answer in: first and listed of a mesh."""
+    """Triangles (t, 3) by the bins whose points may belong to them: `Mesh.first`, `Mesh.listed`."""
     wide = BEYOND * (np.ptp(tip.real, axis=1) + 1j * np.ptp(tip.imag, axis=1))
     low = boxes(tip.real.min(axis=1) + 1j * tip.imag.min(axis=1) - wide)
     high = boxes(tip.real.max(axis=1) + 1j * tip.imag.max(axis=1) + wide)
@@ -473,17 +480,17 @@ def binned(tip: Complex) -> tuple[Index, Index]:
     return np.searchsorted(box[order], np.arange(BINS**2 + 1)), which[order]
 
 
-NEAR = (0.1, 0.3)  # [L], [rad] that a start may be off
-CHOICES_AT_ONCE = 1_000_000  # choices at once
-MESH = 0.08  # between neighbours of the mesh [L]
-FINEST = 0.01  # cell [L] at which a lattice without poses is given up
-RIM = 1.1  # of a rod's length: how far from its clamp the lattice takes its pin
-DRAWN = 0.98  # where a pin further out is looked for: lightly loaded rods end at the rim
+NEAR = (0.1, 0.3)  # longest first step of a start, of P [L] and of phi [rad]
+CHOICES_AT_ONCE = 1_000_000  # choices of one shape for each rod in a batch
+MESH = 0.08  # distance of neighbours in the mesh [L]
+FINEST = 0.01  # cell [L] below which a lattice without poses is given up
+RIM = 1.1  # largest distance of a pin from its clamp in the lattice, over the rod's length
+DRAWN = 0.98  # [L]: pins further out are looked up here, since lightly loaded rods end at the rim
 
 
 @dataclass(frozen=True)
 class Ways:
-    """Rods that reach the pins of poses, in the order of the poses; see `Mesh`.
+    """Shapes of one rod that reach its pin, in the order of the poses; see `Mesh`.
 
     Attributes
     ----------
@@ -505,7 +512,7 @@ class Ways:
 def starts(
     s: RodState, modes: Sequence[int], largest: float, poses: int
 ) -> Iterator[tuple[Array, Array]]:
-    """Batches of starts: charts (k, 2, n) and poses (3, n)."""
+    """Batches of starts on a lattice: charts (k, 2, n) and poses (3, n)."""
     a, (angle, clamp, _) = s.assembly, clamps(s)
     where, phi = lattice(s, poses)
     arm = np.exp(1j * phi) * a.arm[:, None]
@@ -537,7 +544,7 @@ def starts(
 
 
 def lattice(s: RodState, poses: int) -> tuple[Complex, Array]:
-    """Places P and angles phi (n,) that every pin can be brought to, as many as asked or more."""
+    """Positions P and angles phi (n,) of a lattice, `poses` or more, with all pins in reach."""
     a, clamp = s.assembly, clamps(s)[1]
     cell = 0.1 * a.length.min()
     while True:
@@ -555,7 +562,7 @@ def lattice(s: RodState, poses: int) -> tuple[Complex, Array]:
 
 
 def around(s: RodState, cell: float) -> tuple[Complex, Array]:
-    """Poses `cell` [m] apart, in a box around all that the pins can be brought to."""
+    """Poses `cell` [m] apart, in a box around all positions of the platform that are in reach."""
     a, clamp = s.assembly, clamps(s)[1]
     reach = RIM * a.length + np.abs(a.arm)
     east, north = (
@@ -570,7 +577,7 @@ def around(s: RodState, cell: float) -> tuple[Complex, Array]:
 def reaching(
     sheet: Mesh, off: Complex, angle: float, length: float, stiffness: float
 ) -> tuple[Index, Ways]:
-    """How many ways a rod has to bring its tip `off` (n,) [m] from its clamp, and all of them."""
+    """Shapes of a rod with tips at `off` (n,) [m] from its clamp: their numbers, and the shapes."""
     point = off * np.exp(-1j * angle) / length
     which, triangle, share = sheet.reaching(point / np.maximum(1.0, np.abs(point) / DRAWN))
     order = np.argsort(which, kind="stable")
@@ -585,7 +592,7 @@ def reaching(
 
 
 def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bool_]:
-    """Whether the step to equilibrium is short (n,), by Cramer's rule."""
+    """Whether the Newton step to equilibrium is short (n,), by Cramer's rule."""
     force, along, across = (
         sum(getattr(ways, name) for ways in chosen) for name in ("force", "along", "across")
     )
@@ -615,17 +622,20 @@ def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bo
     return np.asarray((np.hypot(x, y) < near * size) & (turn < NEAR[1] * size))
 
 
-MOST_STEPS = 30  # steps; most starts that arrive take less than ten
-LONGEST = 1.0  # step of alpha, of q, of phi and of P [L]
-SHARE = 0.3  # of a large alpha that its step may be
-STILL = 1e-11  # the last step; what is left is its square
-LEAST = 1e-3  # of alpha, below which q says nothing
-FURTHEST_ITERATE = 340.0  # alpha and q: k' = sech(q) is 1e-147
-SINGULAR = 1e-200  # determinant of a matrix that is not solved with
+MOST_STEPS = 30  # Newton steps of a start; most starts that converge take less than ten
+LONGEST = 1.0  # longest step of alpha, of q, of phi and of P [L]
+SHARE = 0.3  # longest step of a large alpha, over alpha
+STILL = 1e-11  # length of the last step; the error after it is its square
+LEAST = 1e-3  # least alpha: below it the rod is straight for every q
+FURTHEST_ITERATE = 340.0  # largest alpha and q, where k' = sech(q) is 1e-147
+SINGULAR = 1e-200  # determinant at or below which a matrix counts as singular
 
 
 def turned(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex, Complex]:
-    """Tips from their clamps (k, n), loads on them, and derivatives (k, 2, n) of both by charts."""
+    """Tips from their clamps (k, n) and loads on them, rotated with the clamps' tangents.
+
+    Their derivatives (k, 2, n) by alpha and q follow, in the same order.
+    """
     a = s.assembly
     turn = np.exp(1j * clamps(s)[0])[:, None]
     length, unit = a.length[:, None] * turn, (a.stiffness / a.length**2)[:, None] * turn
@@ -638,7 +648,7 @@ def turned(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex,
 
 
 def system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
-    """Residual (n, N) and Newton's matrix (n, N, N), N = 2 k + p: closures, then balance."""
+    """Residuals (n, N) and Jacobians (n, N, N), N = 2 k + p: closures first, then balance."""
     a, k, p = s.assembly, s.assembly.rods, s.assembly.dof
     tip, force, tips, forces = turned(s, rods(chart[:, 0], chart[:, 1]))
     arm = np.exp(1j * pose[2]) * a.arm[:, None]
@@ -659,14 +669,14 @@ def system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
 
 
 def wrench(force: Complex, arm: Complex) -> Array:
-    """Sum of forces (k, ...) and of their moments about P: (3, ...)."""
+    """Sums (3, ...) of the forces (k, ...) and of their moments about P."""
     return np.stack(
         [force.real.sum(axis=0), force.imag.sum(axis=0), (arm.conj() * force).imag.sum(axis=0)]
     )
 
 
 def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
-    """Charts (k, 2, m) and poses (3, m) of the starts that arrive."""
+    """Charts (k, 2, m) and poses (3, m) to which the starts lead that converge."""
     k, p = s.assembly.rods, s.assembly.dof
     x = np.concatenate([chart.reshape(2 * k, -1), pose[:p]])
     left, done = np.arange(x.shape[1]), np.zeros(x.shape[1], bool)
@@ -683,10 +693,11 @@ def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
 
 
 def lengths(s: RodState, x: Array, step: Array) -> Array:
-    """Steps (2 k + p, n) over the longest that are taken.
+    """Lengths of steps (2 k + p, n) over the longest ones that are allowed.
 
-    Where alpha is large it may change by a share of itself, with q so that loops stay in place:
-    alpha - n K does, with n K next to the clamp and K = q + ln 2.
+    A large alpha may change by `SHARE` of itself, if q changes with it so that the loops keep their
+    places.  The length of a step of q is therefore that of the change of alpha - n K, where n K is
+    the multiple next to the clamp and K = q + ln 2.
     """
     k = s.assembly.rods
     alpha, q = x[: 2 * k : 2], x[1 : 2 * k : 2]
@@ -699,19 +710,19 @@ def lengths(s: RodState, x: Array, step: Array) -> Array:
 
 
 def inside(x: Array, k: int) -> NDArray[np.bool_]:
-    """Whether alpha and q of all rods are such that their loads can be computed."""
+    """Whether alpha and q of all rods are in the range in which their loads can be computed."""
     return np.asarray((np.abs(x[: 2 * k]) < FURTHEST_ITERATE).all(axis=0))
 
 
 def split(x: Array, k: int) -> tuple[Array, Array]:
-    """Charts (k, 2, n) and poses (3, n) from the unknowns; the phi of a pin is zero."""
+    """Charts (k, 2, n) and poses (3, n) from the vector of unknowns; the phi of a pin is zero."""
     pose = np.zeros((3, x.shape[1]))
     pose[: len(x) - 2 * k] = x[2 * k :]
     return x[: 2 * k].reshape(k, 2, -1), pose
 
 
 def solved(right: Array, matrix: Array) -> Array:
-    """matrix^-1 right by the batch; NaN where that is singular."""
+    """Solutions of a batch of linear systems; NaN where a matrix is singular."""
     good = np.flatnonzero(np.isfinite(matrix).all(axis=(1, 2)))
     good = good[np.abs(np.linalg.det(matrix[good])) > SINGULAR]
     out = np.full_like(right, np.nan)
@@ -722,9 +733,10 @@ def solved(right: Array, matrix: Array) -> Array:
 def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     r"""Number of negative eigenvalues (n,) of the potential's second variation.
 
-    By Sturm, a rod under its dead load alone has as many as Jacobi's field has zeros: one between
-    any two inflections, and one more if the field has changed its sign since the last.  Pinning the
-    tip takes away those of its stiffness K_i, the platform brings those of the whole stiffness::
+    By Sturm's theorem a rod under its dead load alone has as many as Jacobi's field has zeros: one
+    between any two inflections, and one more if the field has changed its sign since the last
+    inflection.  If the tip is pinned, the negative eigenvalues of its stiffness K_i are subtracted;
+    the platform adds those of the whole stiffness::
 
         negative = sum_i [mode_i - 1 + (y_i passed zero) - neg(K_i)] + neg(sum A_i^T K_i A_i + ...)
 
@@ -753,22 +765,22 @@ def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     return np.asarray(total, int)
 
 
-SAME = 1e-6  # of length, load and moment: what is nearer is one equilibrium
-POSES = 2000
-LATTICE = 20.0  # alpha up to which the lattice of poses is searched
-OVERLAP = 12.0  # alpha from which on loads are drawn as well, if they may exceed that
+SAME = 1e-6  # difference of tips, loads and moments below which two solutions are one equilibrium
+POSES = 2000  # least number of poses of the lattice
+LATTICE = 20.0  # alpha up to which starts are taken from the lattice of poses
+OVERLAP = 12.0  # alpha from which on starts are drawn as well, if loads may exceed `LATTICE`
 
 
 @dataclass(frozen=True)
 class LoadBound:
-    """How far loads of all equilibria can go, found when it is asked for.
+    """The bound of the loads of all equilibria, which is computed when it is first used.
 
     Attributes
     ----------
     state : RodState
         Inputs and loads.
     modes : sequence of int
-        The most inflections of each rod.
+        Largest number of inflections of each rod.
     """
 
     state: RodState
@@ -776,7 +788,7 @@ class LoadBound:
 
     @cached_property
     def alpha(self) -> float:
-        """The largest alpha [1], by `theoretical_bound`."""
+        """alpha [1] that no rod exceeds, by `theoretical_bound`."""
         return theoretical_bound(self.state, self.modes)
 
 
@@ -795,14 +807,14 @@ class Solutions:
     potential : ndarray (n,)
         V = sum U_i - F.P - M phi [J].
     negative : ndarray (n,)
-        Directions in which V falls: 0 is stable.
+        Number of directions in which V falls; 0 is stable.
     alpha, complement : ndarray (n, k)
-        L sqrt(R/EI) of each rod [1], and k' = sqrt(1 - k^2) of its modulus, which has digits left
+        L sqrt(R/EI) of each rod [1], and k' = sqrt(1 - k^2) of its modulus, which is still accurate
         where k_rel is 1 in double precision, for alpha beyond about 18.
     up_to : float
-        The largest alpha [1] that was searched: the count holds up to there.
+        The largest alpha [1] of the search; the equilibria are those up to there.
     load_bound : LoadBound
-        Of `bound`.
+        Computes `bound`.
     """
 
     state: RodState
@@ -820,13 +832,13 @@ class Solutions:
     def bound(self) -> float:
         """alpha [1] that no rod of any equilibrium with these modes exceeds; inf without a proof.
 
-        It is found when it is first asked for, which takes as long as a small search.
+        It is computed when it is first used, which takes as long as a small search.
         """
         return self.load_bound.alpha
 
     @property
     def bounded(self) -> bool:
-        """Whether no equilibrium can have larger loads than were searched."""
+        """Whether it is proven that no equilibrium has larger loads than those of the search."""
         return bool(self.up_to >= self.bound)
 
     def __len__(self) -> int:
@@ -842,20 +854,21 @@ def solutions(
     most_load: float | None = None,
     poses: int = POSES,
 ) -> Solutions:
-    r"""All equilibria whose rods have no more inflections than asked for.
+    r"""All equilibria whose rods have up to given numbers of inflections.
 
     ::
 
-         O1 |/______.  P  .______\| O2      all rods with a pinned tip are one smooth sheet, by
-                     `o.-'                  (alpha, gamma): the load on and the turn of the tip,
-                      |                     R = alpha^2 EI/L^2, k = cos(gamma/2)
-                      v F
+         O1 |/______.  P  .______\| O2      equilibrium manifold of a rod with a pinned tip:
+                     `o.-'                  smooth, with coordinates alpha and gamma of the load
+                      |                     on the tip and the angle of the tip to it,
+                      v F                   R = alpha^2 EI/L^2, k = cos(gamma/2)
 
         2 k equations O_i + tip_i = P + Rot(phi) r_i,  p of balance,  2 k + p unknowns
 
-    Triangles of that sheet tell, for any pose, all rods that reach it.  From a lattice of poses
-    each choice of one rod for each clamp is followed by Newton's method if its first step is short.
-    Where loads may exceed alpha = 20, straight rods with loops are drawn at random for a start.
+    Triangles of this manifold give all shapes of a rod that reach its pin in a pose.  At each pose
+    of a lattice, each choice of one shape for each rod whose first Newton step is short is a start
+    of Newton's method.  Where loads may exceed alpha = 20, straight rods with loops are drawn at
+    random as further starts.
 
     Parameters
     ----------
@@ -863,8 +876,8 @@ def solutions(
     inputs : of the motors [rad] or along the guides [m], (k,)
     load : dead force [N] on the platform at its origin, and moment [N m] if it is no pin, (p,)
     modes : largest mode of each rod, or of all
-    most_load : largest alpha = L sqrt(R/EI) of any rod [1], from 1 to 340; where none is given the
-        bound that `theoretical_bound` gives, or 20 if there is none
+    most_load : largest alpha = L sqrt(R/EI) of any rod [1], from 1 to 340; None: the bound of
+        `theoretical_bound`, or 20 if there is none
     poses : least number of poses of the lattice
 
     Returns
@@ -878,30 +891,32 @@ def solutions(
 
     Notes
     -----
-    Closed and balanced to 1e-12 of L and EI/L^2 at small loads.  Modes meet without a crack, so a
-    rod with m0 = 0 is found; platforms are never mirrored, since pins belong to a pose.  A rod
-    that is exactly straight, or without any load, is a boundary of the chart and is not found.
+    Equilibria are closed and balanced to 1e-12 of L and EI/L^2 at small loads.  The manifold has
+    no gap where modes meet, so a rod with m0 = 0 is found.  Platforms are never mirrored, since the
+    pins follow from the pose.  A rod that is exactly straight, or without any load, is on the
+    boundary of the chart and is not found.
 
-    Loads are bounded by proof wherever stretched rods cannot hold the platform tight against each
-    other; `bound` says where, and `bounded` whether the search went so far.  For Table 8 it is
-    alpha = 52 for modes to 1 and 104 for modes to 2, for the program's 3PFR 18 and 36.
+    Loads are proven to be bounded unless stretched rods can pull the platform tight against each
+    other.  `Solutions.bound` is the bound, and `Solutions.bounded` tells whether the search went
+    as far.  For Table 8 the bound is alpha = 52 for modes to 1 and 104 for modes to 2, for the
+    program's 3PFR 18 and 36.
 
-    Completeness below the bound is tested, not proven.  Up to alpha = 20 counts are the same for
-    lattices of 1500, 2000, 6000 and 10,000 poses and for a mesh of 0.05 L instead of 0.08 L, and of
-    20,000 random starts without lattice or mesh none finds another: 34 for Table 7 and modes up to
-    3 (all there are up to the bound), 10 for Table 8 and 56 for the program's 3PFR and modes up to
-    2.  With 500 poses one of the 34 and two of the 56 are missed.  Beyond, starts are drawn at
-    random (`tight`), which finds 57 more and one more; ten times as many starts from another
-    seed find the same.
+    Completeness below the bound is tested, not proven.  Up to alpha = 20 the number of equilibria
+    is the same for lattices of 1500, 2000, 6000 and 10,000 poses and for a mesh of 0.05 L instead
+    of 0.08 L, and 20,000 random starts without lattice or mesh find no other: 34 for Table 7 and
+    modes up to 3 (all up to the bound), 10 for Table 8 and 56 for the program's 3PFR and modes up
+    to 2.  With 500 poses one of the 34 and two of the 56 are missed.  Beyond alpha = 20, starts are
+    drawn at random (`tight`), which finds 57 more for Table 8 and one more for the 3PFR; ten times
+    as many starts from another seed find the same.
 
-    `RodState.energy`, `RodState.shape` and `closure` integrate from the clamp, and an error grows
-    by up to e^alpha: of what has an alpha beyond 25 they say little.  Poses, loads, moments,
-    potential and stability are of the closed form, and have their digits.
+    `RodState.energy`, `RodState.shape` and `closure` integrate from the clamp, where an error grows
+    by up to e^alpha; beyond an alpha of 25 they are inaccurate.  Poses, loads, moments, potential
+    and stability come from the closed form and are accurate for every alpha.
 
     Source: Pérez Gámiz 2018, eqs 103-105 and 113-115 and text lines 1149-1161, searches a grid of
-    (psi, k_rel), 42 n^3 nodes of the 3PFR in 985 to 17,241 s (Table 2), for given modes.  Departs
-    from it in chart, elimination and closure, which accepts mirrored platforms; its Table 7 (two
-    solutions) and Table 8 (two) are incomplete.
+    (psi, k_rel), 42 n^3 nodes of the 3PFR in 985 to 17,241 s (Table 2), for given modes.  This
+    module differs from it in the chart, the elimination and the closure, which in the source
+    accepts mirrored platforms.  Its Table 7 (two solutions) and Table 8 (two) are incomplete.
 
     Examples
     --------
@@ -935,7 +950,7 @@ def solutions(
 def checked(
     s: RodState, modes: int | Sequence[int], most_load: float | None, poses: int
 ) -> list[int]:
-    """The largest mode of each rod; ValueError for what cannot be searched."""
+    """The largest mode of each rod; ValueError for arguments that `solutions` does not accept."""
     upto = (
         np.broadcast_to(modes, s.assembly.rods)
         if np.size(modes) in (1, s.assembly.rods)
@@ -960,7 +975,7 @@ def checked(
 
 
 def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) -> NDArray[np.intp]:
-    """One of each group of arrivals that are the same in tips, loads and clamp moments."""
+    """Indices of one solution of each group with the same tips, loads and clamp moments."""
     found = rods(*np.moveaxis(chart[..., which], 1, 0))
     size = 1.0 + np.abs(found.force)
     say = np.concatenate(
@@ -974,14 +989,14 @@ def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) ->
     ).T
     _, first = np.unique((say / SAME).round(), axis=0, return_index=True)
     apart: list[int] = []
-    for i in first:  # neighbours that rounding has separated
+    for i in first:  # equal solutions that rounding to a grid has separated
         if not apart or np.abs(say[apart] - say[i]).max(axis=1).min() > SAME:
             apart.append(int(i))
     return which[apart]
 
 
 def described(s: RodState, chart: Array, pose: Array, up_to: float, most: LoadBound) -> Solutions:
-    """Equilibria in the document's terms."""
+    """Equilibria of these charts and poses, with the parameters of Pérez Gámiz 2018."""
     a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
     force = turned(s, found)[1].T
     energy = ((a.stiffness / a.length)[:, None] * found.energy).sum(axis=0)

@@ -16,9 +16,9 @@ class Assembly:
     Attributes
     ----------
     clamp : ndarray (k,)
-        Where the clamps are, or their guides begin: O_i as x + iy [m].
+        Positions O_i of the clamps, or of the beginnings of their guides, as x + iy [m].
     angle : ndarray (k,)
-        Tangents at the clamps [rad]; what motors add to them if there are no guides.
+        Tangents at the clamps [rad]; without guides, motors add their angles to them.
     length, stiffness : ndarray (k,)
         L_i [m], EI_i [N m^2].
     arm : ndarray (k,)
@@ -26,7 +26,7 @@ class Assembly:
     rigid_extension : ndarray (k,)
         Rigid straight end d_i of each rod [m], pinned at its far end.
     guide : ndarray (k,) or None
-        Directions of the guides that the clamps slide along, of length 1; None: the clamps turn.
+        Unit vectors of the guides along which the clamps slide; None: motors turn the clamps.
     """
 
     clamp: Complex
@@ -39,17 +39,17 @@ class Assembly:
 
     @property
     def rods(self) -> int:
-        """Their number k."""
+        """Number k of rods."""
         return self.clamp.size
 
     @cached_property
     def dof(self) -> int:
-        """Coordinates of the pose, p: x, y of a pin; x, y, phi of a platform."""
+        """Number p of coordinates of the pose: x, y of a pin; x, y, phi of a platform."""
         return 3 if self.arm.any() else 2
 
     @property
     def scale(self) -> tuple[float, float, float]:
-        """A length [m], a force [N] and a moment [N m] of this size of rods."""
+        """A length [m], a force [N] and a moment [N m] that are typical of these rods."""
         length, stiffness = self.length.mean(), self.stiffness.mean()
         return float(length), float(stiffness / length**2), float(stiffness / length)
 
@@ -132,7 +132,7 @@ def assembly(
 
 
 def plane(name: str, points: ArrayLike) -> Complex:
-    """Points (..., 2) as x + iy."""
+    """Points (k, 2) as x + iy (k,); ValueError that names the parameter for anything else."""
     given = np.atleast_2d(np.asarray(points, float))
     if given.ndim != 2 or given.shape[1] != 2 or not np.isfinite(given).all():
         raise ValueError(f"{name} must be finite points [m], (k, 2), got {points!r}")
@@ -142,7 +142,7 @@ def plane(name: str, points: ArrayLike) -> Complex:
 def each(
     name: str, value: ArrayLike, count: int, *, above: float = -np.inf, least: float = -np.inf
 ) -> Array:
-    """One finite number for each rod, above or not below a bound."""
+    """One finite number for each rod (count,), larger than `above` and not less than `least`."""
     given = np.asarray(value, float)
     if given.shape not in ((), (count,)):
         raise wrong_shape(name, value, count)
@@ -153,12 +153,12 @@ def each(
 
 
 def wrong_shape(name: str, value: ArrayLike, count: int) -> ValueError:
-    """For a parameter that is neither one for all nor one for each rod."""
+    """The error for a parameter that is neither one for all rods nor one for each rod."""
     return ValueError(f"{name} must be one for all or one for each of {count} rods, got {value!r}")
 
 
 def near_enough(a: Assembly) -> None:
-    """ValueError for the first two clamps that rods and platform cannot bridge."""
+    """ValueError for the first two clamps whose rods and platform are too short to connect them."""
     reach = a.length + a.rigid_extension
     for i in range(a.rods):
         for j in range(i):
@@ -172,9 +172,9 @@ def near_enough(a: Assembly) -> None:
 
 
 def triangle(side: float) -> Array:
-    """Vertices r_i (3, 2) [m] of an equilateral platform about its centre, the first two below.
+    """Vertices r_i (3, 2) [m] of an equilateral platform about its centre, the first two below it.
 
-    The angle of B1-B2 is then phi.
+    With them the angle of the side B1-B2 is phi.
 
     >>> triangle(1.0).round(6).tolist()
     [[-0.5, -0.288675], [0.5, -0.288675], [0.0, 0.57735]]
@@ -188,9 +188,8 @@ def triangle(side: float) -> Array:
 def mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
     """Whether pins (..., k, 2) [m] at the right distances belong to a mirror image of the platform.
 
-    The distances of three vertices do not tell a platform from its mirror image; the sign of the
-    area that the pins go round does.  Departs from Pérez Gámiz 2018, eqs 113-115, whose closure
-    accepts both.
+    The distances of three vertices are the same in a platform and in its mirror image; the sign of
+    the area of their polygon is not.  The closure of Pérez Gámiz 2018, eqs 113-115, accepts both.
 
     >>> a = assembly([[-0.9, -0.5], [0.9, -0.5], [0.0, 1.0]], arm=triangle(0.2))
     >>> mirrored(a, triangle(0.2) * [1, -1])
@@ -206,5 +205,5 @@ def mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
 
 
 def area(points: Complex) -> Array:
-    """Twice the area that points (..., k) go round counter-clockwise."""
+    """Twice the signed area of the polygon of points (..., k), positive counter-clockwise."""
     return np.asarray((points.conj() * np.roll(points, -1, axis=-1)).imag.sum(axis=-1))

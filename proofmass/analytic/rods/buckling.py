@@ -1,4 +1,4 @@
-"""Charts of buckling: straight and bent equilibria over the load, stable and unstable."""
+"""Charts of buckling: stable and unstable equilibria of a column, straight and bent, by load."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -13,26 +13,27 @@ from proofmass.analytic.rods.elastica import rods, stiff, tip
 from proofmass.analytic.rods.rod_snap import shape
 from proofmass.analytic.rods.shooting import stability
 
-MOST = 55.0  # of pi^2 EI/4 L^2: beyond the third mode of either column
-NEAR = 2.5  # the same, of imperfect columns
-FURTHEST = 12.0  # artanh k, of a free column under the largest load
-BENT = 1.2  # the same of a pinned one, with the pin at a third of the length
-LEANT = 2.0  # the same of an imperfect one
-STRAIGHT = 2001  # points, so that a critical load lies in a narrow gap
-STEPS = 30  # of Newton's method, no longer than LIMIT
-LIMIT = 0.1  # of alpha
+MOST = 55.0  # largest load [pi^2 EI/4 L^2], beyond the third critical load of both columns
+NEAR = 2.5  # largest load [pi^2 EI/4 L^2] of imperfect columns
+FURTHEST = 12.0  # artanh k of a free column under the largest load
+BENT = 1.2  # artanh k of a pinned column, with the pin at a third of the length
+LEANT = 2.0  # artanh k of an imperfect column
+STRAIGHT = 2001  # points of the straight column's line: critical loads lie in narrow gaps
+STEPS = 30  # steps of Newton's method, each no longer than `LIMIT`
+LIMIT = 0.1  # longest step of alpha
 
 
 def buckling(*, length: float = 1.0, stiffness: float = 1.0) -> Chart:
-    r"""Deflection over a dead load P along a column: clamped and free, clamped and pinned.
+    r"""Deflections and dead loads P along a column: clamped and free, clamped and pinned.
 
     ::
 
           |=========o <-- P         straight: unstable beyond the first critical load
           |
-          |   ,-''-.                free:   of the tip, modes at pi^2/4, 9 pi^2/4, 25 pi^2/4 EI/L^2
-          |=-'      `-o <-- P       pinned: of the middle, at z^2 EI/L^2, tan z = z; the pin may
-                                            slide along P
+          |   ,-''-.                free: deflection of the tip, modes from pi^2/4, 9 pi^2/4 and
+          |=-'      `-o <-- P             25 pi^2/4 EI/L^2
+                                    pinned: deflection of the middle, modes from z^2 EI/L^2,
+                                            tan z = z; the pin may slide along P
 
     Parameters
     ----------
@@ -41,13 +42,15 @@ def buckling(*, length: float = 1.0, stiffness: float = 1.0) -> Chart:
     Returns
     -------
     Chart
-        A line for each mode and side, parted where V = U - P (L - x) gets directions to fall in.
+        A line for each mode and side, divided where its equilibria become unstable: there
+        V = U - P (L - x) gets directions in which it falls.
 
     Notes
     -----
     The free column's modes are `proofmass.analytic.rods.tip` at psi = pi.  Those of the pinned one
     are rods of `proofmass.analytic.rods.elastica` whose tip is on the clamp's tangent.  Under a
-    dead load its first mode is lost where P is largest, at 1.14 critical loads.
+    dead load the pinned column's first mode is unstable beyond the deflection where P is largest,
+    at 1.14 critical loads.
 
     Examples
     --------
@@ -71,14 +74,14 @@ def buckling(*, length: float = 1.0, stiffness: float = 1.0) -> Chart:
                 (held, "clamped and pinned: its middle"),
             )
         ),
-        "Bold is stable under a dead load. The free column's first mode holds more the further it "
-        "bends; the pinned one's has a largest load, beyond which it snaps. Higher modes are "
-        "passes between valleys from their beginning.",
+        "Bold lines are stable under a dead load. In the free column's first mode the load rises "
+        "with the deflection; in the pinned column's it has a maximum, beyond which the column "
+        "snaps. Higher modes are unstable from the load on at which they begin.",
     )
 
 
 def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.02) -> Chart:
-    """A clamped and free column whose dead load leans: the fork falls apart into two curves.
+    """A clamped and free column under an inclined dead load: its pitchfork splits into two curves.
 
     Parameters
     ----------
@@ -105,16 +108,18 @@ def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.0
         ("deflection of the tip", "m"),
         ("load over π² EI/4 L²", ""),
         (Panel(tuple(scaled(line, length) for line in found)),),
-        "A column that is pushed a little to one side bends to it from the first load on, and has "
-        "no critical load. The other side is left as an island, which begins in a fold above it.",
+        "A column that is pushed a little to one side bends to that side under any load and has no "
+        "critical load. Equilibria on the other side are a separate curve, which begins in a fold "
+        "above the critical load.",
     )
 
 
 @lru_cache(16)
 def of_free(mode: int, side: float = 0.0, share: float = 0.0) -> tuple[Array, Array, Array]:
-    """Tip's deflection, load along, and directions to fall in, of a clamped and free unit column.
+    """Tip's deflection, load and number of negative directions of a clamped and free unit column.
 
-    With a share of the load across, which leans to a side, 1 or -1.
+    The load is the component along the column.  The component across it is `share` times that, to
+    a side, 1 or -1; side 0 is a load along the column.
     """
     if side:
         k = side * np.tanh(np.geomspace(1e-9, LEANT, 401))
@@ -127,7 +132,7 @@ def of_free(mode: int, side: float = 0.0, share: float = 0.0) -> tuple[Array, Ar
 
 @lru_cache(16)
 def of_pinned(mode: int) -> tuple[Array, Array, Array]:
-    """The middle's deflection, load, and directions to fall in, of a clamped and pinned column."""
+    """Middle's deflection, load and negative directions of a clamped and pinned unit column."""
     alpha, q = on_the_line(mode)
     rod = rods(alpha, q)
     place, turn, _ = shape(alpha, q, rod.tip.real, np.array([0.0, 0.5, 1.0]))
@@ -137,7 +142,7 @@ def of_pinned(mode: int) -> tuple[Array, Array, Array]:
 
 
 def on_the_line(mode: int) -> tuple[Array, Array]:
-    """alpha and q of rods with the tip on the clamp's tangent, from the straight one on."""
+    """alpha and q of rods whose tips are on the clamp's tangent, from the straight rod on."""
     q = np.linspace(1e-3, BENT, 161)
     alpha = pinned_waves()[mode - 1] * whole(1.0 / np.cosh(q))[0] * 2.0 / np.pi
     for _ in range(STEPS):
@@ -166,7 +171,7 @@ def pinned_waves() -> list[float]:
 
 
 def straight(loads: list[float], most: float = MOST) -> Iterator[ChartLine]:
-    """The straight column, which gets a direction to fall in at each of its critical loads."""
+    """Lines of the straight column, with one more negative direction from each critical load on."""
     load = np.linspace(0.0, most, STRAIGHT) * critical()
     return parted(0.0 * load, load, (load[:, None] > loads).sum(axis=1), "straight", most)
 
@@ -174,7 +179,7 @@ def straight(loads: list[float], most: float = MOST) -> Iterator[ChartLine]:
 def both_sides(
     deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
 ) -> Iterator[ChartLine]:
-    """A mode and its mirror image."""
+    """Lines of a mode and of its mirror image."""
     for side in (1, -1):
         yield from parted(side * deflection, load, negative, label, most)
 
@@ -182,9 +187,9 @@ def both_sides(
 def parted(
     deflection: Array, load: Array, negative: Array, label: str, most: float = MOST
 ) -> Iterator[ChartLine]:
-    """The stable parts of a branch and the others, up to the largest load that is drawn."""
+    """Lines of the stable and of the unstable parts of a branch, up to the largest load."""
     ratio, falls = load / critical(), negative > 0
-    reach = falls.copy()  # to the stable part's end
+    reach = falls.copy()  # unstable points and those next to them, so that no gap is left
     reach[1:] |= falls[:-1]
     reach[:-1] |= falls[1:]
     for stable, part in ((True, ~falls), (False, reach)):

@@ -1,6 +1,7 @@
 """Clamped rod with a free tip under dead loads: all equilibria, the stable one, its shape.
 
-Beside it stands the pseudo-rigid-body model: a cantilever as two rigid links with a torsion spring.
+The module also has the pseudo-rigid-body model: a cantilever as two rigid links with a torsion
+spring.
 """
 
 from collections.abc import Callable
@@ -16,15 +17,15 @@ from proofmass.analytic.rods.elastica import compliant, from_inflection, stiff
 from proofmass.analytic.rods.shooting import from_tip, stability
 
 Function = Callable[[Array], Array]
-ZOOMS = 4  # a pair of roots is seen when farther apart than the grid's spacing/8^4
-PARTS = 8
+ZOOMS = 4  # refinements of the grid: pairs of roots are found that are spacing/8^4 or more apart
+PARTS = 8  # parts into which a refinement divides a cell
 
 
 def roots(function: Function, grid: Array, *, most: int = 60) -> Array:
     """Roots of `function` between the rising values of `grid`, sorted.
 
-    Sign changes of the grid, after it has been refined around each place where |f| has a lowest
-    value without one; each is closed in by Ridders' method to rounding.
+    The grid is refined around each local minimum of |f| without a change of sign.  Each change of
+    sign on the refined grid encloses a root, which Ridders' method finds to rounding.
 
     >>> roots(lambda x: x**2 - 2e-6, np.linspace(-1.0, 1.2, 100)).round(9).tolist()
     [-0.001414214, 0.001414214]
@@ -37,7 +38,7 @@ def roots(function: Function, grid: Array, *, most: int = 60) -> Array:
 
 
 def _refined(function: Function, x: Array, f: Array) -> tuple[Array, Array]:
-    """The grid with points added around the lowest |f| of a sign."""
+    """The grid with points added around the local minima of |f| without a change of sign."""
     size, low = np.abs(f), np.zeros(x.size, bool)
     here, before, after = size[1:-1], size[:-2], size[2:]
     low[1:-1] = (
@@ -45,7 +46,7 @@ def _refined(function: Function, x: Array, f: Array) -> tuple[Array, Array]:
         & (f[1:-1] * f[:-2] > 0.0)
         & (f[1:-1] * f[2:] > 0.0)
         & (here <= np.maximum(before, after) - here)
-    )  # a parabola dips less than this
+    )  # otherwise a parabola through the three values does not reach zero
     cells = np.flatnonzero(low[1:] | low[:-1])
     if not cells.size:
         return x, f
@@ -57,7 +58,7 @@ def _refined(function: Function, x: Array, f: Array) -> tuple[Array, Array]:
 
 
 def _ridders(function: Function, a: Array, b: Array, fa: Array, fb: Array, most: int) -> Array:
-    """Roots between a and b, where f has opposite signs."""
+    """Roots between a and b, at which f has opposite signs."""
     for _ in range(most if a.size else 0):
         middle = 0.5 * (a + b)
         fm = function(middle)
@@ -71,21 +72,22 @@ def _ridders(function: Function, a: Array, b: Array, fa: Array, fb: Array, most:
         fa, fb = _at(ends, values, a), _at(ends, values, b)
         left = (b - a) * np.minimum(1.0, np.minimum(np.abs(fa), np.abs(fb)) / np.abs(fb - fa))
         if np.all((left <= 4e-16 * (1.0 + np.abs(a))) | (fb == 0.0) | (fa == 0.0)):
-            break  # a secant moves the better end no further
+            break  # a secant would no longer move the better end
     return np.where(np.abs(fa) <= np.abs(fb), a, b)
 
 
 def _at(ends: Array, values: Array, chosen: Array) -> Array:
+    """The values that belong to the chosen ones of the ends."""
     return np.take_along_axis(values, np.argmax(ends == chosen, axis=0)[None], axis=0)[0]
 
 
-NODES = 129  # 2^7 + 1, for Romberg's rule
-STEPS = 64  # of order 8, at least
+NODES = 129  # samples along the rod for integrals by Romberg's rule, 2^7 + 1
+STEPS = 64  # least number of shooting steps along the rod, of order 8
 
 
 @dataclass(frozen=True)
 class Load:
-    """A rod and what it carries; forces in the clamp's frame, x along its tangent."""
+    """A rod and its loads; forces are in the frame of the clamp, with x along its tangent."""
 
     length: float
     stiffness: float
@@ -94,11 +96,11 @@ class Load:
     weight: complex  # [N/m]
     axial: float  # EA [N]
     shear: float  # GA [N]
-    follower: complex = 0.0  # [N], from the normal of the section at the tip
+    follower: complex = 0.0  # [N], in the frame of the section at the tip, x along its normal
 
     @property
     def keywords(self) -> dict[str, Any]:
-        """What `from_tip` and `stability` ask for by name."""
+        """Keyword arguments of `from_tip` and `stability`."""
         return {
             "weight_x": self.weight.real,
             "weight_y": self.weight.imag,
@@ -110,9 +112,10 @@ class Load:
 
     @property
     def elliptic(self) -> bool:
-        """Whether the tip is an inflection and the load does not pull straight along the rod.
+        """Whether the rod has a closed form, by elliptic functions.
 
-        The rod neither stretches nor shears.
+        The only load is then a force on the tip, which is an inflection.  The force does not pull
+        along the clamp's tangent, and the rod neither stretches nor shears.
         """
         return (
             self.moment == 0.0
@@ -130,15 +133,15 @@ class Load:
 
     @property
     def waves(self) -> float:
-        """L sqrt(R/EI)."""
+        """L sqrt(R/EI) [1]."""
         return float(self.length * np.sqrt(abs(self.force) / self.stiffness))
 
     def on_tip(self, theta: Array) -> Complex:
-        """Force (...) on a tip of that angle [N]."""
+        """Force (...) on a tip of angle `theta` [N]."""
         return np.asarray(self.force + self.follower * np.exp(1j * theta))
 
     def beyond(self, arc: Array, theta: Array) -> Complex:
-        """Force (...) that the part beyond an arc length puts on the part before [N]."""
+        """Force (...) of the part of the rod beyond an arc length on the part before it [N]."""
         return self.on_tip(theta) + self.weight * (self.length - arc)
 
 
@@ -175,8 +178,8 @@ def solve(
 
         k cd(L sqrt(R/EI), |k|) = cos(psi/2)
 
-    and everything else by shooting from the tip, whose angle is then the one unknown.  So is a rod
-    that stretches and shears, whose sections have normals of angle theta::
+    and all other loads by shooting from the tip, whose angle is then the only unknown.  The same is
+    done for a rod that stretches and shears, whose sections have normals of angle theta::
 
         x' + i y' = (1 + A/EA + i S/GA) exp(i theta),     m' = N_x y' - N_y x'
         A + i S = (N_x + i N_y) exp(-i theta)
@@ -191,28 +194,28 @@ def solve(
     follower_x, follower_y : force on the tip along the normal of its section and to the left of
         it, which turns with it [N]
     x0, y0, theta0 : the clamp [m] and its tangent [rad]
-    axial, shear : EA, and GA with the section's area of shear [N]; left out: without that strain
-    branch : 1 is the equilibrium of least potential energy, 2 the next (`equilibria`); a force
-        that follows has none and counts for nothing there
+    axial, shear : EA, and GA with the section's area of shear [N]; infinite: without that strain
+    branch : 1 is the equilibrium of least potential energy, 2 the next (`equilibria`); a follower
+        force has no potential energy and does not count in this order
 
     Returns
     -------
     dict of (...) arrays: x, y [m], theta [rad], unwrapped from the clamp's, m [N m], and force_x,
-    force_y [N] that the part beyond s puts on the part before.
+    force_y [N] of the part beyond s on the part before it.
 
     Raises
     ------
     ValueError
-        A parameter out of its domain, an s beyond the rod, a branch that there is not or in which
-        the rod is pressed to nothing, 1 + A/EA <= 0.
+        A parameter out of its domain, an s beyond the rod, a branch that does not exist or in which
+        the rod is compressed to zero length, 1 + A/EA <= 0.
 
     Notes
     -----
-    Within 1e-13 L for a force alone, 1e-11 L otherwise, up to L sqrt(R/EI) of about 10.  In mirror
-    image equilibria the one to the left comes first.  Source: Pérez Gámiz 2018, eq. 24-30 and
-    33-46, misprints of eq. 27-29 corrected (docs/errata.md); E. Reissner, J. Appl. Math. Phys. 23
-    (1972) 795-804 for the strains; K. E. Bisshopp and D. C. Drucker, Q. Appl. Math. 3 (1945)
-    272-275 for psi = pi/2.
+    The error is below 1e-13 L for a force alone and 1e-11 L otherwise, up to L sqrt(R/EI) of about
+    10.  Of two equilibria that are mirror images, the one to the left comes first.  Source: Pérez
+    Gámiz 2018, eq. 24-30 and 33-46, misprints of eq. 27-29 corrected (docs/errata.md); E. Reissner,
+    J. Appl. Math. Phys. 23 (1972) 795-804 for the strains; K. E. Bisshopp and D. C. Drucker, Q.
+    Appl. Math. 3 (1945) 272-275 for psi = pi/2.
 
     Examples
     --------
@@ -242,7 +245,9 @@ def solve(
         for v in _shape(load, found["tip"][branch - 1 : branch], arc.ravel())
     )
     if found["least"][branch - 1] <= 0.0:
-        raise ValueError(f"axial must be more than {axial:g} N: the loads press the rod to nothing")
+        raise ValueError(
+            f"axial must be more than {axial:g} N: the loads compress the rod to zero length"
+        )
     place = complex(x0, y0) + place * np.exp(1j * theta0)
     beyond = load.beyond(arc, found["theta"][branch - 1]) * np.exp(1j * theta0)
     return {
@@ -273,14 +278,15 @@ def equilibria(
     Returns
     -------
     dict of (branches,) arrays: theta [rad] of the tip; x, y [m] of the tip from the clamp; m0
-    [N m]; energy of the strains and potential [J], energy less the work of the loads from the
-    straight rod's clamp; unstable, the number of negative directions.
+    [N m]; energy of the strains [J]; potential [J], energy less F.p(L), the integral of w.p and
+    M theta(L), with p and theta counted from the clamp; unstable, the number of negative
+    directions.
 
     Notes
     -----
-    A search over the tip's angle, |theta_L - theta_0| <= L (|M| + |F| L/2 + |w| L^2/6)/EI of a rod
-    that does not stretch, on a grid that is fine where rods under tension are; pairs of equilibria
-    closer than about 1e-6 rad (next to a fold) may be missed together.
+    The search is over the angle of the tip, with |theta_L - theta_0| <= L (|M| + |F| L/2 +
+    |w| L^2/6)/EI for a rod that does not stretch, on a grid that is fine near rods in tension.  Of
+    two equilibria closer than about 1e-6 rad (next to a fold) both may be missed.
 
     >>> found = equilibria(force_x=-3.0)                 # a column beyond pi^2/4 = 2.467
     >>> found["theta"].round(4).tolist(), found["unstable"].tolist()
@@ -320,6 +326,7 @@ def _load(
     shear: float,
     follower: complex = 0.0,
 ) -> Load:
+    """The load of these arguments; ValueError for an argument out of its domain."""
     positive(length=length)
     stiff(stiffness)
     compliant(axial, shear)
@@ -371,9 +378,9 @@ def _tips(load: Load) -> dict[str, Array]:
 
 
 def _grid(load: Load) -> Array:
-    """Values of the unknown that hold every equilibrium between them.
+    """Values of the unknown between which all equilibria lie.
 
-    It is artanh k for a force alone, since K(k) grows with it evenly, or else the tip's angle.
+    The unknown is artanh k for a force alone, with which K(k) grows evenly, else the tip's angle.
     """
     if load.elliptic:
         most = load.waves + 40.0 - np.log(np.sin(0.5 * load.psi))
@@ -389,12 +396,12 @@ def _grid(load: Load) -> Array:
 
 
 def _clamp(load: Load, unknown: Array) -> Array:
-    """Angle at the clamp, which has to be zero."""
+    """Angle at the clamp [rad], which is zero in equilibrium."""
     return _shape(load, unknown, np.zeros(1))[1][:, 0]
 
 
 def _shape(load: Load, unknown: Array, arc: Array) -> tuple[Array, Array, Array]:
-    """Place (complex), angle and moment (unknowns, arcs) at arc lengths from the clamp."""
+    """Position (complex), angle and moment (unknowns, arcs) at arc lengths from the clamp."""
     if not load.elliptic:
         return _shot(load, unknown, arc)
     k, other = np.tanh(unknown)[:, None], 1.0 / np.cosh(unknown)[:, None]
@@ -405,7 +412,7 @@ def _shape(load: Load, unknown: Array, arc: Array) -> tuple[Array, Array, Array]
 
 
 def _shot(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
-    """The same by shooting from tips of given angle."""
+    """The same as `_shape`, by shooting from tips of given angles."""
     back = load.length - arc
     nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, STEPS + 1), back]))
     force = load.on_tip(tip)
@@ -415,8 +422,8 @@ def _shot(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
     return (place[-1] - place[at]).T, rods.theta[at].T, -rods.m[at].T
 
 
-RADIUS = 0.8517  # of the length, for a load across the rod
-STIFFNESS = 2.65  # coefficient K_Theta
+RADIUS = 0.8517  # characteristic radius over the length, for a load across the rod
+STIFFNESS = 2.65  # stiffness coefficient K_Theta
 
 
 def pseudo_rigid(
@@ -448,9 +455,9 @@ def pseudo_rigid(
 
     Notes
     -----
-    An approximation: up to Theta = 64 deg the tip is within 1.5 % of the length of the elastica's.
-    It stands for design practice, not for truth.  Source: L. L. Howell, Compliant Mechanisms,
-    Wiley 2001, sec. 5.2.
+    This is an approximation: up to Theta = 64 deg the tip is within 1.5 % of the length from the
+    elastica's.  It represents design practice and is not meant as an exact reference.  Source:
+    L. L. Howell, Compliant Mechanisms, Wiley 2001, sec. 5.2.
 
     Examples
     --------
@@ -462,7 +469,7 @@ def pseudo_rigid(
     stiff(stiffness)
     drive = np.asarray(force, float) * length**2 / (coefficient * stiffness)
     turn = np.arctan(drive)
-    for _ in range(50):  # Newton on a monotone function, from between root and pi/2
+    for _ in range(50):  # Newton's method on a monotone function, from between the root and pi/2
         turn = turn - (turn - drive * np.cos(turn)) / (1.0 + drive * np.sin(turn))
     return {
         "x": length * (1.0 - radius * (1.0 - np.cos(turn))),

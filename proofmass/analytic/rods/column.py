@@ -1,4 +1,4 @@
-"""Euler's columns: critical loads, the elastica beyond them, self-weight."""
+"""Euler's columns: critical loads, the elastica beyond them, buckling under the own weight."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,7 +8,7 @@ from scipy.special import jv
 from proofmass.analytic.numerics import Array, positive
 from proofmass.analytic.rods.elastica import legendre, stiff
 
-# Quarter waves in the column's length; clamped-pinned has z/(pi/2) of them, tan z = z.
+# Number of quarter waves in the column's length; clamped-pinned has z/(pi/2), where tan z = z.
 QUARTERS = {"clamped-free": 1.0, "pinned-pinned": 2.0, "clamped-clamped": 4.0}
 ENDS = ("clamped-free", "pinned-pinned", "clamped-pinned", "clamped-clamped")
 
@@ -16,7 +16,7 @@ ENDS = ("clamped-free", "pinned-pinned", "clamped-pinned", "clamped-clamped")
 def critical(ends: str = "clamped-free", *, length: float = 1.0, stiffness: float = 1.0) -> float:
     """Euler's load (z/L)^2 EI [N]: z = pi/2, pi, the root of tan z = z, 2 pi for the `ENDS`.
 
-    The ends keep to the line of the load, but for a free one.  ValueError for other ends.
+    All ends except a free one stay on the line of the load.  ValueError for other ends.
 
     >>> [round(critical(ends), 8) for ends in ENDS]
     [2.4674011, 9.8696044, 20.19072856, 39.4784176]
@@ -40,7 +40,7 @@ def elastica(
     ::
 
                  ,-'''-.            clamped-free: a quarter wave, span along the load
-        P --> o-'   rise '-o <-- P  pinned-pinned: two, clamped-clamped: four of them
+        P --> o-'   rise '-o <-- P  pinned-pinned: two, clamped-clamped: four quarter waves
               |--- span ---|
 
         K(k) = (pi/2) sqrt(P/P_cr),    k = sin(a/2),  a the angle at an inflection
@@ -54,20 +54,21 @@ def elastica(
 
     Returns
     -------
-    dict of (...) arrays: span [m] between the ends along the load, negative once they have passed
-    each other; rise [m] across it (of the free tip, or the middle); angle [rad] at the inflections;
-    k; energy [J].
+    dict of (...) arrays: span [m] between the ends along the load, negative after they have passed
+    each other; rise [m] across the load, of the free tip or of the middle; angle [rad] at the
+    inflections; k; energy [J].
 
     Raises
     ------
     ValueError
-        A load below the critical one, where the column is straight; clamped-pinned, whose load has
-        a part across the line (`proofmass.analytic.rods.tip` with mode 2).
+        A load below the critical one, where the column is straight; clamped-pinned ends, whose load
+        has a component across the line (`proofmass.analytic.rods.tip` with mode 2).
 
     Notes
     -----
-    Exact; next to P_cr k has half of the digits of P/P_cr - 1.  The ends of a pinned column meet at
-    2 E = K (`ends_meet`).  Of a free tip it is `proofmass.analytic.rods.tip` with psi = pi.
+    The solution is exact; next to P_cr, k has half as many digits as P/P_cr - 1.  The ends of a
+    pinned column meet at 2 E = K (`ends_meet`).  For clamped-free ends it is the rod of
+    `proofmass.analytic.rods.tip` with psi = pi.
     Source: A. E. H. Love, Mathematical Theory of Elasticity, 4th ed., sec. 263.
 
     Examples
@@ -113,7 +114,7 @@ def ends_meet() -> tuple[float, float]:
 
 
 def self_buckling(*, length: float = 1.0, stiffness: float = 1.0) -> float:
-    """Weight per length [N/m] under which an upright clamped-free column gives way.
+    """Weight per length [N/m] under which an upright clamped-free column buckles.
 
     w L^3/EI = (9/4) j^2, j the first zero of the Bessel function J_(-1/3).  Source: A. G.
     Greenhill, Proc. Cambridge Philos. Soc. 4 (1881) 65-73.
@@ -128,13 +129,13 @@ def self_buckling(*, length: float = 1.0, stiffness: float = 1.0) -> float:
 
 
 def whole(complement: Array) -> tuple[Array, Array]:
-    """The complete integrals K and E of a complement."""
+    """The complete elliptic integrals K and E of a complement k'."""
     ends = np.ones_like(complement)
     return legendre(ends, 0.0 * ends, complement, complement)[2:]
 
 
 def _of_quarter(quarter: Array) -> tuple[Array, Array]:
-    """Modulus and complement with K(k) = quarter, by bisection on artanh k, which K grows with."""
+    """Modulus and complement with K(k) = quarter, by bisection over artanh k."""
     low, high = np.zeros_like(quarter), quarter + 0.0
     for _ in range(64):
         middle = 0.5 * (low + high)

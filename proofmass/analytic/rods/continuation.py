@@ -1,6 +1,6 @@
-"""Paths of equilibria by pseudo-arclength: along trajectories and load ramps, and round folds.
+"""Paths of equilibria by pseudo-arclength continuation: along trajectories and load ramps.
 
-`walk` takes the steps and finds the folds and branch points on the way.
+`PathStep` takes the strides, passes folds, and records the folds and branch points on the way.
 """
 
 from collections.abc import Mapping
@@ -25,18 +25,19 @@ from proofmass.analytic.rods.equilibrium import (
 )
 
 STRIDE = 0.5  # first and largest stride, in sizes of the unknowns
-NARROW = 1e-8  # a stride so short that does not get on is the end of a path
-LONGER = 0.1  # stride of the whole state that may be taken if that is more
-ENDLESS = 1e3  # size of a state whose forces grow without bound
-BESIDE = 1e-4  # share of a stride that a branch point is looked at from
-TURN = 0.95  # cosine of the angle that a tangent may turn by in a stride: 18 degrees
-STRAY = 0.25  # share of a stride that the correction may take
+NARROW = 1e-8  # stride below which a path ends that cannot be continued
+LONGER = 0.1  # times the norm of the state: factor on the largest stride, if that is above 1
+ENDLESS = 1e3  # norm of a state above which its forces are said to grow without bound
+BESIDE = 1e-4  # distance to either side of a branch point at which it is evaluated, over the stride
+TURN = 0.95  # least cosine of the angle between the tangents of a stride: 18 degrees
+STRAY = 0.25  # largest correction of a stride, over the stride
 
 
 class PathStep:
-    """One step after the other along a line in the parameters; `part` is how much of it is behind.
+    """Strides along a path of equilibria whose given values run along a straight line.
 
-    Coordinates are the free unknowns over their sizes and, last, the way along the line.
+    The share of the line that has been passed is `part`.  The coordinates of the path are the free
+    unknowns over their sizes and, as the last one, the distance along the line.
     """
 
     def __init__(
@@ -61,7 +62,7 @@ class PathStep:
         self.tangent, self.regular = self.along(self.here, last)
 
     def along(self, vector: Array, before: Array) -> tuple[Array, float]:
-        """Unit tangent, to the side of another one, and the determinant of what is found."""
+        """Unit tangent on the side of another one, and the determinant by the free unknowns."""
         _, jacobian = closure(RodState(self.a, vector))
         matrix = np.vstack([jacobian @ self.basis / self.rows[:, None], before])
         right = np.zeros(before.size)
@@ -70,7 +71,7 @@ class PathStep:
         return tangent / np.linalg.norm(tangent), float(np.linalg.det(matrix[:-1, :-1]))
 
     def ahead(self, stride: float) -> Array | None:
-        """The path's point at a stride along the tangent from here; None where there is none."""
+        """Point of the path a stride along the tangent from here; None if Newton's method fails."""
         vector, moved = self.here + self.basis @ self.tangent * stride, 0.0
         for _ in range(8):
             f, jacobian = closure(RodState(self.a, vector))
@@ -85,19 +86,19 @@ class PathStep:
         return None
 
     def place(self, vector: Array) -> float:
-        """Share of the line that is behind a point."""
+        """Share of the line that has been passed at a point."""
         line = self.basis[:, -1]
         return float((vector - self.start) @ line / (line @ line) / self.length)
 
     def step(self, top: float, bottom: float = -np.inf) -> None:
-        """One stride, no further than the ends of the line."""
+        """Take one stride, no further than to the ends of the line."""
         there = self.ahead(self.stride)
         if there is not None:
             tangent, regular = self.along(there, self.tangent)
         if there is None or not tangent @ self.tangent > TURN:
             self.stride /= 2.0
             if self.stride < NARROW:
-                self.why = "the path is lost: strides vanish"
+                self.why = "the path cannot be continued: strides vanish"
             return
         if regular * self.regular < 0.0:
             there = self.singular(there, tangent[-1] * self.tangent[-1] < 0.0, top, bottom)
@@ -115,10 +116,10 @@ class PathStep:
             self.why = "the forces grow without bound: a rod is stretched"
 
     def singular(self, there: Array, back: bool, top: float, bottom: float) -> Array:
-        """Note the fold or branch point within a stride, unless the line ends before it."""
+        """Record the fold or branch point within a stride, unless the line ends before it."""
 
         def regular(stride: float) -> float:
-            vector = self.ahead(stride)  # none in a branch point, where the corrector is singular
+            vector = self.ahead(stride)  # None at a branch point, where the corrector is singular
             return 0.0 if vector is None else self.along(vector, self.tangent)[1]
 
         root = float(brentq(regular, 0.0, self.stride, xtol=1e-12))
@@ -136,8 +137,9 @@ class PathStep:
         return there
 
     def branch_point(self, root: float, there: Array) -> float:
-        """Where on the line a branch point is: by the secant through points on both sides of it,
-        or, where they are singular still, by its share of the stride.
+        """Share of the line at a branch point, by the secant through points on both sides of it.
+
+        If one of these points is singular as well, the share is interpolated over the stride.
         """
         beside = [self.ahead(root + side * BESIDE * self.stride) for side in (-1.0, 1.0)]
         known = [(self.place(v), self.along(v, self.tangent)[1]) for v in beside if v is not None]
@@ -156,21 +158,21 @@ class PathStep:
 
 @dataclass(frozen=True)
 class WaypointPath:
-    """A path through way points, as far as it could be followed.
+    """A path of equilibria through way points, as far as it could be followed.
 
     Attributes
     ----------
     states : RodState (t,)
-        At the way points, NaN from the first that was not reached.
+        States at the way points, NaN from the first one that was not reached.
     reached : float
-        Way points reached, and the share of the way to the next [1]: t if all.
+        Number of way points reached, plus the share of the line to the next one [1]: t if all.
     last : RodState
-        Where it ended: in a fold, that fold.
+        The last state; the fold if the path ended in one.
     why : str
-        Why it ended early; "" where it did not.
+        Why the path ended early; "" where it did not.
     crossed : ndarray (c,)
-        Where, counted as `reached` [1], it passed a branch point: the determinant changes its sign
-        and the path does not turn back.  Behind it a symmetric posture may be unstable.
+        Branch points that the path passed, counted as `reached` [1]: the determinant changes its
+        sign there and the path does not turn back.  Beyond them a symmetric pose may be unstable.
     """
 
     states: RodState
@@ -182,16 +184,16 @@ class WaypointPath:
 
 @dataclass(frozen=True)
 class EquilibriumPath:
-    """One-parameter family of equilibria, folds passed.
+    """One-parameter family of equilibria, beyond its folds.
 
     Attributes
     ----------
     states, parameter : RodState (t,), ndarray (t,)
-        From the start on, in order of arc length; the parameter [1].
+        States from the start on, in the order of arc length, and their parameters [1].
     folds, at : RodState (f,), ndarray (f,)
-        Where the parameter [1] turns back.
+        Folds, where the parameter turns back, and their parameters [1].
     why : str
-        Why it ended before `to`; "" where it did not.
+        Why the path ended before `to`; "" where it did not.
     crossed : ndarray (c,)
         Parameters [1] of branch points that it passed.
     """
@@ -219,26 +221,26 @@ def follow(
     start : RodState
         One closed state.
     inputs, pose, load : (t, k), (t, p), (t, p)
-        Way points of what is given [SI].  With `pose` the inputs are found, otherwise the pose;
-        what is not given, of the load and of the pose or the inputs, stays as it is at the start.
+        Way points of given values [SI].  With `pose` the inputs are found.  Without it the pose is
+        found, and inputs without way points stay as at the start, as does a load without them.
     stride : largest stride along the path [1], in sizes L, EI/L, EI/L^2, rad
 
     Raises
     ------
     ValueError
-        Way points of the wrong shape, or both inputs and pose; inputs unequal in number to the
-        degrees of freedom where `pose` is given.
+        Way points of the wrong shape, or of both inputs and pose; with `pose`, a number of inputs
+        that differs from that of the degrees of freedom.
 
     Notes
     -----
-    Strides go along the tangent and are corrected across it; they are halved where the tangent
-    turns by more than 18 degrees or the correction is more than a quarter of the stride.  Source of
-    trajectories: Pérez Gámiz 2018, text lines 2924-4013, whose program takes the last point as the
-    guess for the next, fills NaN where Newton fails and goes on from a stale state.
+    A stride goes along the tangent and is corrected across it.  It is halved if the tangent turns
+    by more than 18 degrees or if the correction is more than a quarter of the stride.  Source of
+    trajectories: Pérez Gámiz 2018, text lines 2924-4013.  Its program takes the last point as the
+    guess for the next one; where Newton's method fails it writes NaN and goes on from an old state.
 
     Examples
     --------
-    A symmetric pair of rods pushed down beyond the load under which it gives way sideways:
+    A symmetric pair of rods pushed down beyond the load under which it buckles sideways:
 
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> from proofmass.analytic.rods.equilibrium import direct
@@ -280,13 +282,13 @@ def follow(
 def loads_along(
     shape: tuple[int, ...], rates: Mapping[str, Array] | None, **parts: ArrayLike
 ) -> tuple[Array, Array]:
-    """Loads (n, parts) along a path of this shape, and how they grow, from its parts by name.
+    """Loads (n, parts) along a path of this shape, and their rates, from the parts by name.
 
     Parameters
     ----------
-    shape : of a path of n places
-    rates : of the parts that grow, by name [SI]; none: all are constant
-    **parts : the load's [N, N m], one for all places or along the path
+    shape : shape of a path of n points
+    rates : rates of the parts that change, by name [SI]; None: all parts are constant
+    **parts : parts of the load [N, N m], each one number for all points or along the path
 
     Examples
     --------
@@ -315,23 +317,23 @@ def trace(
     most: int = 400,
     stride: float = STRIDE,
 ) -> EquilibriumPath:
-    r"""Trace the equilibria over one parameter, round its folds.
+    r"""Follow the equilibria over one parameter, beyond their folds.
 
     Parameters
     ----------
     start : RodState
-        One closed state, parameter 0.
+        One closed state, of parameter 0.
     inputs, pose, load : (k,), (p,), (p,)
-        Change of what is given with the parameter [SI]; see `follow`.
-    to : least and greatest parameter [1], which end the branch; it begins upwards if the second is
-        positive
-    most : points
+        Derivatives of the given values by the parameter [SI]; see `follow`.
+    to : least and greatest parameter [1], at which the path ends; the parameter rises at first if
+        the second one is positive
+    most : largest number of points
     stride : see `follow` [1]
 
     Returns
     -------
     EquilibriumPath
-        Folds are found to rounding: zeros of the parameter's part of the tangent over arc length.
+        Folds are found to rounding, as zeros of the parameter's component of the tangent.
     """
     free, way = _given(
         start,
@@ -364,7 +366,7 @@ def trace(
 def _given(
     start: RodState, inputs: ArrayLike | None, pose: ArrayLike | None, load: ArrayLike | None
 ) -> tuple[Columns, Array]:
-    """Columns that are found, and vectors (t, columns) whose others are the way points."""
+    """Unknown columns, and vectors (t, columns) whose other columns are the way points."""
     if start.vector.ndim != 1:
         raise ValueError(f"start must be one state, got a batch {start.vector.shape[:-1]}")
     if (inputs is not None) == (pose is not None) and (load is None or inputs is not None):

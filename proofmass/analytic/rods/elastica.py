@@ -1,15 +1,16 @@
 r"""The elastica with a pinned tip in closed form: load, tip, moment and shape.
 
-Two parameter sets describe a rod: (psi, k_rel, mode), which follow from its load and clamp moment
-or from a sampled shape, and the chart (alpha, q) below.
+Two sets of parameters describe a rod: (psi, k_rel, mode), which follow from its load and clamp
+moment or from a sampled shape, and the chart (alpha, q) below.
 
-Elliptic integrals and Jacobi's functions come from arithmetic-geometric means.  A modulus k is
-given by its complement k' = sqrt(1 - k^2), and an amplitude phi by its sine, cosine and delta =
-sqrt(1 - k^2 sin^2): near k = 1 the digits of k and of phi alone do not suffice.
+Elliptic integrals and Jacobi's functions are computed by arithmetic-geometric means.  A modulus k
+is given by its complement k' = sqrt(1 - k^2), and an amplitude phi by its sine, cosine and delta =
+sqrt(1 - k^2 sin^2), since near k = 1 the digits of k and of phi alone do not suffice.
 
-All rods with a clamp and a pinned tip are one smooth sheet, without cracks between the modes.  Seen
-from its tip, where it has no curvature, the rod is a pendulum let go at rest.  With
-delta the angle of the tangent over the load, gamma its value at the tip, u = alpha (1 - s/L)::
+All rods with a clamp and a pinned tip form one smooth equilibrium manifold, without gaps between
+the modes.  Along the arc from its tip, where the curvature is zero, the rod obeys the equation of a
+pendulum that is released at rest.  With delta the angle of the tangent over the load, gamma its
+value at the tip, and u = alpha (1 - s/L)::
 
             clamp      u = alpha         delta'' = sin(delta),  delta(0) = gamma, delta'(0) = 0
               \                          alpha = L sqrt(R/EI)
@@ -18,12 +19,12 @@ delta the angle of the tangent over the load, gamma its value at the tip, u = al
                   tip, u = 0
                     Z = int_0^alpha e^(i delta) du = alpha - 2 E(alpha) + 2 k^2 sn cd + 2i k k' sd
 
-alpha > 0 and q in R, the chart, say everything: load and tip in the clamp's frame are
+The chart, alpha > 0 and a real q, determines the rod: load and tip in the clamp's frame are
 
     n = EI/L^2 alpha^2 e^(-i delta(alpha)),    tip = L/alpha e^(-i delta(alpha)) Z
 
-and the mode is the whole part of alpha/(2 K) plus 1: nothing happens where it changes.  The Jacobi
-field of the pendulum, y = d delta/d gamma = cn + sd (E(u) - k'^2 u), gives all derivatives.
+and the mode is the whole part of alpha/(2 K) plus 1; load and tip are smooth where it changes.  The
+Jacobi field of the pendulum, y = d delta/d gamma = cn + sd (E(u) - k'^2 u), gives all derivatives.
 """
 
 from dataclasses import dataclass
@@ -34,14 +35,14 @@ from scipy.special import ellipkm1
 
 from proofmass.analytic.numerics import TURN, Array, Complex, positive
 
-GAP = float(np.sqrt(np.finfo(float).eps))  # of a mean that its next step closes: it is quadratic
+GAP = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a before the last step, which squares it
 Four = tuple[Array, Array, Array, Array]
 
 
 def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Four:
-    r"""F(phi), E(phi), K and E of an amplitude in [0, pi), all from one mean.
+    r"""F(phi), E(phi), K and E of an amplitude in [0, pi), all by one arithmetic-geometric mean.
 
-    Gauss's transformation in Bulirsch's form, free of trigonometry up to its last line::
+    Gauss's transformation in Bulirsch's form uses no trigonometric function up to its last line::
 
         tan(phi' - phi) = (b/a) tan(phi),  that is, with y = a cot(phi):  y' = y - a b/y
         F = phi/a at the limit of the pairs (a, b), which begin with (1, k')
@@ -62,7 +63,7 @@ def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Fou
 
     Notes
     -----
-    Within a few roundings of F, for every k' down to 1e-150.  Source: R. Bulirsch, Numerical
+    The error is a few roundings of F, for every k' down to 1e-150.  Source: R. Bulirsch, Numerical
     calculation of elliptic integrals and elliptic functions, Numer. Math. 7 (1965) 78-90,
     procedure el2; here for both kinds at once, and beyond pi/2.
 
@@ -102,7 +103,7 @@ def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Fou
 def incomplete(phi: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
     """F(phi, k) and E(phi, k) for any real amplitude [rad] and |k| < 1, broadcast together.
 
-    F(phi + n pi) = F(phi) + 2 n K, and E alike.  ValueError for a modulus of 1 or more.
+    F(phi + n pi) = F(phi) + 2 n K, and E likewise.  ValueError for a modulus of 1 or more.
 
     >>> [round(float(x), 12) for x in incomplete(4.0, 0.5)]
     [4.254327497524, 3.770057482948]
@@ -121,8 +122,8 @@ def incomplete(phi: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
 def jacobi(u: ArrayLike, complement: ArrayLike) -> Four:
     """Jacobi's sn, cn, dn and the integral epsilon of dn^2 from 0 to u, E(am u), of complement k'.
 
-    sn and cn keep their digits next to their zeros, and cn and dn their relative ones where k' is
-    tiny.  Source: Bulirsch 1965, procedure sncndn; epsilon by `legendre`.
+    sn and cn are accurate next to their zeros, and cn and dn have a small relative error where k'
+    is tiny.  Source: Bulirsch 1965, procedure sncndn; epsilon by `legendre`.
 
     >>> [round(float(x), 12) for x in jacobi(1.0, np.sqrt(0.75))]
     [0.82263557813, 0.568568998095, 0.911492005669, 0.933987498346]
@@ -139,7 +140,7 @@ def jacobi(u: ArrayLike, complement: ArrayLike) -> Four:
 
 
 def _reduced(u: Array, complement: Array) -> tuple[Array, Array, Array]:
-    """sn, cn, dn for 0 <= u <= K."""
+    """Jacobi's sn, cn and dn for 0 <= u <= K."""
     a, b, pairs = np.ones_like(complement), complement, []
     while True:
         pairs.append((a, b))
@@ -158,7 +159,7 @@ def _reduced(u: Array, complement: Array) -> tuple[Array, Array, Array]:
     return np.where(start, 0.0, sn), np.where(start, 1.0, c * sn), np.where(start, 1.0, dn)
 
 
-BLOCK = 16384  # poses at once: their arrays stay in the processor's cache
+BLOCK = 16384  # rods that are computed at once, so that their arrays fit the processor's cache
 
 
 def tip(
@@ -187,7 +188,7 @@ def tip(
         (x, y) = -X (cos psi, sin psi) + Y (-sin psi, cos psi),    a = sqrt(R/EI)
         X = (2 [E(phi2) - E(phi1)] - [F(phi2) - F(phi1)])/a,    Y = -2 k cos(phi1)/a
 
-    Since |k| >= k_min = |cos(psi/2)|, k is given by its place in what is left of (-1, 1)::
+    Since |k| >= k_min = |cos(psi/2)|, k is given relative to the interval from k_min to 1::
 
         k_rel = sign(k) (|k| - k_min)/(1 - k_min)
 
@@ -210,13 +211,13 @@ def tip(
 
     Notes
     -----
-    Relative accuracy about 1e-14 (energy: 1e-15 of R L), also near k_rel = 0, a rod without load or
-    of whole half waves, and near +-1, where R has no bound: F(phi2) - F(phi1) is one integral from
-    the clamp's first inflection.  k_rel = 0 is a seam: there m0 = 0, and the rod goes on in
-    -k_rel with a mode more or less.  Source: J. Pérez Gámiz, Resolución del problema de posición de
-    mecanismos ultraflexibles planos de cadena cerrada, TFG, UPV/EHU Bilbao 2018 (below: Pérez Gámiz
-    2018), eq. 33-47 and 86-91.  Its line 451 swaps the valid and the invalid moduli, and its energy
-    (annex II) lacks the factor 1/2.
+    The relative error is about 1e-14 (energy: 1e-15 of R L), also near k_rel = 0, where the rod has
+    no load or consists of whole half waves, and near +-1, where R has no bound: F(phi2) - F(phi1)
+    is computed as one integral from the clamp's first inflection.  At k_rel = 0, m0 = 0, and the
+    rod continues in -k_rel with one mode more or less.  Source: J. Pérez Gámiz, Resolución del
+    problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG, UPV/EHU Bilbao
+    2018 (below: Pérez Gámiz 2018), eq. 33-47 and 86-91.  Its line 451 swaps the valid and the
+    invalid moduli, and its energy (annex II) lacks the factor 1/2.
 
     Examples
     --------
@@ -250,7 +251,7 @@ def tip(
 
 
 def _unit(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, ...]:
-    """R, x, y, theta, m0, energy, k for L = EI = 1."""
+    """R, x, y, theta, m0, energy and k of rods (n,) with L = EI = 1."""
     c, s = np.cos(0.5 * psi), np.sin(0.5 * psi)
     least, room = bounds(psi)
     above, other, k = _moduli(least, room, k_rel)
@@ -285,7 +286,8 @@ def shape(
     """The rod of `tip` at fractions of its length from the clamp, in [0, 1].
 
     Returns x, y [m], theta [rad], unwrapped, and the moment m [N m], all (...) as the arguments
-    broadcast together.  By Jacobi's functions, counted from the tip (`from_inflection`).
+    broadcast together.  They are computed by Jacobi's functions of the arc from the tip
+    (`from_inflection`).
 
     >>> whole, part = tip(1.0, -0.3, 2), shape(1.0, -0.3, 2, [0.0, 0.5, 1.0])
     >>> bool(abs(part["x"][2] - whole["x"]) < 1e-14), part["m"][[0, 2]].round(6).tolist()
@@ -313,15 +315,15 @@ def shape(
 def from_inflection(
     psi: Array, k: Array, complement: Array, v: Array
 ) -> tuple[Array, Array, Array, Array]:
-    r"""An elastica followed backwards from an inflection, lengths in sqrt(EI/R), over the arc v.
+    r"""An elastica at the arc v before an inflection, lengths in units of sqrt(EI/R).
 
     ::
 
         cos((psi - theta)/2) = k cd(v),  sin((psi - theta)/2) = k' nd(v),  m = 2 k k' sd(v)
 
-    psi is the direction of the load on the inflection; k = cos((psi - theta)/2) there, of either
-    sign, and k' = sqrt(1 - k^2) > 0.  Returns x, y of the inflection from the point at v, theta,
-    and m in units of sqrt(R EI).
+    psi is the direction of the load on the inflection; k = cos((psi - theta)/2) at the inflection
+    may have either sign, and k' = sqrt(1 - k^2) > 0.  Returns x, y of the inflection from the point
+    at v, theta, and m in units of sqrt(R EI).
     """
     sn, cn, dn, epsilon = jacobi(v, complement)
     m = 2.0 * k * complement * sn / dn
@@ -335,7 +337,7 @@ def from_inflection(
 
 
 def modulus(psi: ArrayLike, k_rel: ArrayLike) -> tuple[Array, Array]:
-    """k and its complement sqrt(1 - k^2), both to rounding (Pérez Gámiz 2018, eq. 91).
+    """The modulus k and its complement sqrt(1 - k^2), to rounding (Pérez Gámiz 2018, eq. 91).
 
     >>> [round(float(x), 6) for x in modulus(np.pi / 2, -0.5)]
     [-0.853553, 0.521005]
@@ -345,7 +347,7 @@ def modulus(psi: ArrayLike, k_rel: ArrayLike) -> tuple[Array, Array]:
 
 
 def relative(psi: ArrayLike, k: ArrayLike) -> Array:
-    """k_rel of a modulus, |k| >= |cos(psi/2)| (Pérez Gámiz 2018, eq. 47).
+    """The relative modulus k_rel of k, |k| >= |cos(psi/2)| (Pérez Gámiz 2018, eq. 47).
 
     >>> round(float(relative(np.pi / 2, 0.85)), 6)
     0.487868
@@ -355,14 +357,14 @@ def relative(psi: ArrayLike, k: ArrayLike) -> Array:
 
 
 def _moduli(least: Array, room: Array, k_rel: Array) -> tuple[Array, Array, Array]:
-    """|k| - k_min, sqrt(1 - k^2) and k."""
+    """|k| - k_min, sqrt(1 - k^2) and k of relative moduli."""
     above = room * np.abs(k_rel)
     size = least + above
     return above, np.sqrt(room * (1.0 - np.abs(k_rel)) * (1.0 + size)), np.copysign(size, k_rel)
 
 
 def bounds(psi: ArrayLike) -> tuple[Array, Array]:
-    """k_min = |cos(psi/2)| and 1 - k_min, the latter without cancellation, for 0 < psi < 2 pi."""
+    """k_min = |cos(psi/2)|, and 1 - k_min computed without cancellation, for 0 < psi < 2 pi."""
     angle = np.asarray(psi, float)
     return (np.abs(np.cos(0.5 * angle)), 2.0 * np.sin(0.25 * np.minimum(angle, TURN - angle)) ** 2)
 
@@ -387,13 +389,13 @@ def stiff(stiffness: float) -> None:
 
 
 def compliant(axial: float, shear: float) -> None:
-    """ValueError for an EA or a GA that is not positive; infinite is a rod without that strain."""
+    """ValueError for an EA or a GA that is not positive; an infinite one excludes that strain."""
     for name, value in (("axial", axial), ("shear", shear)):
         if not value > 0.0:
             raise ValueError(f"{name} must be a positive stiffness of a section [N], got {value}")
 
 
-INFLECTION = 1e-6  # how far the tip may be from one, of a half wave
+INFLECTION = 1e-6  # largest distance of a moment-free tip from an inflection, over a half wave
 
 
 def of_load(
@@ -419,7 +421,7 @@ def of_load(
     m0 : moment at the clamp [N m] (...), not zero
     theta0 : angle of the clamp's tangent [rad]
     length, stiffness : L [m], EI [N m^2]
-    apart : how far the tip may be from an inflection, as a share of a half wave [1]
+    apart : largest distance of the tip from an inflection, over a half wave [1]
 
     Returns
     -------
@@ -432,8 +434,8 @@ def of_load(
 
     Notes
     -----
-    Digits of k_rel are lost like m0^2/(4 R EI) over 1 - k_min.  Not in Pérez Gámiz 2018, whose eq.
-    35, 36 and 88 it inverts.
+    Digits of k_rel are lost like m0^2/(4 R EI) over 1 - k_min.  This inverse of eq. 35, 36 and 88
+    of Pérez Gámiz 2018 is not in the source.
 
     Examples
     --------
@@ -477,8 +479,8 @@ def of_shape(
 ) -> tuple[Array, Array, Array]:
     """psi, k_rel and mode of a rod sampled from clamp to tip, arc lengths s (n,), to O(spacing^2).
 
-    The load is fitted to m = (tip - p) x n with m = EI theta' by differences; it is a first guess
-    for Newton's method, good as long as the samples resolve the half waves.
+    The load n is fitted to m = (tip - p) x n, where m = EI theta' by differences.  The result is a
+    first guess for Newton's method and is usable if the samples resolve the half waves.
 
     >>> from proofmass.analytic.rods.elastica import shape
     >>> rod = shape(2.0, 0.4, 2, np.linspace(0.0, 1.0, 201))
@@ -508,17 +510,17 @@ class ElasticaRods:
     Attributes
     ----------
     tip, force : ndarray of complex
-        x + iy of the tip [L], of the load on it [EI/L^2].
+        x + iy of the tip [L], and of the load on it [EI/L^2].
     tip_slope, force_slope : ndarray of complex (2, ...)
-        Their derivatives with alpha and with q.
+        Their derivatives with respect to alpha and to q.
     moment, energy : ndarray
-        At the clamp [EI/L]; of bending [EI/L].
+        Moment at the clamp [EI/L]; energy of bending [EI/L].
     delta : ndarray of complex
-        e^(i delta) of the tangent at the clamp over the load.
+        e^(i delta), where delta is the angle of the tangent at the clamp over the load.
     waves : ndarray
-        alpha/(2 K): half waves between the clamp and the tip [1].
+        alpha/(2 K): number of half waves between the clamp and the tip [1].
     field : ndarray
-        y at the clamp [L].
+        Jacobi field y at the clamp [L].
     """
 
     tip: Complex
@@ -533,7 +535,7 @@ class ElasticaRods:
 
 
 def rods(alpha: Array, q: Array) -> ElasticaRods:
-    """Rods of unit length and stiffness at places of the chart, with their derivatives."""
+    """Rods of unit length and stiffness at points (alpha, q) of the chart, with derivatives."""
     k, rest = np.tanh(q), 1.0 / np.cosh(q)
     sn, cn, dn, second = jacobi(alpha, rest)
     delta: Complex = (k * cn / dn + 1j * rest / dn) ** 2

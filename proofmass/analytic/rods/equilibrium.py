@@ -1,22 +1,23 @@
 r"""Equilibria of flexible mechanisms: pose from clamps (direct), clamps from pose (inverse).
 
-Beside them stand Jacobians, tip stiffness and singularities.
+The module also computes their Jacobians, tip stiffness and singularities.
 
-**A rod** is a chain of high order, which gives its tip under an end load with exact derivatives::
+**A rod** is integrated as a chain of high order, which gives the rod's tip under an end load with
+exact derivatives::
 
       m0  clamp         tip   n             z' = exp(i theta),   m = m0 + Im(conj(n) z),
      _|/________________.--->               theta' = m/EI        z, n = x + iy from the clamp
       |\   theta(s)
 
-Freezing theta moves z along a straight segment; freezing z turns theta in a hinge.  Alternated with
-half a segment at both ends that is a chain of n rigid segments and hinge springs, of second order;
-with the lengths and hinges below, some of them negative, the same chain is of sixth order.  Each
-part is solved exactly, so the map is symplectic, and the tip stiffness that it gives is symmetric
-to rounding.
+With theta frozen, z moves along a straight segment; with z frozen, theta changes in a hinge.  Such
+segments and hinges in turn, with half a segment at both ends, are a chain of n rigid segments and
+hinge springs, which is of second order.  The same chain with the segment lengths and hinges below,
+some of them negative, is of sixth order.  Each part is solved exactly, so the map is symplectic,
+and the tip stiffness that it gives is symmetric to rounding.
 
-**An assembly** closes and is in balance where these rows vanish, which Newton's method solves with
-their exact Jacobian.  For each rod, with e its end behind the rigid extension, and for the
-platform::
+**An assembly** is closed and in balance where the following rows are zero.  Newton's method solves
+them with their exact Jacobian.  The first two are those of each rod, where e is the far end of its
+rigid extension; the others are those of the platform::
 
     m0 + Im(conj(n) (e - O)) = 0          the pin carries no moment
     e - P - exp(i phi) r     = 0          the end is at its pin
@@ -24,7 +25,7 @@ platform::
     sum Im(conj(exp(i phi) r) n) - M = 0  about P
 
 Source: Pérez Gámiz 2018, eqs 98 and 109; its eqs 104 and 113 have the wrong sign of F, and its last
-moment equation, about the frame's origin, is these rows combined, with the same determinant.
+moment equation, about the frame's origin, is a combination of these rows with the same determinant.
 """
 
 from dataclasses import dataclass
@@ -39,12 +40,12 @@ from proofmass.analytic.rods.assembly import Assembly
 
 
 def _mirrored(first: list[float]) -> tuple[float, ...]:
-    """The whole of a palindrome of sum 1 with an odd count, from what is left of its middle."""
+    """A palindrome of sum 1 with an odd count, from the numbers before the middle one."""
     return (*first, 1.0 - 2.0 * sum(first), *first[::-1])
 
 
 def _halved(first: list[float]) -> tuple[float, ...]:
-    """The whole of a palindrome of sum 1 with an even count, from its first half but one."""
+    """A palindrome of sum 1 with an even count, from its first half without the last number."""
     half = [*first, 0.5 - sum(first)]
     return (*half, *half[::-1])
 
@@ -60,8 +61,8 @@ HINGES = _mirrored(
         -0.00879424312851058,
     ]
 )
-BASES, FEW = 3, 64  # rods that are computed thrice in place of broadcasting them, if they are few
-MOST_STEPS = 500  # five times what eight inflections need; the solution of more is lost
+BASES, FEW = 3, 64  # copies of the state instead of broadcasting, in batches of fewer rods than 64
+MOST_STEPS = 500  # five times the steps for eight inflections; rods that need more are inaccurate
 SEGMENTS = _halved(
     [
         0.09171915262446165,
@@ -93,16 +94,17 @@ def flow(
     Returns
     -------
     z : ndarray (4, ...)
-        Tip from the clamp, x + iy [m], and its derivatives by m0, n_x, n_y.
+        Tip from the clamp, x + iy [m], and its derivatives with respect to m0, n_x, n_y.
     theta : ndarray (4, ...)
         Tangent at the tip [rad], and its derivatives.
 
     Notes
     -----
-    Error about 1e-11 of the length: 4 + 5/2 L sqrt(|n|/EI + (m0/EI)^2/4) steps, the most of the
-    batch.  Derivatives are those of the steps themselves, the variational equations solved by the
-    same chain.  Equations: J. Pérez Gámiz, TFG, UPV/EHU Bilbao 2018, eqs 30, 78; it takes forty
-    steps of RK4, error 1e-6 m, and forward differences.  Steps: S. Blanes and P. C. Moan, Practical
+    The error is about 1e-11 of the length.  All rods of a batch take the largest number of steps
+    that one of them needs, 4 + 5/2 L sqrt(|n|/EI + (m0/EI)^2/4).  Derivatives are those of the
+    steps themselves: the same chain solves the variational equations.  Equations: J. Pérez Gámiz,
+    TFG, UPV/EHU Bilbao 2018, eqs 30, 78, which uses forty steps of RK4, with an error of 1e-6 m,
+    and forward differences.  Steps: S. Blanes and P. C. Moan, Practical
     symplectic partitioned Runge-Kutta and Runge-Kutta-Nyström methods, J. Comput. Appl. Math. 142,
     2002, SRKN 14a.
 
@@ -120,8 +122,9 @@ def flow(
     shape = given[0].shape
     angle, m0, n, length, stiffness = (part.reshape(-1) for part in given)
     count = steps(m0, n, length, stiffness)
-    # For few rods the calls of NumPy take the time, and most of those that broadcast: their base is
-    # there three times, beside three derivatives.  Signs are those that need fewest calls.
+    # With few rods most of the time is spent in calls of NumPy, above all in those that broadcast.
+    # The state is therefore stored three times, once for each of its three derivatives.  The signs
+    # of the rows are chosen for the fewest calls.
     k, copies = n.size, BASES if n.size < FEW else 1
     base, rows = np.ones((copies, 1)), copies + 3
     turns = [np.tile(share * length / (count * stiffness), (rows, 1)) for share in HINGES]
@@ -160,7 +163,7 @@ def flow(
     find_lever()
     for _ in range(count):
         for turn, way in zip(turns, signed, strict=False):
-            if way is not signed[0]:  # a step begins where the last hinge of the one before it was
+            if way is not signed[0]:  # the lever is known where the step before had its last hinge
                 find_lever()
             turn_hinge(turn)
             move_on(way)
@@ -173,7 +176,7 @@ def flow(
 
 
 def steps(moment: Array, force: Complex, length: Array, stiffness: Array) -> int:
-    """Steps that the most bent rod of a batch needs, at most 500."""
+    """Number of steps that the most bent rod of a batch needs, at most `MOST_STEPS`."""
     rate = np.sqrt(np.abs(force) / stiffness + (moment / stiffness) ** 2 / 4.0)
     return int(min(np.ceil(4.0 + 2.5 * np.nanmax(length * rate, initial=0.0)), MOST_STEPS))
 
@@ -196,7 +199,7 @@ class RodState:
     vector: Array
 
     def __getitem__(self, which: int | Columns | NDArray[np.bool_]) -> "RodState":
-        """One of a batch, or some."""
+        """One state of a batch, or several of them."""
         return RodState(self.assembly, np.array(self.vector[which]))
 
     def part(self, name: str) -> Array:
@@ -204,7 +207,7 @@ class RodState:
         return self.vector[..., columns(self.assembly, name)]
 
     def replaced(self, **parts: ArrayLike) -> "RodState":
-        """The same with other parts: pose, inputs or load."""
+        """The same states with other values of some parts: pose, inputs or load."""
         vector = self.vector
         for name, value in parts.items():
             where = columns(self.assembly, name)
@@ -234,7 +237,7 @@ class RodState:
 
     @property
     def inputs(self) -> Array:
-        """What motors add to the clamps' angles [rad], or places on the guides [m], (..., k)."""
+        """Angles that motors add to the clamps [rad], or positions on the guides [m], (..., k)."""
         return self.part("inputs")
 
     @property
@@ -267,13 +270,13 @@ class RodState:
 
 
 def columns(a: Assembly, *names: str) -> Columns:
-    """Where parts of a state are in its vector, in the order of the names; not to be changed."""
+    """Indices of parts of a state in its vector, in the order of the names; a read-only array."""
     return known_columns(a.rods, a.dof, names)
 
 
 @cache
 def known_columns(k: int, p: int, names: tuple[str, ...]) -> Columns:
-    """`columns` of k rods and p degrees of freedom."""
+    """`columns` of an assembly with k rods and p degrees of freedom, computed once."""
     every = np.split(np.arange(4 * k + 2 * p), np.cumsum([3 * k, p, k]))
     parts = dict(zip(("rods", "pose", "inputs", "load"), every, strict=True))
     found = np.concatenate([parts[name] for name in names])
@@ -290,7 +293,7 @@ def state(
     moment: ArrayLike = 0.0,
     force: ArrayLike = 0.0,
 ) -> RodState:
-    """A state, or a first guess of one, from its parts; all may be batches (...).
+    """A state, or a first guess of one, from its parts; each part may be a batch (...).
 
     Parameters
     ----------
@@ -323,6 +326,7 @@ def state(
 
 
 def _rows(name: str, value: ArrayLike, width: int) -> Array:
+    """A part (..., width) of a state; ValueError for another shape or an infinite number."""
     given = np.asarray(value, float)
     given = np.full(width, given) if given.ndim == 0 else given
     if given.shape[-1] != width or not np.isfinite(given).all():
@@ -331,7 +335,7 @@ def _rows(name: str, value: ArrayLike, width: int) -> Array:
 
 
 def clamps(s: RodState) -> tuple[Array, Complex, Complex]:
-    """Tangents theta_i [rad] and places [m] of the clamps, forces on the tips [N], (..., k)."""
+    """Tangents theta_i [rad] and positions [m] of the clamps, forces on the tips [N]: (..., k)."""
     a, q = s.assembly, s.inputs
     n = s.force @ np.array([1.0, 1.0j])
     if a.guide is None:
@@ -339,15 +343,15 @@ def clamps(s: RodState) -> tuple[Array, Complex, Complex]:
     return np.broadcast_to(a.angle, q.shape), a.clamp + q * a.guide, n
 
 
-SURE = 1e-8  # relative step after which Newton's method has squared it to rounding
-MOST_TRIALS = 60  # trial steps of Newton's method
-FAR = 1e3  # way from a first guess, in sizes of the unknowns, beyond which it is given up
-SMALLEST = 1e-2  # part of a step that is tried
-ROUNDING = 1e-10  # residual over its size below which a step need not lessen it
+SURE = 1e-8  # of the last step, over the sizes of the unknowns: the error is its square, rounding
+MOST_TRIALS = 60  # largest number of trial steps of Newton's method
+FAR = 1e3  # distance from the first guess, in sizes of the unknowns, at which a state is given up
+SMALLEST = 1e-2  # a Newton step is halved as long as its fraction is larger than this
+ROUNDING = 1e-10  # residual over its size below which a step may increase it
 
 
 def closure(s: RodState) -> tuple[Array, Array]:
-    """Residuals (..., 3 k + p) and their derivatives (..., 3 k + p, 4 k + 2 p) by the vector."""
+    """Residuals (..., 3 k + p) and their Jacobian (..., 3 k + p, 4 k + 2 p) by the vector."""
     a, k = s.assembly, s.assembly.rods
     theta, clamp, n = clamps(s)
     end, ends = tips(a, theta, s.moment, n)
@@ -363,9 +367,10 @@ def closure(s: RodState) -> tuple[Array, Array]:
 
 
 def tips(a: Assembly, theta: Array, moment: Array, n: Complex) -> tuple[Complex, Complex]:
-    """Ends (..., k) from their clamps, and their derivatives (4, ..., k) by m0, n_x, n_y, theta.
+    """Rod ends (..., k) from their clamps, and derivatives (4, ..., k) by m0, n_x, n_y, theta.
 
-    Turning the clamp and the force together turns the whole rod, which gives the last.
+    The derivative by theta follows from the rotation of the whole rod when the clamp and the force
+    rotate together.
     """
     z, angle = flow(theta, moment, n, a.length, a.stiffness)
     rigid = a.rigid_extension * np.exp(1j * angle[0])
@@ -376,13 +381,13 @@ def tips(a: Assembly, theta: Array, moment: Array, n: Complex) -> tuple[Complex,
 
 
 def wrench(n: Complex, arm: Complex, dof: int) -> Array:
-    """Sum of forces (..., k) on the tips, and of their moments about P: (..., p)."""
+    """Sums (..., p) of the forces (..., k) on the tips and of their moments about P."""
     rows = [n.real, n.imag, (arm.conj() * n).imag]
     return np.stack([row.sum(axis=-1) for row in rows[:dof]], axis=-1)
 
 
 def _rods(jacobian: Array, a: Assembly, n: Complex, end: Complex, ends: Complex) -> None:
-    """Derivatives of the rods' rows by what they carry and by their inputs."""
+    """Write the derivatives of the rods' rows by their moments and forces, and by their inputs."""
     direct = np.stack([np.ones_like(end.real), end.imag, -end.real, np.zeros_like(end.real)])
     moment = (n.conj() * ends).imag + direct
     for i in range(a.rods):
@@ -398,7 +403,7 @@ def _rods(jacobian: Array, a: Assembly, n: Complex, end: Complex, ends: Complex)
 
 
 def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
-    """Derivatives by the pose, and all of the balance of the platform."""
+    """Write the derivatives of all rows by the pose, and those of the platform's balance."""
     k, p = a.rods, a.dof
     balance = np.arange(3 * k, 3 * k + p)
     x, y, *phi = columns(a, "pose")
@@ -414,7 +419,10 @@ def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
 
 
 def sizes(a: Assembly) -> tuple[Array, Array]:
-    """Sizes of the residuals (3 k + p,) and of a state's vector (4 k + 2 p,), to compare units."""
+    """Sizes [SI] of the residuals (3 k + p,) and of a state's vector (4 k + 2 p,).
+
+    Numbers of different units are divided by them before they are compared.
+    """
     length, force, moment = a.scale
     rods, pose = np.tile([moment, force, force], a.rods), [length, length, 1.0][: a.dof]
     load = [force, force, moment][: a.dof]
@@ -426,14 +434,14 @@ def sizes(a: Assembly) -> tuple[Array, Array]:
 
 
 class Closed(NamedTuple):
-    """Where Newton's method led.
+    """States that Newton's method found from first guesses.
 
     Attributes
     ----------
     states : RodState (n,)
-        NaN where it did not close.
+        NaN where the method found no root.
     moved : ndarray (n,)
-        Length of the way from the first guess, each column over its size [1]; inf if NaN.
+        Distance from the first guess, each column over its size [1]; inf where the state is NaN.
     side : ndarray (n,)
         Sign of the determinant of the problem that was solved [1].
     """
@@ -444,22 +452,23 @@ class Closed(NamedTuple):
 
 
 def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodState, Array]:
-    """States that are `closed`, and how far each went."""
+    """The states that `closed` finds, and the distance of each from its first guess."""
     found = closed(s, free, within)
     return found.states, found.moved
 
 
 def closed(s: RodState, free: Columns, within: ArrayLike = FAR) -> Closed:
-    """Close states (n, ...) by some columns of their vectors.
+    """Find states (n, ...) that are closed and in balance, by some columns of their vectors.
 
-    Steps are halved while they do not lessen the residual.  States that do not close are NaN.
+    A step of Newton's method is halved as long as it does not reduce the residual.  States for
+    which no root is found are NaN.
 
     Parameters
     ----------
     s : RodState (n,)
         First guesses.
-    free : columns that are found
-    within : way (n,) from the guess [1] beyond which a state is given up
+    free : columns of the vectors that are unknown; the others stay as they are
+    within : distance (n,) from the guess [1] at which a state is given up
 
     Returns
     -------
@@ -491,7 +500,7 @@ def closed(s: RodState, free: Columns, within: ArrayLike = FAR) -> Closed:
 
 
 def _step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array, Array]:
-    """Norms (n,) of the residuals over their sizes, Newton's steps (n, columns), and matrices."""
+    """Norms (n,) of the residuals over their sizes, Newton's steps (n, columns), and Jacobians."""
     rows, scale = sizes(a)
     f, jacobian = closure(RodState(a, vector))
     f, jacobian = f / rows, jacobian[..., free] * scale[free] / rows[:, None]
@@ -501,13 +510,13 @@ def _step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array, Arra
 
 
 def determinant(matrix: Array) -> Array:
-    """Determinants (...); NaN of matrices that are."""
+    """Determinants (...); NaN of matrices with NaN."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.linalg.det(matrix))
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """Solutions (n, m) of n systems; NaN where a matrix is singular."""
+    """Solutions (n, m) of n linear systems; NaN where a matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
     except np.linalg.LinAlgError:
@@ -518,7 +527,7 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def direct(guess: RodState) -> RodState:
-    r"""Equilibria at given inputs and load, each the one that its guess leads to.
+    r"""Equilibria at given inputs and load, each the one that Newton's method finds from its guess.
 
     Parameters
     ----------
@@ -533,14 +542,14 @@ def direct(guess: RodState) -> RodState:
     Raises
     ------
     ValueError
-        Newton's method with halved steps finds none, or the guess is a straight rod without load,
-        whose tip no force can move along it at first order.
+        Newton's method with halved steps finds no equilibrium, or the guess is a straight rod
+        without load, whose tip no force moves along the rod at first order.
 
     Notes
     -----
-    There are several equilibria at the same inputs, stable or not: the guess chooses.  Source:
-    Pérez Gámiz 2018, eqs 98, 102 (2RFR), 109, 112 (3PFR), with exact derivatives instead of
-    forward differences.
+    There are several equilibria at the same inputs, stable and unstable ones; the guess selects
+    one.  Source: Pérez Gámiz 2018, eqs 98, 102 (2RFR), 109, 112 (3PFR), with exact derivatives
+    instead of forward differences.
 
     Examples
     --------
@@ -558,7 +567,10 @@ def direct(guess: RodState) -> RodState:
 
 
 def settled(guess: RodState, found: str) -> RodState:
-    """Forces, moments and "pose" or "inputs" of closed states; ValueError for the first failure."""
+    """States closed by their forces, clamp moments and "pose" or "inputs".
+
+    ValueError names the first guess from which Newton's method finds none.
+    """
     flat = guess.vector.reshape(-1, guess.vector.shape[-1])
     result, _ = newton(RodState(guess.assembly, flat), columns(guess.assembly, "rods", found))
     lost = ~np.isfinite(result.vector).all(axis=-1)
@@ -589,14 +601,14 @@ def inverse(guess: RodState) -> RodState:
     Raises
     ------
     ValueError
-        Inputs are more or less than the degrees of freedom; a pose is out of reach of a rod; or
+        The numbers of inputs and of degrees of freedom differ; a pose is out of reach of a rod; or
         Newton's method finds no equilibrium from the guess.
 
     Notes
     -----
-    Source: Pérez Gámiz 2018, eqs 98, 99 (2RFR), 109, 111 (3PFR).  Its program has cos and sin of
-    the clamp's angle in place of the guide's in the derivative by the slide, which is right only
-    where they are the same.
+    Source: Pérez Gámiz 2018, eqs 98, 99 (2RFR), 109, 111 (3PFR).  In the derivative by the slide
+    its program has cos and sin of the clamp's angle instead of the guide's, which is right only
+    where both angles are equal.
 
     Examples
     --------
@@ -649,18 +661,21 @@ class Derivatives:
     inverse : ndarray (..., k, p)
         dq/dP at constant load [SI]; NaN unless k = p.
     stiffness : ndarray (..., p, p)
-        Wrench that the rods ask for, d(sum n, sum r x n)/dP with the inputs held [N/m, N, N m]:
-        symmetric, and positive definite where the platform is stable on rods that are.
+        Derivative of the wrench that the rods need, d(sum n, sum r x n)/dP at constant inputs
+        [N/m, N, N m].  It is symmetric, and positive definite where the platform is stable and
+        each of its rods is stable with its pin fixed.
     direct_determinant : ndarray (...)
-        Of the derivatives by (m0_1, n_1, m0_2, n_2, .., P) [SI]: zero in a direct singularity,
-        where the inputs no longer hold the platform: a fold of the equilibria, dP/dq infinite.
+        Determinant of the Jacobian by (m0_1, n_1, m0_2, n_2, .., P) [SI].  It is zero in a direct
+        singularity, a fold of the equilibria, where the inputs no longer constrain the platform
+        and dP/dq is infinite.
     rod_determinants : ndarray (..., k)
-        Of each rod alone, by (m0, n) with its pin held [SI]: zero where a rod held at both ends
-        buckles, and the stiffness has a pole.  direct_determinant = det(stiffness) times all of
-        them.
+        Determinant of each rod alone, by (m0, n) with its pin fixed [SI].  It is zero where a rod
+        with both ends fixed buckles and the stiffness has a pole.  direct_determinant is
+        det(stiffness) times all of them.
     inverse_determinant : ndarray (...)
-        Of those by (m0_1, n_1, q_1, m0_2, n_2, q_2, ..) [SI]: zero in an inverse singularity,
-        where some motion of the platform needs infinite rates of the inputs; NaN unless k = p.
+        Determinant of the Jacobian by (m0_1, n_1, q_1, m0_2, n_2, q_2, ..) [SI].  It is zero in an
+        inverse singularity, where some motion of the platform needs infinite rates of the inputs;
+        NaN unless k = p.
     """
 
     direct: Array
@@ -672,13 +687,14 @@ class Derivatives:
 
 
 def derivatives(s: RodState) -> Derivatives:
-    r"""First derivatives about closed states, exact, by the implicit function theorem.
+    r"""Exact first derivatives about closed states, by the implicit function theorem.
 
     With the rows f of `proofmass.analytic.rods.equilibrium` and R the columns of all rods::
 
         det(dP/dq) = (-1)^(p + 3 k (k - 1)/2) inverse_determinant/direct_determinant
 
-    The sign is the order of the unknowns in the source; it is -1 for 2RFR and +1 for 3RFR.
+    The sign follows from the order of the unknowns in the source; it is -1 for 2RFR and +1 for
+    3RFR.
 
     Notes
     -----
@@ -707,7 +723,7 @@ def derivatives(s: RodState) -> Derivatives:
 
 
 def unknowns(a: Assembly, which: str) -> Columns:
-    """Columns whose determinant is zero in a "direct" or in an "inverse" singularity."""
+    """Columns of the Jacobian whose determinant is zero in a "direct" or "inverse" singularity."""
     if which == "direct":
         return columns(a, "rods", "pose")
     rods, inputs = columns(a, "rods"), columns(a, "inputs")
@@ -715,7 +731,7 @@ def unknowns(a: Assembly, which: str) -> Columns:
 
 
 def ratio(jacobian: Array, unknown: Columns, given: Columns) -> Array:
-    """Derivatives of unknown columns by given ones, where the rows stay zero; NaN if singular."""
+    """Derivatives of unknown columns by given ones while all rows stay zero; NaN if singular."""
     matrix, right = jacobian[..., unknown], -jacobian[..., given]
     rows, width = right.shape[-2:]
     flat = [

@@ -1,27 +1,28 @@
 r"""Motion in time of a slender rod that bends in a plane: a Kirchhoff rod with mass along it.
 
-The rod keeps its length, its sections stay normal to it and have no inertia of rotation of their
-own.  Place z = x + iy and angle theta of the tangent over the arc length s and the time t::
+The rod keeps its length, and its sections stay normal to it and have no rotary inertia of their
+own.  Position z = x + iy and angle theta of the tangent over the arc length s and the time t are::
 
     z(s, t) = z0(t) + int_0^s exp(i theta) ds,         theta(s, t) = theta0 + sum_k a_k(t) phi_k(s)
     T = 1/2 int rho |z_t|^2 ds + 1/2 m |z_t(L)|^2,     V = 1/2 int EI theta_s^2 ds - weight
 
-z0 is where the rod begins, at rest or moved, and m is the mass of a slider at the tip, on a guide
-along x.  phi_k are Legendre polynomials P_k(2 s/L - 1), or P_k + P_(k-1), which vanish at the
-beginning, if the rod is clamped there.  That no moment acts on a free or a pinned end follows from
-the energy.  With z_t = z0_t + sum_k J_k a_k', J_k = int i exp(i theta) phi_k ds, Lagrange's
-equations are::
+z0 is the beginning of the rod, at rest or with a prescribed motion, and m is the mass of a slider
+at the tip, on a guide along x.  phi_k are Legendre polynomials P_k(2 s/L - 1), or, if the rod is
+clamped, P_k + P_(k-1), which are zero at the beginning.  The moment on a free or a pinned end is
+zero as a natural boundary condition of the energy.  With z_t = z0_t + sum_k J_k a_k',
+J_k = int i exp(i theta) phi_k ds, Lagrange's equations are::
 
     M a'' + K a = -int rho Re(conj(J) (b - g)) ds + (force of the guide) Im J(L)
     M = int rho Re(conj(J) J^T) ds,    K = int EI phi_s phi_s^T ds
     b = z0_tt - int exp(i theta) theta_t^2 ds
 
-All integrals are sums over Gauss's nodes, the integral up to each node that of the polynomial
-through all.  The sums have a Lagrangian of their own, so that energy stays to the accuracy of the
-integration in time for every number of polynomials: Gauss's collocation of eighth order, stable for
-every step, since the highest frequency of polynomials grows with the fourth power of their number.
-The guide is a constraint on the accelerations, and places and velocities are projected back on it
-at each sample, with the least change as M measures it.
+All integrals are sums over Gauss's nodes; the integral up to a node is that of the polynomial
+through the values at all nodes.  The equations with these sums follow from a Lagrangian as well, so
+for every number of polynomials energy is conserved to the accuracy of the integration in time.
+That is Gauss's collocation of eighth order, which is stable for every step, since the highest
+frequency of the polynomials grows with the fourth power of their number.  The guide constrains the
+accelerations; at each sample positions and velocities are projected on it, by the change that is
+least in the norm of M.
 """
 
 from collections.abc import Callable
@@ -39,23 +40,25 @@ from proofmass.analytic.numerics import Array, Complex, positive
 from proofmass.analytic.remember import nearby
 
 COUNTS = 10, 16, 22
-"""Numbers of polynomials, one after the other until the motion no longer changes."""
+"""Numbers of polynomials, which are tried in this order until the motion no longer changes."""
 ACCURACY = 2e-5
-"""Largest change of a place from one number to the next [L], and so the accuracy of the last."""
+"""Largest change [L] of a position from one number of polynomials to the next, for which the motion
+of the latter is accepted."""
 RESOLVED = 4
-"""Modes of small motions that turn by no more than a radian in a time step."""
+"""Number of modes of small motions whose phases change by no more than a radian in a time step."""
 MOST_STEPS = 1e5
-"""Most steps in time, a minute of computing for each number of polynomials."""
+"""Largest number of steps in time, a minute of computing for each number of polynomials."""
 HALVED = 6
-"""How often a step is halved in which the rod turns too far."""
+"""Largest number of times that a step is halved in which the rod turns too far."""
 ITERATIONS = 30
+"""Largest number of Newton's iterations of a step in time."""
 ROUNDING, NEARLY = 1e-14, 1e-9
-"""Change of a coefficient [rad] in an iteration: where it ends, and where it may end if the
-changes no longer fall."""
+"""Change of a coefficient [rad] in an iteration at which the iterations end, and at which they end
+if the change is more than half of the one before."""
 
 
 def collocation(stages: int) -> tuple[Array, Array, Array]:
-    """Nodes, weights and matrix of Gauss's collocation with so many stages, in a step of 1."""
+    """Nodes, weights and matrix of Gauss's collocation with `stages` stages, for a step of 1."""
     x, weights = legendre.leggauss(stages)
     fit = np.linalg.inv(legendre.legvander(x, stages - 1))
     lift = np.array([legendre.legint(row, lbnd=-1, scl=0.5) for row in fit.T])
@@ -63,26 +66,26 @@ def collocation(stages: int) -> tuple[Array, Array, Array]:
 
 
 NODES, WEIGHTS, ONCE = collocation(4)
-TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE  # of twice integrated accelerations
+TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE  # second integrals up to each node, and up to the end
 
 
 class RodBasis(NamedTuple):
-    """Polynomials at Gauss's nodes, of a rod of length 1.
+    """Polynomials at Gauss's nodes, for a rod of length 1.
 
     Attributes
     ----------
     phi : ndarray (count, nodes)
-        Polynomials [1].
+        Values of the polynomials [1].
     bend : ndarray (count, count)
         Integrals of products of their slopes [1].
     upto : ndarray (nodes, nodes)
-        What a node adds to the integral up to each node [1].
+        Weights of the nodes in the integral up to each node [1].
     half, whole : ndarray (nodes,)
-        What it adds to the integral up to the middle, and up to the end [1].
+        Weights of the nodes in the integral up to the middle, and up to the end [1].
     ends : ndarray (3, count)
-        Polynomials at the middle, at the tip and at the beginning [1].
+        Values of the polynomials at the middle, at the tip and at the beginning [1].
     slope : ndarray (count,)
-        Slope of the polynomials at the beginning [1].
+        Slopes of the polynomials at the beginning [1].
     """
 
     phi: Array
@@ -96,7 +99,7 @@ class RodBasis(NamedTuple):
 
 @lru_cache
 def basis(count: int, clamped: bool) -> RodBasis:
-    """So many polynomials, which vanish at the beginning of a rod that is clamped there.
+    """The first `count` polynomials; for a clamped rod they are zero at its beginning.
 
     >>> basis(4, clamped=True).phi.shape
     (4, 18)
@@ -106,7 +109,7 @@ def basis(count: int, clamped: bool) -> RodBasis:
     rows = rows[1:] + rows[:-1] if clamped else rows[:-1]
     slopes = np.array([2.0 * legendre.legval(x, legendre.legder(row)) for row in rows])
     nodes = np.eye(x.size)
-    # coefficients of the polynomial through values at the nodes, exact by Gauss's rule
+    # coefficients of the polynomial through values at the nodes; Gauss's rule gives them exactly
     fit = (np.arange(x.size)[:, None] + 0.5) * legendre.legvander(x, x.size - 1).T * weights
     lift = np.array([legendre.legint(row, lbnd=-1, scl=0.5) for row in nodes]).T @ fit
     return RodBasis(
@@ -132,15 +135,16 @@ class MovingRod:
     length, stiffness, mass : float
         Length [m], EI [N m^2], and mass of the whole rod [kg].
     clamped : bool
-        Whether its tangent is held at its beginning, at the angle `theta0`; else it is pinned.
+        Whether its tangent is fixed at its beginning, at the angle `theta0`; else it is pinned.
     gravity : complex
         Acceleration of gravity, g_x + i g_y [m/s^2].
     theta0 : float
         Angle from which bending is measured [rad].
     begin : callable, optional
-        z0 of the time, with its velocity and its acceleration [m, m/s, m/s^2]; left out, 0.
+        Function of time that returns z0, its velocity and its acceleration [m, m/s, m/s^2]; None:
+        z0 = 0.
     slider : float, optional
-        Mass at the tip, on the x axis [kg]; left out, the tip is free.
+        Mass of a slider at the tip, on the x axis [kg]; None: the tip is free.
 
     Examples
     --------
@@ -161,12 +165,12 @@ class MovingRod:
     slider: float | None = None
 
     def base(self, t: ArrayLike) -> tuple[Complex, Complex, Complex]:
-        """Place, velocity and acceleration (...) of the beginning [m, m/s, m/s^2]."""
+        """Position, velocity and acceleration (...) of the beginning [m, m/s, m/s^2]."""
         none = np.zeros(np.shape(t), complex)
         return self.begin(t) if self.begin else (none, none, none)
 
     def terms(self, t: ArrayLike, a: Array, rate: Array) -> tuple[Array, Array, Complex, Complex]:
-        """Mass matrix, generalised force, and J and b of the tip, at any number of moments.
+        """Mass matrix, generalized force, and J and b of the tip, at any number of times.
 
         Parameters
         ----------
@@ -180,7 +184,7 @@ class MovingRod:
         mass : ndarray (..., count, count)
             M [kg m^2].
         force : ndarray (..., count)
-            All but the force of the guide [N m].
+            Generalized force without the force of the guide [N m].
         tip : ndarray (..., count)
             J at the tip [m].
         ahead : ndarray (...)
@@ -189,7 +193,7 @@ class MovingRod:
         form, size = basis(a.shape[-1], self.clamped), self.length
         along = size * np.exp(1j * (self.theta0 + a @ form.phi))
         inward = along * (rate @ form.phi) ** 2
-        # parts of J as real arrays, side by side: products of real arrays take half the time
+        # real and imaginary parts of J in one real array: real products take half the time
         turned = np.concatenate(
             [-along.imag[..., None, :] * form.phi, along.real[..., None, :] * form.phi], axis=-2
         )
@@ -223,7 +227,7 @@ class MovingRod:
     def on_guide(self, t: float, a: Array, rate: Array) -> tuple[Array, Array]:
         """Coefficients and rates (count,) nearest to these with the tip on the guide [rad, rad/s].
 
-        Without a guide they are returned as they are.
+        Without a guide they are not changed.
         """
         if self.slider is None:
             return a, rate
@@ -244,14 +248,14 @@ class MovingRod:
         t : ndarray (times,)
             Rising times [s].
         a, rate : ndarray (count,)
-            At the first of them [rad, rad/s].
+            Coefficients and rates at the first time [rad, rad/s].
         step : float
             Longest step [s].
 
         Raises
         ------
         ValueError
-            A step has no solution, since the rod turns too far in it.
+            A step has no solution, because the rod turns too far in it.
         """
         state = self.on_guide(t[0], a, rate)
         found = [state]
@@ -266,7 +270,7 @@ class MovingRod:
     def advanced(
         self, t: float, a: Array, rate: Array, h: float, halved: int = 0
     ) -> tuple[Array, Array]:
-        """`stepped`, in halves of a step of `h` [s] that has no solution [rad, rad/s]."""
+        """The result of `stepped` [rad, rad/s]; a step of `h` [s] without solution is halved."""
         try:
             return self.stepped(t, a, rate, h)
         except ArithmeticError:
@@ -276,15 +280,15 @@ class MovingRod:
         return self.advanced(t + h / 2.0, *state, h / 2.0, halved + 1)
 
     def stepped(self, t: float, a: Array, rate: Array, h: float) -> tuple[Array, Array]:
-        """Coefficients and rates (count,) a step of `h` [s] later [rad, rad/s].
+        """Coefficients and rates (count,) after a step of `h` [s], by Gauss's collocation [rad, rad/s].
 
-        Gauss's collocation: the accelerations at its stages are found by Newton's method, with the
-        mass matrix of the beginning of the step and the stiffness of bending.
+        The accelerations at its stages are found by Newton's method, whose matrix has the mass
+        matrix of the beginning of the step and the stiffness of bending.
 
         Raises
         ------
         ArithmeticError
-            It does not converge: the rod turns too far in the step.
+            Newton's method does not converge, because the rod turns too far in the step.
         """
         count, stages = a.size, NODES.size
         mass, _, tip, _ = self.terms(t, a, rate)
@@ -312,7 +316,7 @@ class MovingRod:
             second = second + change[:, :count]
             guide = guide + change[:, count:].sum(-1)
             size = np.abs(twice @ change[:, :count]).max()
-            if not size < 1e3:  # not a number, or further and further off
+            if not size < 1e3:  # NaN, or divergence
                 raise ArithmeticError("no solution of a step")
             if not size > ROUNDING or (size < NEARLY and size > 0.5 * before):
                 break
@@ -324,13 +328,13 @@ class MovingRod:
     def frequencies(self, count: int) -> Array:
         """Angular frequencies (count,) of small motions about the straight rod, rising [rad/s].
 
-        Gravity is left out, and the beginning and the guide stay.
+        They are those without gravity and with the beginning at rest; a guide is taken into account.
         """
         still = replace(self, gravity=0.0, theta0=0.0, begin=None)
         zero = np.zeros(count)
         mass = still.terms(0.0, zero, zero)[0]
         spring = self.stiffness / self.length * basis(count, self.clamped).bend
-        if self.slider is not None:  # motions that leave the tip on the guide
+        if self.slider is not None:  # motions whose tip stays on the guide
             across = np.linalg.svd(still.terms(0.0, zero, zero)[2].imag[None])[2][1:]
             mass, spring = across @ mass @ across.T, across @ spring @ across.T
         squares = np.linalg.eigvals(np.linalg.solve(mass, spring)).real
@@ -339,8 +343,8 @@ class MovingRod:
     def curves(self, t: Array, a: Array, rate: Array) -> dict[str, Array]:
         """Quantities over time, from coefficients and rates (times, count) [SI].
 
-        Places, velocities, angles and rates of middle and tip; energies; force and moment on the
-        beginning of the rod, in which are the acceleration of the rod and of the slider.
+        Positions, velocities, angles and rates of middle and tip; energies; force and moment on the
+        beginning of the rod, with the inertia of the rod and of the slider.
         """
         form, size = basis(a.shape[1], self.clamped), self.length
         z0, v0, a0 = (np.broadcast_to(c, t.shape) for c in self.base(t))
@@ -392,7 +396,8 @@ class MovingRod:
 
 
 Started = tuple[MovingRod, Callable[[int], tuple[Array, Array]]]
-"""A rod, and coefficients and rates of so many polynomials at the start of its motion."""
+"""A rod, and a function that returns the coefficients and rates of a number of polynomials at the
+start of its motion."""
 
 
 class ResolvedMotion(NamedTuple):
@@ -401,11 +406,11 @@ class ResolvedMotion(NamedTuple):
     Attributes
     ----------
     asked : tuple
-        What it is the motion of.
+        Numbers of the problem, and its times.
     polynomials : int
-        Their number.
+        Number of polynomials.
     curves : dict of str to ndarray (times,)
-        [SI].
+        Quantities over time [SI].
     """
 
     asked: tuple[Any, ...]
@@ -416,21 +421,21 @@ class ResolvedMotion(NamedTuple):
 def resolved_motion(
     begins: Callable[..., Started], problem: tuple[float, ...], times: tuple[float, ...]
 ) -> dict[str, Array]:
-    """Curves of a motion with as many polynomials as it needs, or as one near it needed.
+    """Curves of a motion with as many polynomials as it, or a problem near it, needs.
 
     Parameters
     ----------
     begins : callable
-        The rod and its start, from the numbers of a problem.
+        Function of the numbers of a problem that returns the rod and its start.
     problem : tuple of float
-        These numbers [SI].
+        Numbers of the problem [SI].
     times : tuple of float
-        Rising, the start first [s].
+        Rising times, from that of the start on [s].
 
     Raises
     ------
     ValueError
-        The motion changes with the most polynomials still, or lasts too long.
+        The motion still changes with the largest number of polynomials, or lasts too long.
     """
     near = resolved(begins, problem, times)
     if near.asked == (problem, times):
@@ -453,14 +458,14 @@ def step_of(rod: MovingRod) -> float:
 def resolved(
     begins: Callable[..., Started], problem: tuple[float, ...], times: tuple[float, ...]
 ) -> ResolvedMotion:
-    """The motion with more and more polynomials, until no place changes by more than `ACCURACY`."""
+    """The motion with the first of `COUNTS` that changes no position by more than `ACCURACY`."""
     before: Array | None = None
     (rod, start), t = begins(*problem), np.array(times)
     steps = (t[-1] - t[0]) / step_of(rod)
     if steps > MOST_STEPS:
         raise ValueError(
             f"the rod is too stiff to be followed so long: {steps:.1g} steps in time; at most "
-            f"{MOST_STEPS:g}"
+            f"{MOST_STEPS:g} are possible"
         )
     for count in COUNTS:
         found = moved(rod, t, *start(count))
@@ -471,7 +476,7 @@ def resolved(
                 return ResolvedMotion((problem, times), count, found)
         before = places
     raise ValueError(
-        f"the motion of the rod is not resolved: its places change by {change:.1g} of its length "
+        f"the motion of the rod is not resolved: positions change by {change:.1g} of its length "
         f"from {COUNTS[-2]} to {COUNTS[-1]} polynomials; take a stiffer rod, or end sooner"
     )
 

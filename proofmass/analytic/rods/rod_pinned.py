@@ -1,6 +1,6 @@
-"""A rod from a clamp to a pin at a given place: its force and moment by shooting with Newton.
+"""A rod from a clamp to a pin at a given position: its force and moment by shooting.
 
-Rod from a clamp to a pin, at rest: the shape that a first guess of its force leads to.
+A first guess of the force and the moment determines which equilibrium Newton's method finds.
 """
 
 from collections.abc import Callable
@@ -21,24 +21,24 @@ from proofmass.analytic.rods.equilibrium import flow
 from proofmass.analytic.rods.shooting import ShotRods, integrate
 
 NAMES = ("n_x", "n_y", "m_0")
-"""The unknowns of shooting."""
+"""Names of the unknowns of shooting."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """Where Newton's method ended, and how it got there.
+    """The last iterate of Newton's method, and all iterates before it.
 
     Attributes
     ----------
     rod : ShotRods
         The rod of the last iterate.
     residual : float
-        Largest of its tip's misses [m] and the moment at its tip [N m].
+        Largest of the errors of its tip in x and y [m] and the moment at its tip [N m].
     converged : bool
-        Whether that is within the tolerance.
+        Whether the residual is within the tolerance.
     log : NewtonLog
         All iterates (n_x, n_y, m0) [N, N m] from the guess on, and f and its Jacobian at each
-        before the last.
+        one before the last.
     """
 
     rod: ShotRods
@@ -80,30 +80,32 @@ def pinned(
 
         f(n_x, n_y, m0) = [x(L) - x, y(L) - y, m(L)] = 0
 
-    by Newton's method, a step halved for as long as the largest |f| grows.  Which of the many
-    equilibria is found depends on the guess.
+    by Newton's method.  A step is halved as long as it would increase the largest |f|.  The guess
+    determines which of the many equilibria is found.
 
     Parameters
     ----------
     x, y : the pin, from the clamp [m]
-    guess : (n_x, n_y, m0) to begin with [N, N m]
+    guess : first (n_x, n_y, m0) [N, N m]
     theta0, length, stiffness : clamp's tangent [rad], L [m], EI [N m^2]
     weight_x, weight_y, axial, shear : of `integrate` [N/m, N/m, N, N]
     nodes, scheme : of `integrate`
-    exact : Jacobian by the variational equations; otherwise the document's forward differences
+    exact : whether the Jacobian is that of the variational equations; otherwise it is computed by
+        forward differences as in the source
     tolerance : largest |f| of a root [m, N m]
 
     Raises
     ------
     ValueError
-        A pin farther away than a rod is long that does not stretch, or a parameter out of its
+        A pin farther away than the length of a rod that does not stretch, or a parameter out of its
         domain.
 
     Notes
     -----
     Source: Pérez Gámiz 2018, sec. 11.4.1 and annex II lines 1616-1957: RK4 with 61 nodes, forward
-    differences of 1e-10, tolerance 1e-7, no halving below a step of 1e-3 of it, and an end where
-    |f| no longer changes.  It calls the problem direct (line 370) and inverse (annex).
+    differences of 1e-10, tolerance 1e-7.  Steps below 1e-3 of the tolerance are not halved, and the
+    iteration ends when |f| no longer changes.  The source calls the problem both direct (line 370)
+    and inverse (annex).
 
     Examples
     --------
@@ -128,7 +130,7 @@ def pinned(
     )
     target = np.array([x, y, 0.0])
 
-    @lru_cache(1)  # a step ends where the next one asks for the Jacobian
+    @lru_cache(1)  # the Jacobian of the next step is needed at the end of the last one
     def shot(*unknowns: float) -> ShotRods:
         return shoot(*unknowns, slopes=exact)
 
@@ -144,7 +146,7 @@ def pinned(
 
 
 def differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
-    """Residual and Jacobian by forward differences."""
+    """A function that returns the residual and its Jacobian by forward differences."""
 
     def system(x: Array) -> tuple[Array, Array]:
         f = miss(x)
@@ -160,7 +162,7 @@ def newton(
     tolerance: float,
     most: int = 200,
 ) -> tuple[NewtonLog, float]:
-    """The document's iteration: its log, and the largest residual left at the last iterate."""
+    """The source's iteration: its log, and the largest residual at the last iterate."""
     iterates = [np.array(guess, float)]
     values, jacobians = list[Array](), list[Array]()
     f, jacobian = system(iterates[0])
@@ -199,7 +201,7 @@ def solve(
     axial: float = np.inf,
     shear: float = np.inf,
 ) -> dict[str, Array]:
-    r"""Shape of a rod clamped at the origin with its tip pinned to a place, at arc lengths `s`.
+    r"""Shape of a rod clamped at the origin with its tip on a fixed pin, at arc lengths `s`.
 
     ::
 
@@ -207,7 +209,7 @@ def solve(
         |=  `-._      .-o pin         m' = n_x sin(theta) - n_y cos(theta)
         |       `-..-'
 
-    With a weight, or strains of its sections, it obeys the equations of
+    A rod with weight, or with strains of its sections, obeys the equations of
     `proofmass.analytic.rods.cantilever.solve`.  A rod that stretches may be straight between its
     supports, or taut.
 
@@ -215,17 +217,17 @@ def solve(
     ----------
     s : [m], in [0, length]  (...)
     pin_x, pin_y : from the clamp [m]
-    force_x, force_y : first guess of the pin's force on the tip [N]; it and the next one choose
-        among the equilibria
+    force_x, force_y : first guess of the pin's force on the tip [N]; together with `moment` it
+        selects one of the equilibria
     moment : first guess of the moment at the clamp [N m]
     length, stiffness, theta0 : L [m], EI [N m^2], tangent at the clamp [rad]
     weight_x, weight_y : dead load per length of rod [N/m]
-    axial, shear : EA, and GA with the section's area of shear [N]; left out: without that strain
+    axial, shear : EA, and GA with the section's area of shear [N]; infinite: without that strain
 
     Returns
     -------
-    dict of (...) arrays: x, y [m], theta [rad], m [N m]; and force_x, force_y [N], the pin's, and
-    hold [N m], the moment that holds the clamp.
+    dict of (...) arrays: x, y [m], theta [rad], m [N m]; force_x, force_y [N] of the pin on the
+    tip; and hold [N m], the moment on the clamp that keeps it at rest.
 
     Raises
     ------
@@ -234,8 +236,8 @@ def solve(
 
     Notes
     -----
-    Within 1e-10 L for rods of few half waves.  Source: Pérez Gámiz 2018, sec. 11.4.1 and annex II
-    lines 1616-1957, which prints no results.
+    The error is below 1e-10 L for rods of few half waves.  Source: Pérez Gámiz 2018, sec. 11.4.1
+    and annex II lines 1616-1957, which prints no results.
 
     Examples
     --------
@@ -285,15 +287,16 @@ def solve(
 def root(
     pin_x: float, pin_y: float, guess: tuple[float, ...], made: tuple[tuple[str, Any], ...]
 ) -> tuple[float, ...]:
-    """The force and the moment (n_x, n_y, m0) [N, N m] that a guess leads to.
+    """The force and the moment (n_x, n_y, m0) [N, N m] that Newton's method finds from a guess.
 
-    Newton's method goes on from there to problems of more digits, of which sensitivities want many.
+    `nearby` gives the same result for problems that differ by less than 1e-5, and Newton's method
+    continues from it for each of them.  Sensitivities need many such problems.
     """
     return tuple(pinned(pin_x, pin_y, guess, **dict(made)).unknowns.tolist())
 
 
 DOCUMENT: dict[str, Any] = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
-"""How annex II of the document shoots."""
+"""Arguments of `pinned` for shooting as in annex II of Pérez Gámiz 2018."""
 
 
 def shooting_course(
@@ -317,7 +320,7 @@ def shooting_course(
     Returns
     -------
     Chart
-        A panel for each unknown, a line for each way to shoot.
+        A panel for each unknown, a line for each method of shooting.
 
     Raises
     ------
@@ -349,8 +352,8 @@ def shooting_course(
             for k, (name, unit) in enumerate(zip(NAMES, ("N", "N", "N m"), strict=True))
         ),
         "Force of the pin on the tip and moment at the clamp from the first guess on. A step is "
-        "halved for as long as it would make the tip miss its place by more than before. The "
-        "document's way has Runge-Kutta's method with 61 nodes and forward differences.",
+        "halved as long as it would increase the largest residual. The document's way is "
+        "Runge-Kutta's method with 61 nodes and forward differences.",
     )
 
 
@@ -375,7 +378,7 @@ def shooting_convergence(
     Returns
     -------
     Chart
-        A panel for each way to shoot.
+        A panel for each method of shooting.
 
     Raises
     ------
@@ -393,15 +396,15 @@ def shooting_convergence(
     logs = shooting_logs(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
     return newton_raphson.convergence(
         {f"{label}: {log.iterations} iterations": log for label, log in logs.items()},
-        "Size of the step of each unknown, of the whole step, and of what the tip misses before "
-        "it. At the end each step is about the square of the last: its exponent doubles.",
+        "Size of the step of each unknown, of the whole step, and of the residual before the step. "
+        "Near the root each step is about the square of the one before: its exponent doubles.",
     )
 
 
 def shooting_logs(
     x: float, y: float, guess: ArrayLike, theta0: float, length: float, stiffness: float
 ) -> dict[str, NewtonLog]:
-    """Logs of shooting with an exact Jacobian and as the document does, by their labels."""
+    """Logs of shooting with an exact Jacobian and as in the source, by their labels."""
     ways = {"exact Jacobian": dict[str, Any](), "the document's way": DOCUMENT}
     logs = dict[str, NewtonLog]()
     for label, way in ways.items():
@@ -415,15 +418,15 @@ def shooting_logs(
 
 
 SHARES = (0.25, 0.5, 0.75)
-"""Relative moduli of which lines are drawn."""
+"""Relative moduli of the lines of a chart."""
 MOST_MODES = 3
-"""Numbers of inflections that charts show."""
+"""Largest number of inflections that charts show."""
 SEAM = 1e-4
-"""Of a relative modulus from 0, where the rod has no moment at its clamp, and from 1."""
+"""Least distance of a relative modulus from 0, where the rod has no moment at its clamp, and 1."""
 TOP = 1e3
-"""Largest load [EI/L^2] that charts show: it has no bound at k_rel = +-1."""
+"""Largest load [EI/L^2] that charts show, since the load has no bound at k_rel = +-1."""
 HALVINGS = 60
-"""Of an interval about a relative modulus with a given load."""
+"""Bisections of an interval that contains a relative modulus with a given load."""
 
 
 def moduli(
@@ -437,7 +440,7 @@ def moduli(
     stiffness: float = 1.0,
     theta0: float = 0.0,
 ) -> Chart:
-    r"""Which moduli k there are for each direction of the load, and the rod's own.
+    r"""Chart of the moduli k that exist for each direction of the load, and the rod's own.
 
     ::
 
@@ -460,7 +463,7 @@ def moduli(
 
     Notes
     -----
-    Source: Pérez Gámiz 2018, figure 8; its line 451 swaps what is valid and what is not.
+    Source: Pérez Gámiz 2018, figure 8; its line 451 swaps the valid and the invalid moduli.
 
     Examples
     --------
@@ -536,7 +539,7 @@ def loads(
     theta0: float = 0.0,
     nodes: int = 121,
 ) -> Chart:
-    """The load R of a rod over its direction psi and relative modulus, by number of inflections.
+    """Chart of the load R over its direction psi and k_rel, for each number of inflections.
 
     Parameters
     ----------
@@ -569,7 +572,7 @@ def loads(
     own = load_of(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
     psi = np.linspace(0.0, TURN, nodes + 2)[1:-1]
     k_rel = apart_from_ends(np.linspace(-1.0, 1.0, 2 * nodes))
-    lines = np.insert(k_rel, nodes, 0.0)  # the surface is parted there
+    lines = np.insert(k_rel, nodes, 0.0)  # NaN at k_rel = 0 divides the surface
     panels = []
     for mode in range(1, MOST_MODES + 1):
         log = np.log10(np.clip(tip(psi[:, None], k_rel, mode)["R"], 1.0 / TOP, TOP))
@@ -606,7 +609,7 @@ def loads_of_direction(
     stiffness: float = 1.0,
     theta0: float = 0.0,
 ) -> Chart:
-    """The load R over the relative modulus at the rod's own direction, and all rods of its load.
+    """Chart of the load R over k_rel in the rod's own direction, with all rods of its load.
 
     Parameters
     ----------
@@ -625,7 +628,7 @@ def loads_of_direction(
 
     Notes
     -----
-    Rods of the load are found between neighbours of 1200 moduli and bisected to the last digit.
+    Rods of the load are found between neighbours of 1200 moduli, by bisection to the last digit.
     Source: Pérez Gámiz 2018, figure 10.
 
     Examples
@@ -661,7 +664,7 @@ def loads_of_direction(
 def load_of(
     x: float, y: float, guess: ArrayLike, theta0: float, length: float, stiffness: float
 ) -> tuple[float, float, float]:
-    """psi [rad], k_rel [1] and number of inflections of the rod to which a guess leads."""
+    """psi [rad], k_rel [1] and number of inflections of the rod that is found from a guess."""
     found = pinned(x, y, guess, theta0=theta0, length=length, stiffness=stiffness)
     if not found.converged:
         raise ValueError("force_x, force_y, moment lead to no equilibrium; give a nearer guess")
@@ -670,13 +673,13 @@ def load_of(
 
 
 def apart_from_ends(k_rel: Array) -> Array:
-    """Relative moduli a little apart from 0 and from +-1."""
+    """Relative moduli, moved away from 0 and from +-1 by `SEAM` if they are nearer."""
     away = np.clip(np.abs(k_rel), SEAM, 1.0 - SEAM)
     return np.asarray(np.where(k_rel < 0.0, -away, away))
 
 
 def rods_of_load(psi: float, k_rel: Array, size: Array, mode: int, load: float) -> Array:
-    """Relative moduli between those given where R passes a load [EI/L^2], not across zero."""
+    """Relative moduli at which R is equal to a load [EI/L^2], between given ones of one sign."""
     over = size > load
     at = np.flatnonzero((over[:-1] != over[1:]) & (k_rel[:-1] * k_rel[1:] > 0.0))
     low, high, before = k_rel[at], k_rel[at + 1], over[at]
@@ -689,5 +692,5 @@ def rods_of_load(psi: float, k_rel: Array, size: Array, mode: int, load: float) 
 
 
 def counted(mode: int) -> str:
-    """A number of inflections in words."""
+    """A label with the number of inflections."""
     return "1 inflection, the tip" if mode == 1 else f"{mode} inflections"

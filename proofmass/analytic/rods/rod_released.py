@@ -1,4 +1,4 @@
-r"""Straight clamped rod let go under its own weight: a motion of any amplitude in a plane.
+r"""Straight clamped rod released under its own weight: a motion of any amplitude in a plane.
 
 ::
 
@@ -22,7 +22,7 @@ def solve(
     gravity: float = 9.81,
     theta0: float = 0.0,
 ) -> dict[str, Array]:
-    """Motion of a clamped rod with mass along it, let go at rest at time 0.
+    """Motion of a clamped rod with mass along it that is released at rest at time 0.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ def solve(
     dict of ndarray (n,)
         ``middle_x``, ``middle_y``, ``tip_x``, ``tip_y`` [m], ``middle_angle``, ``tip_angle``
         [rad], ``middle_vx``, ``middle_vy``, ``tip_vx``, ``tip_vy`` [m/s], ``middle_rate``,
-        ``tip_rate`` [rad/s]; ``kinetic``, ``strain``, ``potential``, the strain energy with that
-        of weight, zero at y = 0, and ``energy``, the sum of kinetic and potential [J]; of the clamp
-        on the rod ``force_x``, ``force_y`` [N] and ``moment`` [N m].
+        ``tip_rate`` [rad/s]; ``kinetic``, ``strain``, ``potential``, the sum of the strain energy
+        and that of weight, zero at y = 0, and ``energy``, the sum of kinetic and potential [J];
+        ``force_x``, ``force_y`` [N] and ``moment`` [N m] of the clamp on the rod.
 
     Raises
     ------
@@ -52,11 +52,11 @@ def solve(
 
     Notes
     -----
-    Places are accurate to 2e-5 of the length or better, energy to 1e-8 of its share that changes.
-    Its weight, which bends it from one moment to the next, has a share in all modes; those above
-    the sixth lose their phase. Of the range, velocities are accurate to 2e-3, angles and the
-    moment to 3e-4 and 3e-3, and rates and forces to 3e-2.  Sections have no inertia of rotation of
-    their own, to which a chain of slender links tends as well.  The equations are in
+    Positions are accurate to 2e-5 of the length or better, energy to 1e-8 of its change.  The
+    weight acts on the straight rod at once and excites all modes; those above the sixth lose their
+    phase.  Over their ranges, velocities are accurate to 2e-3, angles and the moment to 3e-4 and
+    3e-3, and rates and forces to 3e-2.  Sections have no rotary inertia of their own, which is also
+    the limit of a chain of slender links.  The equations are in
     `proofmass.analytic.rods.rod_motion`.
 
     Examples
@@ -85,7 +85,7 @@ def solve(
 def released(
     length: float, stiffness: float, mass: float, gravity: float, theta0: float
 ) -> Started:
-    """The rod, and its start at rest.
+    """The rod, and a function that returns its start at rest.
 
     >>> released(1.0, 1.0, 1.0, 0.0, 0.0)[1](2)
     (array([0., 0.]), array([0., 0.]))

@@ -1,8 +1,7 @@
-"""A rod integrated from its clamp: the classical Runge-Kutta method and one of order 8, batched.
+"""Rods integrated from their clamps by the classical Runge-Kutta method or one of order 8.
 
-Nothing here knows of elliptic integrals; tangents are those of the variational equations.
-
-The same tangents give the index of an equilibrium: how many negative directions its energy has.
+The integration uses no elliptic integrals.  The variational equations give its derivatives, and
+with them the index of an equilibrium: the number of negative directions of its energy.
 """
 
 from collections.abc import Callable
@@ -24,14 +23,14 @@ SCHEMES = {"rk4": RK4, "dop853": (DOP853.A[:12, :12], DOP853.B)}
 
 @dataclass(frozen=True)
 class ShotRods:
-    """Rods along their nodes, and how their ends move with what they were started with.
+    """Rods at their nodes, with derivatives by the load and by the values at the clamp.
 
     Attributes
     ----------
     s : (nodes,) arc length [m]
     theta, m, x, y : (nodes, ...) [rad], [N m], [m], [m]
-    slope : (nodes, 4, 4, ...) of (theta, m, x, y) by (n_x, n_y, m0, theta0) [SI]; empty unless
-        asked for
+    slope : (nodes, 4, 4, ...) derivatives of (theta, m, x, y) by (n_x, n_y, m0, theta0) [SI]; empty
+        if they were not asked for
     """
 
     s: Array
@@ -68,8 +67,8 @@ def integrate(
         x' + i y' = (1 + A/EA + i S/GA) exp(i theta),   A + i S = (N_x + i N_y) exp(-i theta)
 
     A is the force along the section's normal, whose angle is theta, and S the one across it.
-    Without an EA and a GA the normal is the tangent of an inextensible rod.  n and m0 are what
-    shooting looks for; nothing is asked of the tip.
+    Without an EA and a GA the normal is the tangent of an inextensible rod.  n and m0 are the
+    unknowns of shooting; there is no condition at the tip.
 
     Parameters
     ----------
@@ -91,7 +90,8 @@ def integrate(
 
     Notes
     -----
-    Order 4 and 8 in the step.  "dop853" with 41 nodes is at rounding for a rod of a few half waves.
+    The schemes are of order 4 and 8 in the step.  The error of "dop853" with 41 nodes is that of
+    rounding for a rod of a few half waves.
     Source: Pérez Gámiz 2018, eq. 24-26, 30, 78 and annex II line 1616: RK4 with 61 and 41 nodes;
     eq. 29 for a rod that stretches and shears has two misprints (docs/errata.md).  Order 8:
     scipy's coefficients of Dormand and Prince, with constant steps.
@@ -148,11 +148,12 @@ def from_tip(
     scheme: str = "dop853",
     slopes: bool = False,
 ) -> ShotRods:
-    """Rods followed backwards from a tip of known angle [rad], with a moment [N m] on it.
+    """Rods integrated backwards from a tip of known angle [rad], with a moment [N m] on it.
 
-    The equations are those of `integrate` with s counted from the tip and m turned around, so the
-    result has s from the tip, -m for m, and x, y of the tip from the point at s; slopes are by
-    (n_x, n_y, -moment, theta).  Unlike from the clamp, errors do not grow in a rod under tension.
+    The equations are those of `integrate` with s counted from the tip and the sign of m reversed.
+    So the result has s from the tip, -m instead of m, and x, y of the tip from the point at s;
+    slopes are derivatives by (n_x, n_y, -moment, theta).  In a rod under tension errors do not grow
+    in this direction, but they do from the clamp.
 
     >>> back = from_tip(1.0, 2.0, 1.0)
     >>> ahead = integrate(1.0, 2.0, -back.m[-1], theta0=back.theta[-1])
@@ -182,7 +183,7 @@ def march(
 ) -> Array:
     """States (nodes, ...) of an explicit Runge-Kutta method on the nodes s.
 
-    `rate` is given a place and a state, and where to put the state's derivative.
+    `rate` takes an arc length, a state and the array into which it writes the state's derivative.
     """
     a, b = SCHEMES[scheme]
     c = a.sum(axis=1)
@@ -205,9 +206,9 @@ def _slope(
     strains: tuple[float, float] | None,
     slope: Array,
 ) -> None:
-    """d/ds of (theta, m, x, y) in row 0 of the second axis, of its tangents in the other rows.
+    """Write d/ds of (theta, m, x, y) and of its tangents, which are rows 0 and 1.. of axis 1.
 
-    `strains` are EA and GA of a rod that has one of them.
+    `strains` are EA and GA, or None for a rod without either strain.
     """
     turns, tangents = state[0], state.shape[1] > 1
     turn = np.exp(1j * turns[0])
@@ -232,10 +233,10 @@ def _slope(
 
 @dataclass(frozen=True)
 class Stability:
-    """Negative directions of V with the tip free and with it pinned; the tip's compliance.
+    """Numbers of negative directions of V with the tip free and pinned, and the tip's compliance.
 
     free, pinned : (...) numbers of negative eigenvalues; 0 is stable
-    compliance : (2, 2, ...) of the tip's place by the dead load on it [m/N]
+    compliance : (2, 2, ...) derivatives of the tip's position by the dead load on it [m/N]
     """
 
     free: Array
@@ -257,16 +258,17 @@ def stability(
     shear: float = np.inf,
     nodes: int = 201,
 ) -> Stability:
-    r"""Negative directions of the second variation at an equilibrium, known by its tip.
+    r"""Negative directions of the second variation at an equilibrium that is given by its tip.
 
     ::
 
         d2V[h] = int EI h'^2 + (N_x cos(theta) + N_y sin(theta)) h^2 ds,    h(0) = 0
 
-    Tip free: as many as Jacobi's field has zeros on (0, L), which begins at the tip with h = 1 and
-    h' = 0 and obeys EI h'' = (N . t) h.  A rod that stretches and shears has its strains in the
-    equilibrium of each h, so that (N . t) is A + (A^2 - S^2) (1/EA - 1/GA).  Tip pinned: with
-    C = d(x, y)/d(n_x, n_y) at constant clamp and constant moment of the tip::
+    With the tip free their number is that of the zeros on (0, L) of Jacobi's field, which begins at
+    the tip with h = 1 and h' = 0 and obeys EI h'' = (N . t) h.  In a rod that stretches and shears
+    the strains are in equilibrium for each h, so that (N . t) is replaced by
+    A + (A^2 - S^2) (1/EA - 1/GA).  With the tip pinned, and C = d(x, y)/d(n_x, n_y) at constant
+    clamp and constant moment of the tip::
 
         pinned = free - (number of negative eigenvalues of C)
 
@@ -284,10 +286,10 @@ def stability(
 
     Notes
     -----
-    A field that passes zero and returns between two nodes is not seen: `nodes` must be many for
-    each half wave.  Exactly at a critical load the count is either of the two beside it.  Not in
-    Pérez Gámiz 2018, which has no stability.  Inertia: E. V. Haynsworth, Linear Algebra Appl. 1
-    (1968) 73-81.
+    Two zeros of the field between neighbouring nodes are not found, so there must be many nodes for
+    each half wave.  Exactly at a critical load the number is that below it or that above it.  Pérez
+    Gámiz 2018 does not treat stability.  Inertia: E. V. Haynsworth, Linear Algebra Appl. 1 (1968)
+    73-81.
 
     Examples
     --------

@@ -3,8 +3,8 @@ r"""Slider-crank whose coupler is an elastic rod with mass, its crank driven at 
 ::
 
            crank end
-            o-.._             coupler: pinned at both ends, straight at the start, where it moves
-           /      ``--.._     as a rigid one would
+            o-.._             coupler: pinned at both ends; at the start it is straight and moves
+           /      ``--.._     like a rigid one
     crank /              ``-o slider, on the x axis
          O fixed
 """
@@ -15,14 +15,17 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.numerics import Array, Complex, finite, not_negative, positive
 from proofmass.analytic.rods.rod_motion import MovingRod, Started, check_rod, resolved_motion
 
-SAME = 1e-6  # of the rate: how far a constant one may change
+SAME = 1e-6  # largest change of a rate that counts as constant, over the rate
 DIGITS, SHARE = 10, 1e-9
-"""Of the time of the motion, and of its rate: drives that differ by less have the same motion,
-which is integrated once.  A place differs by as much of the crank's way, and is known to 1e-6."""
+"""Digits to which the rate is rounded, and share of the duration to which times are rounded.
+
+Drives that differ by less have the same motion, which is integrated once.  Positions change by as
+much of the crank's displacement, and are accurate to 1e-6.
+"""
 
 
 def rounded(value: float) -> float:
-    """A number in `DIGITS` digits."""
+    """A number rounded to `DIGITS` digits."""
     return float(f"{value:.{DIGITS}g}")
 
 
@@ -39,7 +42,7 @@ def solve(
     crank_mass: float = 0.0,
     gravity: float = 0.0,
 ) -> dict[str, Array]:
-    """Motion of a slider-crank in line with an elastic coupler, from the first angle of the crank.
+    """Motion of an in-line slider-crank with an elastic coupler, from the first angle of the crank.
 
     Parameters
     ----------
@@ -47,9 +50,9 @@ def solve(
         Angles of the crank from +x in the order of time [rad]; at the first one the coupler is
         straight.
     rate : array_like (n,)
-        Its rate, the same at all angles [rad/s].
+        Rate of the crank, the same at all angles [rad/s].
     acceleration : array_like (n,)
-        Not used, being zero [rad/s^2].
+        Not used, since it is zero [rad/s^2].
     crank, coupler : float
         Lengths [m], the coupler the longer one.
     stiffness, coupler_mass : float
@@ -62,13 +65,13 @@ def solve(
     Returns
     -------
     dict of ndarray (n,)
-        ``slider`` [m] and ``slider_velocity`` [m/s] along x; of the coupler's middle and of its
-        end on the slider all that `rod_released` has of middle and tip, such as ``middle_x`` [m]
-        and ``tip_angle`` [rad]; ``deflection`` of the middle from the line between the pins, to the
-        left seen from the crank [m]; ``crank_angle`` of the coupler at the crank [rad];
-        ``force_x``, ``force_y`` of the crank on the coupler, ``guide_force`` on the slider along y
-        [N]; ``drive_moment`` on the crank [N m]; ``kinetic``, ``strain``, ``potential`` and
-        ``energy``, the sum of kinetic and potential, all of coupler and slider [J].
+        ``slider`` [m] and ``slider_velocity`` [m/s] along x; all quantities that `rod_released` has
+        of middle and tip, for the coupler's middle and its end on the slider, such as ``middle_x``
+        [m] and ``tip_angle`` [rad]; ``deflection`` of the middle from the line between the pins,
+        positive to the left as seen from the crank [m]; ``crank_angle`` of the coupler at the crank
+        [rad]; ``force_x``, ``force_y`` of the crank on the coupler and ``guide_force`` on the
+        slider along y [N]; ``drive_moment`` on the crank [N m]; ``kinetic``, ``strain``,
+        ``potential`` and ``energy``, the sum of kinetic and potential, of coupler and slider [J].
 
     Raises
     ------
@@ -78,8 +81,8 @@ def solve(
 
     Notes
     -----
-    Places are accurate to 2e-5 of the coupler's length or better, and to 1e-6 of it if nothing
-    bends the coupler at the start: from the crank in line with the guide, without gravity.
+    Positions are accurate to 2e-5 of the coupler's length or better, and to 1e-6 of it if no load
+    bends the coupler at the start: without gravity, from the crank in line with the guide.
     The equations are in `proofmass.analytic.rods.rod_motion`.
 
     Examples
@@ -101,7 +104,9 @@ def solve(
     phi, speeds = (np.atleast_1d(np.asarray(part, float)) for part in (angle, rate))
     speed = float(np.median(speeds))
     if not np.abs(speeds - speed).max() <= SAME * abs(speed) or not speed:
-        raise ValueError("rate must be constant and not zero: the coupler has a motion of its own")
+        raise ValueError(
+            "rate must be constant and not zero, since the elastic coupler moves in time"
+        )
     speed, first = rounded(speed), round(float(phi[0]), DIGITS - 1)
     t = (phi - phi[0]) / speed
     if unit := SHARE * rounded(float(t[-1])):
@@ -135,7 +140,7 @@ def begun(
     first: float,
     speed: float,
 ) -> Started:
-    """The coupler, and its start: straight, and turning as a rigid one would."""
+    """The coupler, and a function that returns its start: straight and moving like a rigid one."""
 
     def begin(t: ArrayLike) -> tuple[Complex, Complex, Complex]:
         place = crank * np.exp(1j * (first + speed * np.asarray(t)))

@@ -40,25 +40,28 @@ SpatialNumbers = tuple[
 """Arguments of `spatial_load`: L [m]; GJ, EI_y, EI_z [N m^2]; EA, GA [N]; u0 [1/m]; F, M; w."""
 PARTS = "x", "y", "z"
 STEPS = 16
-"""Of order 8, for each turn of the rod without load; twice as many until they change nothing."""
+"""First number of steps, of order 8, for each turn of the rod without load; it is doubled until
+the tip no longer moves."""
 MOST_STEPS = 4096
+"""Largest number of steps along the rod."""
 SAME = 1e-12
-"""[L] What twice as many steps may move the tip by."""
+"""Largest distance [L] by which the tip may move if the number of steps is doubled."""
 FIRST = 0.125
-"""Of the loads: the first part by which they grow."""
+"""First increment of the loads, over the whole loads."""
 FAR = 0.5
-"""[EI/L] How far an equilibrium may be from where the last two point to."""
+"""Largest difference [EI/L] of the moment at the clamp from its extrapolation over the loads."""
 NEAR = 1e-7
-"""[EI/L] Differences of the moment at the clamp for its derivatives."""
+"""Differences [EI/L] of the moment at the clamp from which derivatives are computed."""
 MOST_ITERATIONS = 12
-"""Steps of Newton's method that may be needed beside a known equilibrium."""
+"""Largest number of steps of Newton's method from a guess."""
 EXACT, CLOSE, NEXT = 1e-14, 1e-11, 1e-7
-"""Of all moments: what the moment at the tip is off by at the end; less may be rounding; and what
-is enough for the next part of the loads."""
+"""Errors of the moment at the tip, over the sum of all moments: that of a root; that below which
+iterations end as soon as the error is no longer halved, by rounding; and that of an equilibrium
+under a share of the loads."""
 SHORTEST = 1e-4
-"""Of the loads: the least part of them by which they grow."""
+"""Least increment of the loads, over the whole loads."""
 LINKS = 32
-"""Parts of the rod, of which each may turn about three axes when its stability is asked."""
+"""Parts of the rod by which its stability is determined; each can rotate about three axes."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,9 @@ class SpatialLoad:
     length : float
         L [m].
     yields, strains : ndarray (3,)
-        1/GJ, 1/EI_y, 1/EI_z [1/(N m^2)]; 1/EA, 1/GA, 1/GA [1/N].
+        Compliances 1/GJ, 1/EI_y, 1/EI_z [1/(N m^2)]; 1/EA, 1/GA, 1/GA [1/N].
     natural : ndarray (3,)
-        u0, twist and curvatures without load [1/m].
+        u0, twist and curvatures of the rod without load [1/m].
     force, moment, weight : ndarray (3,)
         F [N] and M [N m] on the tip, w [N/m].
     """
@@ -115,21 +118,21 @@ def solve(
 ) -> dict[str, Array]:
     r"""Shape of a clamped rod in space at arc lengths `s` from the clamp.
 
-    The clamp is at the origin, its section's axes along x, y and z.  Without loads the rod has the
-    twist and the curvatures that are given: it is straight, an arc, or a helix.  Its equilibrium is
+    The clamp is at the origin, with the axes of its section along x, y and z.  Without loads the
+    rod has the given twist and curvatures: it is straight, an arc, or a helix.  Its equilibrium is
     the one that is reached when all loads grow together from zero.
 
     Parameters
     ----------
     s : [m], in [0, length], of the rod without load  (...)
     length : L [m]
-    stiffness, stiffness_y : EI [N m^2] of bending about the section's z and y axes; the second is
-        the first if it is left out
+    stiffness, stiffness_y : EI [N m^2] of bending about the section's z and y axes; `stiffness_y`
+        is equal to `stiffness` if it is None
     torsion : GJ [N m^2]
-    axial, shear : EA, and GA with the section's area of shear [N]; left out: without that strain
+    axial, shear : EA, and GA with the section's area of shear [N]; infinite: without that strain
     twist, curvature_y, curvature : u0 about the section's x, y and z axes [1/m]
     force_x, force_y, force_z : F on the tip [N]
-    moment_x, moment_y, moment_z : M on the tip [N m]; it keeps its direction as well
+    moment_x, moment_y, moment_z : M on the tip [N m], of constant direction like the forces
     weight_x, weight_y, weight_z : w, dead load per length of rod without load [N/m]
 
     Returns
@@ -146,9 +149,10 @@ def solve(
 
     Notes
     -----
-    Shooting from the clamp, whose moment is unknown, with a Runge-Kutta method of order 8 on so
-    many steps that twice as many change 1e-12 L.  An equilibrium is stable if the energy of
-    `LINKS` parts of the rod has no negative direction; close to where it buckles that is not exact.
+    The rod is solved by shooting from the clamp, whose moment is unknown, with a Runge-Kutta method
+    of order 8 and so many steps that twice as many move the tip by 1e-12 L at most.  An equilibrium
+    is stable if the energy of `LINKS` parts of the rod has no negative direction; close to buckling
+    this is not exact.
     Source: Pérez Gámiz 2018, eq. 1-23, which prints no numbers for them; in its axes the rod lies
     along z, and its eq. 22, of a rod without shear, has a shear stiffness (docs/errata.md).
     S. S. Antman, Nonlinear Problems of Elasticity, 2nd ed., Springer 2005, ch. 8.
@@ -195,7 +199,7 @@ def spatial_load(
     natural: tuple[float, float, float],
     *loads: tuple[float, float, float],
 ) -> SpatialLoad:
-    """The rod and its loads; ValueError for one that there is not."""
+    """The rod and its loads; ValueError for a parameter out of its domain."""
     positive(length=length)
     names = "torsion", "stiffness_y", "stiffness"
     positive("N m^2", **dict(zip(names, stiffnesses, strict=True)))
@@ -215,7 +219,11 @@ def spatial_load(
 
 
 def equilibrium(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, int]:
-    """The moment at the clamp (3,) [N m] where all loads have grown from zero, and the steps."""
+    """The moment at the clamp (3,) [N m] after all loads have grown from zero, and the steps.
+
+    ValueError if the number of steps is too small at its largest, or if the equilibrium is
+    unstable.
+    """
     turns = load.length * float(np.linalg.norm(load.natural)) / TURN
     steps = STEPS * (1 + int(turns))
     near = beside(load, 1.0, np.array(grown(given, steps)), steps)
@@ -226,22 +234,25 @@ def equilibrium(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, int]:
         near = beside(load, 1.0, found, steps)
         if near and np.abs(near[1] - tip).max() <= SAME * load.length:
             if negative_directions(load, near[0], steps):
-                raise ValueError("its loads buckle the rod before they have grown to the whole")
+                raise ValueError("the rod buckles before its loads have grown to the whole")
             return near[0], steps
-    raise ValueError(f"the rod is bent too sharply for {MOST_STEPS} steps along it")
+    raise ValueError(
+        f"the rod is not resolved with {MOST_STEPS} steps along it: it is bent too sharply"
+    )
 
 
 @nearby
 def grown(given: SpatialNumbers, steps: int) -> tuple[float, ...]:
     """The moment at the clamp [N m] of a rod whose loads have grown from zero.
 
-    Newton's method goes on from there to problems of more digits, of which sensitivities want many.
+    `nearby` gives the same result for problems that differ by less than 1e-5, and Newton's method
+    continues from it for each of them.  Sensitivities need many such problems.
     """
     return tuple(followed(spatial_load(*given), steps).tolist())
 
 
 def followed(load: SpatialLoad, steps: int) -> Array:
-    """The moment at the clamp (3,) [N m] while the loads grow from zero to the whole."""
+    """The moment at the clamp (3,) [N m] under the whole loads, by continuation from zero loads."""
     share, step, here, tangent = 0.0, FIRST, np.zeros(3), np.zeros(3)
     while share < 1.0:
         step = min(step, 1.0 - share)
@@ -261,8 +272,9 @@ def followed(load: SpatialLoad, steps: int) -> Array:
 
 
 def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> tuple[Array, Array] | None:
-    """The moment at the clamp (3,) [N m] under a share of the loads, by Newton's method, and the
-    place of the tip (3,) [m]; None if it fails.
+    """The moment at the clamp (3,) [N m] under a share of the loads, and the tip (3,) [m].
+
+    They are found by Newton's method from a guess; None if the method fails.
     """
     here, least = guess, np.inf
     width = NEAR * load.scale
@@ -289,11 +301,11 @@ def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> tuple[A
 
 
 DIRECTIONS, PLACE, MOMENT = slice(0, 9), slice(9, 12), slice(12, 15)
-"""Of a state: d1, d2, d3 one after the other [1]; p [m]; m [N m]."""
+"""Rows of a state: d1, d2, d3 one after the other [1]; p [m]; m [N m]."""
 
 
 def integrated(load: SpatialLoad, share: float, starts: Array, nodes: int | Array) -> Array:
-    """States (nodes, 15, rods) of rods that begin with the moments `starts` (3, rods) [N m]."""
+    """States (nodes, 15, rods) of rods with the moments `starts` (3, rods) [N m] at the clamp."""
     s = np.linspace(0.0, load.length, nodes + 1) if isinstance(nodes, int) else nodes
     state = np.zeros((15, starts.shape[1]))
     state[DIRECTIONS] = np.eye(3).reshape(9, 1)
@@ -302,7 +314,7 @@ def integrated(load: SpatialLoad, share: float, starts: Array, nodes: int | Arra
 
 
 def rate(load: SpatialLoad, share: float, at: float, state: Array, out: Array) -> None:
-    """d/ds of the states (15, rods) at an arc length [m]."""
+    """Write d/ds of the states (15, rods) at an arc length [m] into `out`."""
     axes, moment = state[DIRECTIONS].reshape(3, 3, -1), state[MOMENT]
     force = share * (load.force + load.weight * (load.length - at))
     v = load.strains[:, None] * np.einsum("jir,i->jr", axes, force)
@@ -320,7 +332,7 @@ def rate(load: SpatialLoad, share: float, at: float, state: Array, out: Array) -
 
 
 def shape(load: SpatialLoad, arc: Array, begin: Array, steps: int) -> tuple[Array, Array, Array]:
-    """Places (n, 3), axes (n, 3, 3) by their columns, and moments (n, 3) at arc lengths."""
+    """Positions (n, 3), axes (n, 3, 3) as columns, and moments (n, 3) at arc lengths (n,)."""
     nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, steps + 1), arc]))
     states = integrated(load, 1.0, begin[:, None], nodes)[np.searchsorted(nodes, arc), :, 0]
     axes = states[:, DIRECTIONS].reshape(-1, 3, 3).swapaxes(1, 2)
@@ -328,17 +340,17 @@ def shape(load: SpatialLoad, arc: Array, begin: Array, steps: int) -> tuple[Arra
 
 
 def negative_directions(load: SpatialLoad, begin: Array, steps: int) -> int:
-    r"""In how many directions the energy falls at an equilibrium, of a rod in `LINKS` parts.
+    r"""Number of directions in which the energy of a rod of `LINKS` parts falls at an equilibrium.
 
-    Between two parts stand three hinges, and slides where it stretches or shears, each against its
-    spring.  With a the axis of a hinge, b one beyond it at r, P the tip, and S the integral of the
-    places beyond r, as seen from there::
+    Between two parts there are three hinges, and slides if the rod stretches or shears, each with
+    a spring.  With a the axis of a hinge, b the axis of another one beyond it at r, P the tip, and
+    S the integral of the positions beyond r relative to r::
 
         d2V/da db = -a . ((b x (P - r)) x F + (b x S) x w)     two hinges
                     -a . (b x n)                               a hinge and a slide beyond it
 
-    A moment that keeps its direction has no energy: of what it adds, -M . (a x b), half stands on
-    either side of the diagonal.
+    A moment of constant direction has no energy; half of its term, -M . (a x b), is added on either
+    side of the diagonal.
     """
     h = load.length / LINKS
     arc = h * (np.arange(LINKS + 1) + 0.5)

@@ -1,7 +1,7 @@
-"""Workspaces of flexible mechanisms: one sheet of equilibria spread over a grid, and its charts.
+"""Workspaces of flexible mechanisms: an equilibrium manifold over a grid, and its charts.
 
-The charts show rim and singularities, area, aspect and stiffness, for mechanisms that have as many
-rods as degrees of freedom.
+The charts show the rim of the manifold, its singularities, area, aspect and stiffness, for
+mechanisms that have as many rods as degrees of freedom.
 """
 
 from dataclasses import dataclass
@@ -30,29 +30,29 @@ from proofmass.analytic.rods.equilibrium import (
 )
 
 ASIDE = np.array([[0, 1], [0, -1], [1, 0], [-1, 0]])
-"""Neighbours of a node."""
+"""Steps from a node of the grid to its four neighbours."""
 HALVINGS = 2
-"""How often a stride on a sheet may be halved, if not said otherwise."""
+"""Default number of times that a stride on an equilibrium manifold may be halved."""
 MORE = 4
-"""How often one from node to node."""
+"""Number of times that a stride from node to node may be halved."""
 BISECTIONS = 30
-"""Halvings of an edge of the grid towards a singularity on it."""
+"""Number of times that an edge of the grid is halved towards a singularity on it."""
 
 
 @dataclass(frozen=True)
 class Map:
-    """One sheet of equilibria over a grid of poses or inputs.
+    """An equilibrium manifold over a grid of poses or inputs.
 
     Attributes
     ----------
     name : str
-        "pose" or "inputs": what the grid gives.
+        "pose" or "inputs": the part of a state whose values the grid gives.
     axes : tuple of int
-        Which two coordinates of it; the others are those of the start.
+        Two coordinates of that part, the axes of the grid; the others are those of the start.
     first, second : ndarray (m,), (n,)
-        Their values [m or rad].
+        Values of the two coordinates [m or rad].
     states : RodState (m, n)
-        NaN where the sheet does not get.
+        States at the nodes; NaN where the manifold was not reached.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Map:
 
     @property
     def reached(self) -> NDArray[np.bool_]:
-        """Nodes (m, n) that the sheet covers."""
+        """Nodes (m, n) that the manifold covers."""
         return np.isfinite(self.states.vector[..., 0])
 
 
@@ -76,14 +76,14 @@ def spread(
     axes: tuple[int, int] = (0, 1),
     most: int = MORE,
 ) -> Map:
-    r"""Spread a sheet of equilibria from one state over a grid, without jumping.
+    r"""Continue the equilibrium manifold of one state over a grid, without jumps between its parts.
 
     ::
 
         . . o o .      S  start, followed to its nearest node
         . o x x o      x  solved: Newton's method along the tangent from a neighbour, in one batch
         . . o S o      o  next front
-                       .  not reached, or behind a fold
+                       .  not reached, or beyond a fold
 
     Parameters
     ----------
@@ -92,23 +92,23 @@ def spread(
     first, second : (m,), (n,)
         Increasing values of two coordinates [m or rad].
     name : "pose" (the inverse problem at each node) or "inputs" (the direct problem)
-    axes : which two coordinates
-    most : how often a stride from node to node may be halved
+    axes : the two coordinates of that part of the state
+    most : number of times that a stride from node to node may be halved
 
     Raises
     ------
     ValueError
-        An unknown name; inputs unequal in number to the degrees of freedom with "pose"; or the
-        start cannot be followed to the grid.
+        An unknown name; with "pose", a number of inputs that differs from that of the degrees of
+        freedom; or a start that cannot be followed to the grid.
 
     Notes
     -----
-    A node counts only if the correction is less than a quarter of the way from its neighbour and
-    the determinant of the problem that is solved keeps its sign: the sheet ends at its folds, the
-    inverse singularities with "pose" and the direct ones with "inputs".  Across the others it goes
-    on, and `loci` finds them.  Around a point where sheets meet, the node is of the sheet that
-    comes first.  Source of the maps: Pérez Gámiz 2018, text lines 3160-3495, which has figures
-    only.
+    A node is accepted only if the correction is less than a quarter of the stride from its
+    neighbour and the determinant of the problem that is solved keeps its sign.  The map therefore
+    ends at the folds of the manifold: the inverse singularities with "pose" and the direct ones
+    with "inputs".  It continues across the other singularities, and `loci` finds them.  Where
+    several parts of the manifold lie over the same node, the node has the part that reaches it
+    first.  Source of the maps: Pérez Gámiz 2018, text lines 3160-3495, which has figures only.
     """
     if name not in ("pose", "inputs"):
         raise ValueError(f"name must be 'pose' or 'inputs', got {name!r}")
@@ -131,7 +131,7 @@ def spread(
     vectors = np.full((*shape, start.vector.size), np.nan)
     vectors[root] = followed.last.vector
     m = Map(name, axes, *grid, RodState(start.assembly, vectors))
-    for halvings in (HALVINGS, most):  # few at first: a node is tried from all of its neighbours
+    for halvings in (HALVINGS, most):  # few at first, since a node is tried from all neighbours
         front = np.argwhere(m.reached)
         while front.size:
             front = _advance(m, front, at, halvings)
@@ -139,7 +139,7 @@ def spread(
 
 
 def _advance(m: Map, front: Columns, at: Columns, halvings: int) -> Columns:
-    """Solve the neighbours of a front of nodes, in place; the new front."""
+    """Solve the neighbours of a front of nodes, in place, and return the new front."""
     vectors = m.states.vector
     old = np.repeat(front, len(ASIDE), axis=0)
     new = old + np.tile(ASIDE, (len(front), 1))
@@ -159,9 +159,9 @@ def _advance(m: Map, front: Columns, at: Columns, halvings: int) -> Columns:
 def onward(
     here: RodState, goal: Array, at: Columns, name: str, halvings: int = HALVINGS
 ) -> tuple[RodState, NDArray[np.bool_]]:
-    """States (n,) moved to other values (n, 2) of two columns; and whether on the same sheet.
+    """States (n,) at other values (n, 2) of two columns, and whether they are on the same manifold.
 
-    Where one stride does not do, two halves are tried, and four quarters.
+    A stride that fails is divided into two halves, and those into quarters, `halvings` times.
     """
     there, good = stride(here, goal, at, name)
     if halvings and not good.all():
@@ -176,7 +176,7 @@ def onward(
 def stride(
     here: RodState, goal: Array, at: Columns, name: str
 ) -> tuple[RodState, NDArray[np.bool_]]:
-    """One stride along the tangent and one correction; and whether it can be trusted."""
+    """States after a stride along the tangent and its correction, and whether they are accepted."""
     a, scale = here.assembly, sizes(here.assembly)[1]
     free = columns(a, "rods", "inputs" if name == "pose" else "pose")
     change = np.zeros_like(here.vector)
@@ -191,18 +191,19 @@ def stride(
 
 
 def loci(m: Map, which: str, rims: tuple[RodState, Columns] | None = None) -> RodState:
-    """Direct or inverse singularities where a sheet crosses them on the lines of its grid.
+    """Direct or inverse singularities of an equilibrium manifold on the lines of its grid.
 
     Parameters
     ----------
     m : Map
     which : "direct" or "inverse", the singularity: see `proofmass.analytic.rods.equilibrium`
-    rims : of `rim`, if singularities between the last nodes and the rim are asked for as well
+    rims : result of `rim`, to find the singularities between the last nodes and the rim as well
 
     Returns
     -------
     RodState (points,)
-        Where the determinant changes its sign between two neighbours, bisected to 1e-9 of an edge.
+        States between two neighbours where the determinant changes its sign, bisected to 1e-9 of an
+        edge.
     """
     if which not in ("direct", "inverse"):
         raise ValueError(f"which must be 'direct' or 'inverse', got {which!r}")
@@ -232,7 +233,7 @@ def loci(m: Map, which: str, rims: tuple[RodState, Columns] | None = None) -> Ro
 
 
 def _edges(m: Map) -> tuple[RodState, RodState]:
-    """Both ends of the edges of a grid within the sheet."""
+    """States at both ends of the edges of a grid whose ends follow from each other."""
     v = m.states.vector
     pairs = (v[:-1], v[1:]), (v[:, :-1], v[:, 1:])
     low, high = (
@@ -251,19 +252,21 @@ def _edges(m: Map) -> tuple[RodState, RodState]:
 
 
 FITS, LOOSE, MARGIN = 5, 0.5, 2
-"""Windows tried for a sheet; share of one that is left if it fits; edges about the sheet."""
+"""Windows that are tried for a map; the least ratio of areas of a fitted window to the one before,
+with which that one fits; edges of the grid that are left free around the manifold."""
 SAME = 1e-6
-"""Of a state's vector: neighbours that follow from each other."""
+"""Largest difference [SI] between the vectors of states that are one state."""
 TRIES = 16
-"""Strides towards the rim of a sheet, halved where they do not do."""
+"""Strides towards the rim of a manifold, halved where they fail."""
 ON_LINE = 1e-6
-"""Of an edge: as near to a line of the grid are points on it."""
+"""Distance from a line of the grid, over an edge, within which points are on the line."""
 COMMON = 0.8
-"""Share of a field that its colours tell apart; it has no bound at a singularity."""
+"""Share of the nodes whose determinants the colours distinguish, since these have no bound at a
+singularity."""
 
 
 def sheet(start: RodState, nodes: int) -> Map:
-    """The poses that a state leads to, over a window that is fitted to them."""
+    """Map of the poses that are reached from a state, over a window that is fitted to them."""
     several(nodes)
     a = start.assembly
     reach = a.length + a.rigid_extension + np.abs(a.arm)
@@ -289,31 +292,35 @@ def sheet(start: RodState, nodes: int) -> Map:
 
 
 def through(x: float, low: float, high: float, nodes: int) -> Array:
-    """About as many values, evenly from `low` to `high`, of which x is one."""
+    """About `nodes` evenly spaced values from `low` to `high` of which x is one."""
     step = (high - low) / (nodes - 1)
     first, last = np.ceil((low - x) / step - ON_LINE), np.floor((high - x) / step + ON_LINE)
     return np.asarray(x + step * np.arange(first, last + 1.0))
 
 
 def several(nodes: int) -> None:
-    """ValueError for too few nodes along an axis, or too many to wait for."""
+    """ValueError for a number of nodes along an axis that is not within [5, 201]."""
     if not 5 <= nodes <= 201:
         raise ValueError(f"nodes must lie within [5, 201], got {nodes}")
 
 
 @dataclass(frozen=True)
 class MapMesh:
-    """A sheet over triangles: whole cells of its grid, and those at its rim and at tears cut off.
+    """An equilibrium manifold over triangles: whole cells of its grid, and parts of border cells.
+
+    Border cells are those at the rim, and those at tears between neighbours that do not follow from
+    each other.
 
     Attributes
     ----------
     map : Map
     ends, loci : RodState (e,), (l,)
-        Of `rim` and beside what is `torn`, and direct or inverse singularities of `loci`.
+        States at the rim by `rim` and half way to tears; singularities of `loci`.
     nodes, ways : ndarray (e, 2)
-        The nodes that the ends are beside, and on which side.
+        The node beside each end, and the direction from the node to the end.
     right, up : ndarray (m - 1, n), (m, n - 1)
-        Whether neighbours follow from each other; a sheet that lies over itself is torn elsewhere.
+        Whether neighbours follow from each other.  A manifold that lies over itself is torn where
+        they do not.
     """
 
     map: Map
@@ -326,7 +333,7 @@ class MapMesh:
 
     @property
     def xy(self) -> Array:
-        """Places (k, 2) [m or rad] of all nodes, the ends and the loci, in this order."""
+        """Positions (k, 2) [m or rad] of all nodes, the ends and the loci, in this order."""
         grid = np.stack(np.meshgrid(self.map.first, self.map.second, indexing="ij"), axis=-1)
         at = columns(self.ends.assembly, self.map.name)[list(self.map.axes)]
         return np.concatenate(
@@ -340,11 +347,11 @@ class MapMesh:
     def triangles(
         self, inside: NDArray[np.bool_], *, within: bool = False, beyond: bool = False
     ) -> Index:
-        """Triangles (t, 3) over the nodes (m, n) inside, out to the rim and to tears.
+        """Triangles (t, 3) over the nodes (m, n) that are `inside`, out to the rim and to tears.
 
-        `within` stops at the loci; `beyond` goes on from those that lie before the rim.  In a cell
-        at the rim or at a tear, corners that follow from each other are a polygon with the ends
-        beside them.
+        With `within` the triangles end at the loci; with `beyond` they also cover the area between
+        loci and rim.  In a border cell, the corners that follow from each other and the ends beside
+        them form a polygon.
         """
         m, n = inside.shape
         number = np.arange(m * n).reshape(m, n)
@@ -357,7 +364,7 @@ class MapMesh:
         rims, passed = self.rims, self.crossings if within else {}
 
         def end(corner: tuple[int, int], other: tuple[int, int]) -> tuple[int | None, int | None]:
-            """Up to a singularity, and up to the rim or the tear."""
+            """Numbers of the point at the singularity, or else the rim, and of that at the rim."""
             key = (*corner, other[0] - corner[0], other[1] - corner[1])
             return passed.get(key, rims.get(key)), rims.get(key)
 
@@ -376,19 +383,19 @@ class MapMesh:
                 (one, rim_one), (other, rim_other) = ring[-1], ring[0]
                 if beyond and None not in (rim_one, rim_other):
                     last = [one, rim_one, rim_other, other]
-                    last = list(dict.fromkeys(last))  # at a corner the singularity is the rim
+                    last = list(dict.fromkeys(last))  # without a locus, the rim is in it twice
                     found += [fan(last)] if len(last) > 2 else []
         return np.concatenate(found).astype(np.intp)
 
     @property
     def rims(self) -> dict[tuple[int, ...], int]:
-        """Numbers of the ends, by node and way along a line of the grid."""
+        """Numbers of the ends, by node and direction along a line of the grid."""
         pairs = zip(self.nodes.tolist(), self.ways.tolist(), strict=True)
         return {(*node, *way): self.map.reached.size + k for k, (node, way) in enumerate(pairs)}
 
     @property
     def crossings(self) -> dict[tuple[int, ...], int]:
-        """Numbers of the loci, by node and way along a line of the grid, from both of its sides."""
+        """Numbers of the loci, by node and direction along a line of the grid, from both sides."""
         if not len(self.loci.vector):
             return {}
         before = self.map.reached.size + len(self.ends.vector)
@@ -410,7 +417,7 @@ class MapMesh:
 
 
 def fan(ring: list[int | None]) -> Columns:
-    """Triangles (t, 3) of a polygon about its first corner.
+    """Triangles (t, 3) into which the diagonals from its first corner divide a polygon.
 
     >>> fan([4, 7, 1, 2]).tolist()
     [[4, 7, 1], [4, 1, 2]]
@@ -419,13 +426,13 @@ def fan(ring: list[int | None]) -> Columns:
 
 
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
-"""Of a cell, counter-clockwise."""
+"""Corners of a cell from its first node, counter-clockwise."""
 
 
 def meshed(m: Map, edges: Columns, ends: RodState, loci: RodState) -> MapMesh:
-    """A sheet over triangles, by the edges that follow from each other, its rim and its loci.
+    """Triangles of a map, from its loci and the edges of neighbours that follow from each other.
 
-    Between neighbours that do not follow from each other it is cut half way.
+    The manifold is cut half way between neighbours that do not follow from each other.
     """
     rows, columns_ = m.reached.shape
     right = np.zeros((rows - 1, columns_), bool)
@@ -443,7 +450,7 @@ def meshed(m: Map, edges: Columns, ends: RodState, loci: RodState) -> MapMesh:
 
 
 def torn(m: Map, right: NDArray[np.bool_], up: NDArray[np.bool_]) -> tuple[Columns, Columns]:
-    """Nodes (e, 2) and ways (e, 2) to neighbours that are reached, and do not follow from them."""
+    """Nodes (e, 2) and directions (e, 2) to neighbours that are reached and do not follow."""
     found = []
     for follows, way in ((right, (1, 0)), (up, (0, 1))):
         dx, dy = way
@@ -456,7 +463,7 @@ def torn(m: Map, right: NDArray[np.bool_], up: NDArray[np.bool_]) -> tuple[Colum
 
 
 def over_poses(start: RodState, m: Map, unit: str) -> Chart:
-    """A sheet of poses with what parts it, how stiff it is, and which inputs lead there."""
+    """Chart of a map of poses: its singularities, its stiffness, and the inputs of each pose."""
     (edges, _), (ends, ways) = joined(m), rim(m)
     own = aspect(m, edges, start)
     singular = loci(m, "direct", (ends, ways))
@@ -507,9 +514,9 @@ def over_poses(start: RodState, m: Map, unit: str) -> Chart:
         f"Poses that are reached from here: {area(m, ends, ways):.3g} m², of which "
         f"{own.sum() / m.reached.sum():.0%} without a singularity on the way. In an "
         "inverse singularity some motion of the platform needs infinite rates of the "
-        "motors; in a direct one it gives way with the motors held. Where contours break "
-        "off within, sheets lie over each other: which inputs hold a pose depends on the "
-        "way to it.",
+        "motors; in a direct one the platform can move although the motors are at rest. "
+        "Where contours break off inside, the equilibrium manifold lies over itself: the "
+        "inputs of a pose depend on the path to it.",
         alike=True,
     )
 
@@ -524,10 +531,10 @@ def over_mesh(
 
 
 def determinants(mesh: MapMesh, nodes: Array, ends: Array, name: str, unit: str) -> Field:
-    """Determinants over a sheet, within what most of them are, as singularities have no bound.
+    """Determinants over a map, clipped to the range of most of them, since they have no bound.
 
-    They are zero on the mesh's loci. Where a sign changes on the way to the rim and no locus was
-    found, there is no value at the rim.
+    They are zero on the mesh's loci.  Where the sign at the rim differs from that of the last node
+    and no locus was found between them, there is no value at the rim.
     """
     inner, outer = determinant(nodes), determinant(ends)
     most = np.nanquantile(np.abs(inner), COMMON)
@@ -544,7 +551,7 @@ def determinants(mesh: MapMesh, nodes: Array, ends: Array, name: str, unit: str)
 
 
 def stiffness_of(states: RodState, own: NDArray[np.bool_]) -> Array:
-    """Least force per way [N/m] (...) on a platform that may turn; NaN where not asked for."""
+    """Least stiffness [N/m] (...) to a force on a platform that may rotate; NaN outside `own`."""
     values = np.full(own.shape, np.nan)
     compliance = np.linalg.inv(derivatives(states[own]).stiffness)[:, :2, :2]
     values[own] = 1.0 / np.linalg.eigvalsh(compliance)[:, -1]
@@ -552,7 +559,7 @@ def stiffness_of(states: RodState, own: NDArray[np.bool_]) -> Array:
 
 
 def aspect(m: Map, edges: Columns, start: RodState) -> NDArray[np.bool_]:
-    """Nodes of a sheet that no singularity parts from the one it began at."""
+    """Nodes of a map that are connected to its first node without a singularity on the way."""
     sign = np.sign(derivatives(m.states).direct_determinant).ravel()
     at = start.vector[columns(start.assembly, m.name)[list(m.axes)]]
     root = np.ravel_multi_index(
@@ -569,9 +576,10 @@ def aspect(m: Map, edges: Columns, start: RodState) -> NDArray[np.bool_]:
 
 
 def joined(m: Map) -> tuple[Columns, NDArray[np.bool_]]:
-    """Edges (e, 2) whose ends, flat numbers of nodes, follow from each other; nodes beside others.
+    """Edges (e, 2) whose ends follow from each other, and whether nodes (m, n) are beside tears.
 
-    A sheet that lies over itself shows one part, then another: it is torn between them.
+    The edges are pairs of flat numbers of nodes.  Where a manifold lies over itself, neighbours may
+    belong to two parts of it; between such nodes the map is torn.
     """
     number = np.arange(m.reached.size).reshape(m.reached.shape)
     ends = np.concatenate(
@@ -594,10 +602,10 @@ def joined(m: Map) -> tuple[Columns, NDArray[np.bool_]]:
 
 
 def rim(m: Map) -> tuple[RodState, Columns]:
-    """Last states (e,) of a sheet on the lines of its grid, and which way (e, 2) it ends there.
+    """Last states (e,) of a manifold on the lines of its grid, and the directions (e, 2) outwards.
 
-    By strides outwards, halved where they fail: most within 1e-3 of an edge, fewer where a rod that
-    is nearly straight makes Newton's method fail first.
+    They are found by strides that are halved where they fail.  Most are within 1e-3 of an edge of
+    the rim; some are further away, where a rod is nearly straight and Newton's method fails first.
     """
     nodes, ways = outward(m)
     border = ((nodes + ways < 0) | (nodes + ways >= m.reached.shape)).any(axis=1)
@@ -605,7 +613,7 @@ def rim(m: Map) -> tuple[RodState, Columns]:
 
 
 def marched(m: Map, nodes: Columns, ways: Columns, room: Array) -> RodState:
-    """Last states (e,) from nodes along lines of the grid, no further than `room` of an edge."""
+    """Last states (e,) from nodes along lines of the grid, no further than `room` edges."""
     edge = ways * [np.mean(np.diff(m.first)), np.mean(np.diff(m.second))]
     at = columns(m.states.assembly, m.name)[list(m.axes)]
     last = RodState(m.states.assembly, m.states.vector[tuple(nodes.T)])
@@ -620,7 +628,7 @@ def marched(m: Map, nodes: Columns, ways: Columns, room: Array) -> RodState:
 
 
 def outward(m: Map) -> tuple[Columns, Columns]:
-    """Nodes (e, 2) of a sheet and the ways (e, 2) in which it does not reach the next one."""
+    """Nodes (e, 2) of a map and the directions (e, 2) in which the next node is not reached."""
     nodes = np.argwhere(m.reached)
     ways = np.tile(ASIDE, (len(nodes), 1))
     nodes = np.repeat(nodes, len(ASIDE), axis=0)
@@ -629,17 +637,17 @@ def outward(m: Map) -> tuple[Columns, Columns]:
 
 
 def area(m: Map, ends: RodState, ways: Columns) -> float:
-    """Of a sheet [m^2]: its extent along the second axis, summed over the first.
+    """Area of a map [m^2]: its extent along the second axis, summed over the first.
 
-    Error of about second order in the step, as against the first order of counting nodes: 1.5 %
-    with 17 nodes and 0.1 % with 35 for the lowest equilibrium at the inputs of Table 7.
+    The error is of about second order in the step, that of counting nodes of first order.  It is
+    1.5 % with 17 nodes and 0.1 % with 35 for the lowest equilibrium at the inputs of Table 7.
     """
     second = ends.vector[:, columns(ends.assembly, m.name)[m.axes[1]]]
     return float(np.mean(np.diff(m.first)) * (second @ ways[:, 1]))
 
 
 def line(m: Map, points: RodState, text: str) -> tuple[ChartLine, ...]:
-    """Points on lines of a grid, joined two by two across its cells; nothing if there are none."""
+    """Chart line of points on lines of a grid, joined in pairs across its cells, or no line."""
     at = columns(points.assembly, m.name)[list(m.axes)]
     place = np.stack(
         [
@@ -662,7 +670,7 @@ def line(m: Map, points: RodState, text: str) -> tuple[ChartLine, ...]:
 
 
 def posture(s: RodState) -> tuple[ChartLine, ChartLine]:
-    """Rods and platform of one state; its clamps."""
+    """Chart lines of one state: rods and platform, and clamps."""
     x, y, *_ = s.shape(np.linspace(0.0, 1.0, 61))
     pins = s.pose @ [1.0, 1.0j, 0.0][: s.pose.size] + np.exp(1j * s.pose[-1]) * s.assembly.arm
     z = np.concatenate([x + 1j * y, pins[:, None], np.full((len(x), 1), np.nan)], axis=1).ravel()
