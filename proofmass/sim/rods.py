@@ -4,46 +4,46 @@ A rod of n segments of h = L / n:
 
     half      |-o--o--o--o-     springs EI/h at h/2, 3h/2, ..., half links at both ends: order 2
     double    @--o--o--o--      springs EI/h at h, 2h, ..., 2 EI/h at the clamp: order 2
-    naive     o--o--o--o--      EI/h at the clamp as well: a clamp too soft by half, order 1
+    naive     o--o--o--o--      EI/h at the clamp as well, which is half of what is right: order 1
 
-The links' angles are the rod's tangent at `nodes`: at 0, h, 2h, ..., L of the first scheme, in the
-middle of the links of the others.  A pinned end has no spring.
+The links' angles are those of the rod's tangent at `Chain.nodes`: at 0, h, 2h, ..., L in the first
+scheme, in the middle of the links in the others.  A pinned end has no spring.
 
 A rod that stretches or shears has slides in the middle of its links, with springs EA/h along them
-and GA/h across.  Bodies behind slides share mass and inertia of a link in equal parts.  Which of
-two slides comes first changes from link to link: what the part between them weighs, which only one
-of them bears, cancels:
+and GA/h across.  The bodies before, between and behind the slides have equal shares of the mass and
+inertia of a link.  The order of the two slides alternates from link to link, so that the errors by
+the weight of the body between them, which acts on one of the slides only, cancel:
 
-    o==xy==o==yx==o==xy==   springs bear what acts beyond the middle of a link: order 2
+    o==xy==o==yx==o==xy==   springs carry the loads beyond the middle of a link: order 2
 
-A rod in space turns about three axes where a planar one bends: x, along the link before, y and z,
-with springs GJ/h, EI_y/h and EI/h whose rests are what its natural twist and curvatures make of h.
-Turns about different axes do not commute.  Which comes first changes from link to link, or the
-chain would be of order 1::
+A rod in space has three hinges where a planar one has one: about x, along the link before, y and z,
+with springs GJ/h, EI_y/h and EI/h, whose angles at rest are the natural twist and curvatures times
+h.  Rotations about different axes do not commute.  Their order alternates from link to link, since
+otherwise the chain would be of order 1::
 
     |-xyz--zyx--xyz--zyx-
 
-A rod starts in an arc that is closed with the least change of its bends.  A pinned far end is a
-``connect``.  A clamped one is two, the second on a slider of the far body, so that nothing is held
-twice:
+A rod starts in an arc whose bends are changed as little as possible for the loop to close.  A
+pinned far end is a ``connect``.  A clamped far end is two of them, the second one to a slider of
+the far body, so that no degree of freedom is constrained twice:
 
-    o==o==o==.----------+       the last link, prolonged by the rod's length
-           tip       slider     runs on the x axis of the far site
+    o==o==o==.----------+       the last link, extended by the rod's length
+           tip       slider     on the x axis of the far site
 
-A rod at rest shows place, direction and moment along its arc length.  Places lie on the links.
-Directions and moments are drawn through those that the links and their springs have, in straight
-lines, prolonged at the ends: of second order in the length of a link.
+The curves of a rod at rest are position, direction and moment along its arc length.  Positions are
+on the links.  Directions and moments are interpolated linearly between those of the links and of
+their springs, and extrapolated at the ends, with an error of second order in the length of a link.
 
-A rod hangs on the body of its first site; its links follow each other along their x axes.  Sensors,
-actuators and loops of the MJCF may name what is added:
+The chain of a rod is added to the body of its first site; its links follow each other along their x
+axes.  Sensors, actuators and loops of the MJCF may refer to the added elements by name:
 
-    NAME.1, NAME.2, ...     bodies, joints, and sites in the links' middles
+    NAME.1, NAME.2, ...     bodies, joints, and sites in the middle of the links
     NAME.1.x, NAME.1.y ...  bodies and joints behind slides, if it stretches or shears
-    NAME.1.bend_y, NAME.1.twist  joints of a rod in space, besides those that bend about z
-    NAME.middle, NAME.tip   sites half way and at the far end, their x axes along the rod; they keep
-                            their places when the rod is cut into other segments, but for half the
-                            strain of a link where NAME.middle is in the middle of one
-    NAME                    the loop that holds the far end
+    NAME.1.bend_y, NAME.1.twist  joints of a rod in space, in addition to those about z
+    NAME.middle, NAME.tip   sites half way and at the far end, their x axes along the rod.  They
+                            keep their places along the rod for other numbers of segments, except
+                            for half the strain of a link if NAME.middle is in the middle of one.
+    NAME                    the loop that constrains the far end
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -62,7 +62,7 @@ SCHEMES = "half", "double", "naive"
 
 @dataclass(frozen=True)
 class Hinge:
-    """A hinge between two links: the number of its axis, its spring [N m/rad], its rest [rad]."""
+    """A hinge between two links: number of its axis, spring [N m/rad], angle at rest [rad]."""
 
     name: str
     axis: int
@@ -72,17 +72,16 @@ class Hinge:
 
 @dataclass(frozen=True)
 class Chain:
-    """The links of a rod.
+    """The links that represent a rod.
 
     Attributes
     ----------
     rod : Rod
-        What it stands for.
     lengths, springs : ndarray (links,)
-        Length [m] of each link and stiffness [N m/rad] of the joint it begins with: zero where the
-        rod is pinned, infinite where it is clamped without a spring.
+        Length [m] of each link and stiffness [N m/rad] of the joint at its beginning, which is zero
+        where the rod is pinned and infinite where it is clamped without a spring.
     nodes : ndarray (links,)
-        Arc length [m] where the rod has the direction of that link.
+        Arc length [m] at which the rod has the direction of each link.
     """
 
     rod: Rod
@@ -92,19 +91,19 @@ class Chain:
 
     @cached_property
     def names(self) -> list[str]:
-        """Of the links' bodies and joints; number 0 has no spring."""
+        """Names of the links' bodies and joints; a link with number 0 has no spring."""
         first = 0 if self.rod.scheme == "half" else 1
         return [f"{self.rod.name}.{k + first}" for k in range(self.lengths.size)]
 
     def slides(self, link: int) -> tuple[str, ...]:
-        """Axes of a link's slides, in their order along it."""
+        """Axes of a link's slides, in their order along the link."""
         axes = {"x": self.rod.axial, "y": self.rod.shear}
         if self.rod.spatial:
             axes["z"] = self.rod.shear
         return tuple(axis for axis, value in axes.items() if value is not None)[:: (-1) ** link]
 
     def hinges(self, link: int) -> tuple[Hinge, ...]:
-        """The hinges that a link begins with, in their order."""
+        """The hinges at the beginning of a link, in their order."""
         if not self.jointed[link]:
             return ()
         name, rod = self.names[link], self.rod
@@ -124,7 +123,7 @@ class Chain:
 
     @property
     def bodies(self) -> list[str]:
-        """All bodies, in their order along the rod; a slide has the name of the body it moves."""
+        """Names of all bodies, along the rod; a slide has the name of the body that it moves."""
         return [
             body
             for k, name in enumerate(self.names)
@@ -138,11 +137,11 @@ class Chain:
 
     @cached_property
     def jointed(self) -> NDArray[np.bool_]:
-        """Which links begin with a joint."""
+        """Whether each link begins with a joint, (links,)."""
         return np.isfinite(self.springs)
 
     def arc(self, turn: float) -> Array:
-        """Joint values (links,) of a circular arc over the whole length."""
+        """Joint values (links,) of a circular arc that turns by `turn` [rad] from end to end."""
         return np.diff(turn * self.nodes / self.rod.length, prepend=0.0)
 
 
@@ -170,7 +169,7 @@ def chain(rod: Rod) -> Chain:
 
 
 def check_rod(rod: Rod) -> None:
-    """Raise `BadRod` if there is no such rod."""
+    """Raise `BadRod` for properties that no rod can have."""
     for key in ("length", "stiffness", "mass", "axial", "shear", "torsion", "stiffness_y"):
         value = getattr(rod, key)
         if value is not None and not value > 0:
@@ -180,19 +179,21 @@ def check_rod(rod: Rod) -> None:
     if rod.scheme not in SCHEMES:
         raise BadRod(rod.name, "scheme", f"{rod.scheme!r}; known: {', '.join(SCHEMES)}")
     if rod.ends[1] == "clamped" and rod.scheme != "half":
-        raise BadRod(rod.name, "scheme", f"{rod.scheme!r} knows no clamp at the far end; use half")
+        raise BadRod(rod.name, "scheme", f"{rod.scheme!r} has no clamp at the far end; use half")
     if rod.spatial and (rod.ends != ("clamped", "free") or rod.scheme != "half"):
-        raise BadRod(rod.name, "torsion", "a rod in space is clamped here, free there; scheme half")
+        raise BadRod(
+            rod.name, "torsion", "a rod in space has ends clamped and free, and the scheme half"
+        )
 
 
-MOVE = 0.1  # [rad] a joint turns no further in a Newton step, so that the arc's side is kept
-CLOSED = 1e-12  # of the length: rounding of the links' sum
-TAUT = 1e-9  # of the distance: a rod that is longer by less is straight, and cannot give way
-MOST = 1000  # Newton steps; 2 pi / MOVE of them turn every joint once around
+MOVE = 0.1  # [rad] largest rotation of a joint in a Newton step, so that the arc keeps its side
+CLOSED = 1e-12  # constraint violation of a closed rod, over its length: rounding of the links' sum
+TAUT = 1e-9  # excess length, over the distance of the ends, below which a rod is straight
+MOST = 1000  # largest number of Newton steps; 2 pi / `MOVE` of them turn every joint once around
 
 
 def tip(chain: Chain, bends: Array) -> tuple[Array, Array]:
-    """Place and direction (x, y, angle) of a chain's tip, and their derivatives (3, links)."""
+    """Pose (x, y, angle) of a chain's tip, and its derivatives (3, links) by the joint values."""
     angles = np.cumsum(bends)
     links = chain.lengths * np.stack([np.cos(angles), np.sin(angles)])
     ahead = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]  # from each joint to the tip
@@ -203,7 +204,7 @@ def tip(chain: Chain, bends: Array) -> tuple[Array, Array]:
 
 
 def stretched(chain: Chain, target: Array | None) -> Chain:
-    """The chain with links that are long enough to reach its support, if they stretch."""
+    """The chain, with links stretched as far as its support needs it, if the rod can stretch."""
     apart = 0.0 if target is None else float(np.hypot(*target[:2]))
     if chain.rod.axial is None or chain.rod.length >= apart:
         return chain
@@ -217,14 +218,15 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
     ----------
     chain : Chain
     target : ndarray (3,), optional
-        Where its tip is held, x, y [m] and angle [rad] seen from its beginning; None: free.
+        Pose of its support, x, y [m] and angle [rad] seen from its beginning; None: a free tip.
     moving : bool
-        Whether a support can move: only then a rod may be straight between pins.
+        Whether a support can move; only then a rod may be straight between pins.
 
     Raises
     ------
     BadRod
-        Shorter than its supports are apart, or no way to bend is given.
+        The rod is shorter than the distance of its supports, or its arc cannot be bent to its
+        support.
     """
     rod, bends = chain.rod, chain.arc(chain.rod.turn)
     if target is None:
@@ -254,14 +256,14 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
         rod.name,
         "turn",
         f"an arc that turns by {rod.turn:g} rad cannot be bent so that "
-        f"it ends at its support; give another",
+        f"it ends at its support; give another turn",
     )
 
 
 CONNECT, SITE = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-LIGHT = 0.01  # [kg] a rod whose mass is not given
-THICK = 0.004  # of the length: radius of the capsules that are drawn
+LIGHT = 0.01  # [kg] mass of a rod whose mass is not given
+THICK = 0.004  # radius of the capsules that are drawn, over the rod's length
 PLAIN = {
     "damping": [0.0] * 3,
     "frictionloss": 0.0,
@@ -269,11 +271,11 @@ PLAIN = {
     "ref": 0.0,
     "springref": 0.0,
     "limited": mujoco.mjtLimited.mjLIMITED_FALSE,
-}  # whatever <default> says
+}  # properties of the joints of rods, independent of <default>
 
 
 def joints_of(chain: Chain) -> list[str]:
-    """The joints that a rod adds."""
+    """Names of the joints that a rod adds to a model."""
     joints = [
         joint
         for k, name in enumerate(chain.names)
@@ -296,10 +298,10 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
     ):
         slides, reached = chain.slides(k), length / 2 if chain.slides(k) else length
         body = body.add_body(name=name, pos=place, quat=turn)
-        for hinge in chain.hinges(k):  # a file that says nothing has its angles in degrees
+        for hinge in chain.hinges(k):  # a file without another setting has its angles in degrees
             rest = np.degrees(hinge.rest) if spec.compiler.degree else hinge.rest
             spring_joint(body, hinge.name, HINGE, hinge.axis, hinge.spring, rest)
-        parts = [(body, 0.0, reached)]  # a body, and the part of the link that it is
+        parts = [(body, 0.0, reached)]  # bodies, with the begin and end of their parts of the link
         for axis in slides:
             body = body.add_body(name=f"{name}.{axis}", pos=[reached - parts[-1][1], 0, 0])
             along = rod.axial if axis == "x" else rod.shear
@@ -326,7 +328,7 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
 def spring_joint(
     body: mujoco._specs.MjsBody, name: str, kind: int, axis: int, spring: float, rest: float = 0.0
 ) -> None:
-    """Let a body move about or along one of its axes against a spring with a rest."""
+    """Add a hinge or a slide about or along an axis of a body, with a spring of value `rest`."""
     body.add_joint(
         name=name,
         type=kind,
@@ -340,9 +342,10 @@ def spring_joint(
 def weigh(
     body: mujoco._specs.MjsBody, rod: Rod, length: float, parts: int = 1, begin: float = 0.0
 ) -> None:
-    """Give a body its share of a link's mass, that of a slender bar of which it is one of `parts`.
+    """Give a body its share of the mass and inertia of a link, which is a slender bar.
 
-    The body's frame lies `begin` [m] beyond the beginning of the link.
+    The body is one of `parts` equal ones, and its frame is `begin` [m] beyond the beginning of the
+    link.
     """
     mass = (rod.mass or LIGHT) * length / rod.length / parts
     across = mass * length**2 / 12
@@ -351,7 +354,7 @@ def weigh(
 
 
 def draw(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
-    """Give a body the looks of so much of a rod."""
+    """Add a capsule of this length [m] to a body, to be drawn only."""
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=[0, 0, 0, length, 0, 0],
@@ -363,7 +366,7 @@ def draw(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
 
 
 def dead_loads(model: mujoco.MjModel, rods: Sequence[Rod]) -> Iterator[tuple[int, Array]]:
-    """Bodies of rods with a load per length, and the force (3,) at their centres of mass [N]."""
+    """Bodies of rods with a load per length, and the forces (3,) at their centres of mass [N]."""
     for rod in rods:
         if any(rod.load):
             for body in map(model.body, chain(rod).bodies):
@@ -372,7 +375,7 @@ def dead_loads(model: mujoco.MjModel, rods: Sequence[Rod]) -> Iterator[tuple[int
 
 
 def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:
-    """Hold two sites together."""
+    """Add an equality that constrains two sites to the same position."""
     spec.add_equality(name=name, type=CONNECT, objtype=SITE, name1=one, name2=two)
 
 
@@ -384,7 +387,7 @@ def guide(
     end: float,
     length: float,
 ) -> None:
-    """Keep the last link, whose body ends at `end` [m], on the x axis of the far site."""
+    """Constrain the last link, whose body ends at `end` [m], to the x axis of the far site."""
     name, ahead = f"{rod.name}.slider", rod.length
     site = bare.site(rod.end)
     carrier = spec.site(rod.end).parent.add_body(name=f"{name}.0", pos=site.pos, quat=site.quat)
@@ -399,32 +402,32 @@ def guide(
 
 PLACES = dict.fromkeys(("x", "y", "z"), "m")
 PARTS = {**PLACES, "angle": "rad", "moment": "N m"}
-"""What a rod shows along its length, with units."""
+"""Curves of a planar rod along its length, with units."""
 NORMAL = "normal_x", "normal_y", "normal_z"
 MOMENTS = "twist_moment", "bend_moment_y", "bend_moment"
 SPATIAL_PARTS = {**PLACES, **dict.fromkeys(NORMAL, "1"), **dict.fromkeys(MOMENTS, "N m")}
-"""What a rod in space shows."""
+"""Curves of a rod in space, with units."""
 RodPose = tuple[Array, Array, Array]
 
 
 def rod_parts(rod: Rod) -> dict[str, str]:
-    """What a rod shows along its length, with units."""
+    """Names of the curves of a rod along its length, with units."""
     return SPATIAL_PARTS if rod.spatial else PARTS
 
 
 def format_rod_parts(rod: Rod) -> str:
-    """The same, in words."""
+    """Text with the names of the curves of a rod, for messages."""
     first, *others, last = rod_parts(rod)
     return f"{', '.join([f'{rod.name}.{first}', *(f'.{o}' for o in others)])} and .{last}"
 
 
 def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
-    """The channels of a run that are shapes of its rods, with the rod and the part.
+    """The channels of a run that are curves of its rods, with the rod and the part of the name.
 
     Raises
     ------
     BadModel
-        A rod has no such part.
+        A rod has no such curve.
     """
     rods, found = {rod.name: rod for rod in run.rods}, {}
     for channel in run.channels:
@@ -444,9 +447,10 @@ def shapes(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
     ----------
     run : Run
     pose : callable
-        Places (links + 1, 3) of a chain's vertices [m], angles [rad] of its links, and values [rad]
-        of their joints.  Of a chain in space: the places, the links' axes (links, 3, 3) by columns,
-        and the moments (links, 3) about the axes of the sections where links begin [N m].
+        Function of a chain that returns the positions (links + 1, 3) of its vertices [m], and the
+        angles [rad] of its links and values [rad] of their joints.  For a chain in space the last
+        two are the links' axes (links, 3, 3) as columns, and the moments (links, 3) about the axes
+        of the sections at which links begin [N m].
     """
     curves: dict[str, Array] = {}
     poses: Mapping[str, RodPose] = {rod.name: pose(chain(rod)) for rod in run.rods}
@@ -456,7 +460,7 @@ def shapes(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
 
 
 def curve(one: Chain, part: str, pose: RodPose, s: Array) -> Array:
-    """One part of a rod's shape at arc lengths s [m]."""
+    """One curve of a rod at arc lengths s [m]."""
     places, angles, bends = pose
     if part in NORMAL:
         return along(one.nodes, angles[:, NORMAL.index(part), 0], s)
@@ -472,7 +476,9 @@ def curve(one: Chain, part: str, pose: RodPose, s: Array) -> Array:
 
 
 def to_ends(one: Chain, moments: Array) -> tuple[Array, Array]:
-    """Joints of a chain in space with its ends, and the moments in them, at both ends by parabolas.
+    """Arc lengths of the joints and ends of a chain in space, and the moments there.
+
+    The moments at both ends are extrapolated by parabolas, or by lines if there are two joints.
 
     >>> rod = Rod("rod", "clamp", None, 3.0, 1.0, 3, ("clamped", "free"), torsion=1.0)
     >>> [values.tolist() for values in to_ends(chain(rod), np.array([0.25, 2.25, 6.25]))]
@@ -485,7 +491,7 @@ def to_ends(one: Chain, moments: Array) -> tuple[Array, Array]:
 
 
 def along(nodes: Array, values: Array, s: Array) -> Array:
-    """Straight lines through values at nodes, the first and the last prolonged."""
+    """Values at s by linear interpolation between nodes, and extrapolation beyond them."""
     k = np.clip(np.searchsorted(nodes, s) - 1, 0, nodes.size - 2)
     share = (s - nodes[k]) / (nodes[k + 1] - nodes[k])
     return (1 - share) * values[k] + share * values[k + 1]
@@ -495,12 +501,12 @@ ClampFrame = tuple[Array, Array]
 
 
 def compile_with_rods(spec: mujoco.MjSpec, rods: Sequence[Rod]) -> mujoco.MjModel:
-    """Add rods to a model and compile it; its keys get their start poses.
+    """Add rods to a model and compile it; the rods' start poses are added to its keys.
 
     Raises
     ------
     BadRod
-        A rod that is too short, of unknown make, or on a site that is not there.
+        A rod that is too short, of an unknown scheme, or on a site that does not exist.
     ValueError
         The model does not compile.
     """
@@ -519,10 +525,10 @@ def compile_with_rods(spec: mujoco.MjSpec, rods: Sequence[Rod]) -> mujoco.MjMode
 
 
 def without_links_to_rods(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model as it is without rods, and without what may name something of them.
+    """The compiled model without rods, and without elements that may refer to rods by name.
 
-    From then on ``fusestatic`` is off in the spec: rods stand in frames of bodies as they are in
-    the file, and their links, also one that is clamped, are asked for by name.
+    ``fusestatic`` is switched off in the spec, since rods begin in the frames of the bodies of the
+    file, and all their links, a clamped one too, are looked up by name.
     """
     spec.compiler.fusestatic = False
     bare = spec.copy()
@@ -532,7 +538,7 @@ def without_links_to_rods(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def check_sites(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
-    """Raise `BadRod` where a rod has no site to be held by, or no mass where it has weight."""
+    """Raise `BadRod` for a rod whose site does not exist, or with gravity but without a mass."""
     there = [bare.site(i).name for i in range(bare.nsite)]
     for rod in rods:
         tips = [f"{one.name}.tip" for one in rods if one is not rod and not one.spatial]
@@ -547,7 +553,7 @@ def check_sites(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
 def fill_keys(
     model: mujoco.MjModel, bare: mujoco.MjModel, own: list[ClampFrame], chains: list[Chain]
 ) -> None:
-    """Write every key: the model's own joints as they stood in it, and the rods' start poses."""
+    """Write all keys: the values of the model's own joints, and the start poses of the rods."""
     added = {model.joint(name).id for one in chains for name in joints_of(one)}
     mine = np.array([j not in added for j in range(model.njnt)], bool)
     places, rates = (
@@ -577,7 +583,7 @@ def fill_keys(
 
 
 def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) -> dict[str, float]:
-    """Values of the rods' joints, one rod after the other: each may end at one before it."""
+    """Values of the rods' joints, in the order of the rods: a rod may end at one before it."""
     frames: dict[str, ClampFrame] = {
         bare.site(i).name: (data.site_xpos[i], data.site_xmat[i].reshape(3, 3))
         for i in range(bare.nsite)
@@ -594,7 +600,7 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
                 raise BadRod(
                     one.rod.name,
                     "to",
-                    f"rod {one.rod.end.removesuffix('.tip')!r} must stand before it",
+                    f"rod {one.rod.end.removesuffix('.tip')!r} must be defined before it",
                 )
             far, other = frames[one.rod.end]
             x, y, _ = (far - place) @ turn
@@ -616,7 +622,7 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
 
 
 def natural_pose(one: Chain) -> dict[str, float]:
-    """Values of the joints of a rod in space without loads, turned about z by its `turn`."""
+    """Joint values of a rod in space without loads, and with the arc of its `turn` about z."""
     arc = one.arc(one.rod.turn)
     return {
         hinge.name: hinge.rest + (float(bend) if hinge.axis == 2 else 0.0)
@@ -630,8 +636,8 @@ def start_rates(
 ) -> dict[str, float]:
     """Rates of the joints of rods whose ends move with sites of the model [rad/s].
 
-    Springs change as slowly as the ends allow: a straight rod between pins turns as a whole.  Rods
-    that end at others, or stretch, start without rates.
+    The joints with springs have the least rates that the motion of the ends allows; a straight rod
+    between pins rotates as a whole.  Rods that end at other rods, or stretch, start at rest.
     """
     found: dict[str, float] = {}
     for one in chains:
@@ -649,11 +655,11 @@ def start_rates(
         held = slice(3 if one.rod.ends[1] == "clamped" else 2)
         slopes, wanted = (tip(one, bends)[1] * one.jointed)[held], wanted[held]
         free = one.springs == 0.0
-        across = slopes[:, free] @ np.linalg.pinv(slopes[:, free])  # what the pin alone can do
+        across = slopes[:, free] @ np.linalg.pinv(slopes[:, free])  # motions by the pin alone
         rates = np.zeros(one.lengths.size)
         rest = np.eye(len(wanted)) - across
         matrix = rest @ slopes[:, ~free]
-        matrix[np.abs(matrix) < TAUT * one.rod.length] = 0.0  # a straight rod: rounding
+        matrix[np.abs(matrix) < TAUT * one.rod.length] = 0.0  # rounding in a straight rod
         rates[~free] = np.linalg.lstsq(matrix, rest @ wanted, 1e-6)[0]
         rates[free] = np.linalg.pinv(slopes[:, free]) @ (wanted - slopes @ rates)
         found |= {n: float(r) for n, r, j in zip(one.names, rates, one.jointed, strict=True) if j}
@@ -661,7 +667,7 @@ def start_rates(
 
 
 def placed(chain: Chain, bends: Array, place: Array, turn: Array) -> ClampFrame:
-    """Place and orientation of a rod's tip; `place` and `turn` are those of its beginning."""
+    """Position and orientation of a rod's tip; `place` and `turn` are those of its beginning."""
     (x, y, angle), _ = tip(chain, bends)
     cos, sin = np.cos(angle), np.sin(angle)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

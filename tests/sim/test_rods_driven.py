@@ -150,7 +150,7 @@ RODS = {
     "too short": ({"length": 0.5}, "length", "supports are 0.806226 m apart"),
     "no site": ({"start": "grond"}, "from", "no site 'grond'; there are: ground, pin"),
     "no far site": ({"end": "pni"}, "to", "no site 'pni'"),
-    "later rod": ({"end": "q.tip"}, "to", "rod 'q' must stand before it"),
+    "later rod": ({"end": "q.tip"}, "to", "rod 'q' must be defined before it"),
     "clamped scheme": ({"ends": ("clamped", "clamped"), "scheme": "naive"}, "scheme", "use half"),
 }
 

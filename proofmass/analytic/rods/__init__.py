@@ -1,12 +1,12 @@
-"""Planar rods: Kirchhoff's elastica, which does not stretch, in closed form; shooting; mechanisms.
+"""Planar rods: Kirchhoff's inextensible elastica in closed form; shooting; mechanisms of rods.
 
-A rod of length L and bending stiffness EI is clamped at a point under an angle; with theta(s) its
-tangent's angle and n the constant force on its tip::
+A rod of length L and bending stiffness EI is clamped at a point at an angle.  With theta(s) the
+angle of its tangent and n the constant force on its tip::
 
     x' = cos(theta),  y' = sin(theta),  EI theta' = m,  m' = n_x sin(theta) - n_y cos(theta)
 
-`solve`, the reference of a model, is the clamped rod under dead loads of `cantilever`, which may
-also stretch and shear.
+`solve`, the reference ``rod`` of models, is that of `cantilever`: a clamped rod under dead loads,
+which may also stretch and shear.
 """
 
 from proofmass.analytic.rods.buckling import buckling, imperfect

@@ -280,9 +280,9 @@ class MovingRod:
         return self.advanced(t + h / 2.0, *state, h / 2.0, halved + 1)
 
     def stepped(self, t: float, a: Array, rate: Array, h: float) -> tuple[Array, Array]:
-        """Coefficients and rates (count,) after a step of `h` [s], by Gauss's collocation [rad, rad/s].
+        """Coefficients and rates (count,) after a step of `h` [s], by collocation [rad, rad/s].
 
-        The accelerations at its stages are found by Newton's method, whose matrix has the mass
+        The accelerations at Gauss's stages are found by Newton's method, whose matrix has the mass
         matrix of the beginning of the step and the stiffness of bending.
 
         Raises
@@ -328,7 +328,7 @@ class MovingRod:
     def frequencies(self, count: int) -> Array:
         """Angular frequencies (count,) of small motions about the straight rod, rising [rad/s].
 
-        They are those without gravity and with the beginning at rest; a guide is taken into account.
+        They are those without gravity and with the beginning at rest; a guide constrains the tip.
         """
         still = replace(self, gravity=0.0, theta0=0.0, begin=None)
         zero = np.zeros(count)

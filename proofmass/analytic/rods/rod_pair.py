@@ -1,6 +1,6 @@
 """Two clamped rods with their tips on one pin (2RFR), at rest under a dead load.
 
-Its charts show all equilibria at given motor angles and load; its maps show the workspace, the
+The charts show all equilibria at given motor angles and load; the maps show the workspace, the
 singularities and the stiffness.
 """
 
@@ -33,7 +33,7 @@ __all__ = ["equilibria", "motor_angles", "solve", "workspace"]
 
 
 def pair(distance: float, length: float = 1.0, stiffness: float = 1.0) -> Assembly:
-    """Clamps at (-d/2, 0) and (d/2, 0) [m], each rod of length L [m] and stiffness EI [N m^2]."""
+    """Two rods with clamps at (-d/2, 0) and (d/2, 0) [m], of length L [m] and EI [N m^2] each."""
     return assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
 
 
@@ -45,11 +45,11 @@ def at_rest(
     moment: ArrayLike,
     push: ArrayLike,
 ) -> RodState:
-    """The equilibrium that a first guess leads to.
+    """The equilibrium that Newton's method finds from a first guess.
 
     Parameters
     ----------
-    a : of `pair`
+    a : assembly of `pair`
     inputs, load : angles of both clamps [rad]; force on the pin [N]
     pin, moment, push : first guess of the pin [m], the moments at the clamps [N m], and the force
         on the tip of the first rod [N]
@@ -66,8 +66,8 @@ def at_rest(
     )
 
 
-POINTS = 61  # of a rod
-MANY = 9  # directions to fall in: those with as many or more share a panel
+POINTS = 61  # points of a drawn rod
+MANY = 9  # negative directions: equilibria with as many or more share panels
 
 
 def equilibria(
@@ -81,13 +81,13 @@ def equilibria(
     stiffness: float = 1.0,
     modes: int = 3,
 ) -> Chart:
-    r"""All equilibria, the stable ones by their energy, the others by the ways in which they fall.
+    r"""Chart of all equilibria: stable ones by energy, others by number of negative directions.
 
     ::
 
                P --> F        V = U_1 + U_2 - F.P, over all shapes of two rods whose tips meet;
-             .' `.            stable: a valley of V;  unstable: V falls in 1, 2 .. directions,
-           _/     \           those with one are passes between valleys
+             .' `.            stable: a minimum of V;  unstable: V falls in 1, 2 .. directions,
+           _/     \           those with one are saddles between minima
          --@---d---@--
 
     Parameters
@@ -106,8 +106,8 @@ def equilibria(
     Raises
     ------
     ValueError
-        As in `proofmass.analytic.rods.all_equilibria`, which also says how complete they are; no
-        equilibrium.
+        As in `proofmass.analytic.rods.all_equilibria`, which also describes how complete the
+        equilibria are; no equilibrium.
 
     Notes
     -----
@@ -136,7 +136,7 @@ def equilibria(
 
 
 def sharing(negative: NDArray[np.int_]) -> list[NDArray[np.intp]]:
-    """Which equilibria share a panel: few, and of one number of directions to fall in.
+    """Indices of equilibria by panels: a panel has few, of one number of negative directions.
 
     >>> [which.tolist() for which in sharing(np.array([0, 1, 1, 0, 1, 1, 1]))]
     [[0, 3], [1, 2, 4], [5, 6]]
@@ -151,11 +151,11 @@ def sharing(negative: NDArray[np.int_]) -> list[NDArray[np.intp]]:
         ]
         if len(panels) <= MOST:
             return panels
-    raise AssertionError("unreachable: a panel may hold all")
+    raise AssertionError("unreachable: a panel may show all of them")
 
 
 def panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
-    """Equilibria that fall in as many directions, with their pins and clamps."""
+    """Panel of equilibria with one number of negative directions, their pins and clamps."""
     pose, clamp = found.state.pose[which], found.state.assembly.clamp
     ways = min(int(found.negative[which[0]]), MANY)
     lines = [posture(found, int(i), rank) for rank, i in enumerate(which, 1)]
@@ -168,7 +168,7 @@ def panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
 
 
 def posture(found: Solutions, i: int, rank: int) -> ChartLine:
-    """Both rods of one equilibrium, out to the pin and back."""
+    """Line of one equilibrium, from one clamp along both rods to the other."""
     x, y = (
         np.append(one[0], one[1, -2::-1])
         for one in found.state[i].shape(np.linspace(0.0, 1.0, POINTS))[:2]
@@ -180,7 +180,7 @@ def posture(found: Solutions, i: int, rank: int) -> ChartLine:
 
 
 def directions(ways: int) -> str:
-    """How many, in words.
+    """A number of directions, as text; `MANY` stands for more as well.
 
     >>> directions(1), directions(2), directions(MANY)
     ('1 direction', '2 directions', '9 or more directions')
@@ -189,7 +189,7 @@ def directions(ways: int) -> str:
 
 
 def caption(found: Solutions, modes: int) -> str:
-    """How many there are, and their energies V."""
+    """Text with the numbers of stable and unstable equilibria and their energies V."""
     stable = found.potential[found.negative == 0]
     words = [
         f"{len(found)} equilibria whose rods have up to {modes} inflection"
@@ -204,8 +204,8 @@ def caption(found: Solutions, modes: int) -> str:
             f"; {fallen.size} that fall in {directions(k)}, the lowest at {fallen[0]:.4g} J"
         )
     limit = (
-        f"No rod of any other carries more than R = {found.bound:.3g}² EI/L², by proof; up to "
-        "there all were searched for"
+        f"By proof, no rod of any other carries more than R = {found.bound:.3g}² EI/L², up to "
+        "which all were searched for"
         if found.bounded
         else f"Searched up to R = {found.up_to:.3g}² EI/L² on each rod"
     )
@@ -229,12 +229,12 @@ def workspace(
     stiffness: float = 1.0,
     nodes: int = 25,
 ) -> Chart:
-    r"""The sheet of poses that are reached from the case's equilibrium by turning the motors.
+    r"""Chart of the poses that are reached from the case's equilibrium by turning the motors.
 
     ::
 
-           .-~~~-.         rim: inverse singularity, dP/dq singular; no motor moves the pin on
-          / +  +  \        inside: direct singularity, dq/dP singular, det K = 0; the pin gives way
+           .-~~~-.         rim: inverse singularity, dP/dq singular; no motor moves the pin further
+          / +  +  \        inside: direct singularity, dq/dP singular, det K = 0; the pin snaps
          | + S--.  |
          |+ + \ -`.|       det(dq/dP) = -det8_FK/det8_IK,  q = (theta1, theta2),  P = (x, y)
           \____`-._/
@@ -242,15 +242,15 @@ def workspace(
     Parameters
     ----------
     distance, theta1, theta2, force_x, force_y, pin_x, pin_y : of `solve` [m, rad, N]
-    moment1, moment2, push_x, push_y, length, stiffness : of `solve` [N m, N, m, N m^2]; the sheet
-        has its load and goes through its equilibrium
+    moment1, moment2, push_x, push_y, length, stiffness : of `solve` [N m, N, m, N m^2]; all poses
+        have the load of that equilibrium and are reached from it
     nodes : along each axis, 5 to 201
 
     Returns
     -------
     Chart
         Panels over x, y [m]: det(dq/dP) [rad^2/m^2]; the least eigenvalue of K [N/m], on the aspect
-        of the equilibrium: what no singularity parts from it; and both motor angles [rad].
+        of the equilibrium, whose poses are reached without a singularity; both motor angles [rad].
 
     Raises
     ------
@@ -259,13 +259,13 @@ def workspace(
 
     Notes
     -----
-    A sheet ends at its inverse singularities and passes direct ones: motors cannot, the pin jumps
-    there.  Where a sheet lies over itself, a node shows the part that was reached first, and the
-    fields have a white tear between two parts.  Singularities are named as in the text of Pérez
-    Gámiz 2018 (eqs 99, 102); its program (text lines 3160-3495) calls zeros of det(dq/dP) inverse
-    and zeros of det(dP/dq) forward singularities, which is the other way round.  It has these maps
-    as figures only.  Aspect: D. Chablat and P. Wenger, IEEE Int. Conf. Robotics and Automation
-    1998.
+    The equilibrium manifold ends at its inverse singularities and continues beyond direct ones,
+    which the motors cannot pass because the pin jumps there.  Where the manifold lies over itself,
+    a node shows the part that was reached first, and the fields have a white tear between two
+    parts.  Singularities are named as in the text of Pérez Gámiz 2018 (eqs 99, 102); its program
+    (text lines 3160-3495) has the names the other way round: it calls zeros of det(dq/dP) inverse
+    and zeros of det(dP/dq) forward singularities.  The source has these maps as figures only.
+    Aspect: D. Chablat and P. Wenger, IEEE Int. Conf. Robotics and Automation 1998.
 
     Examples
     --------
@@ -304,13 +304,13 @@ def motor_angles(
     span: float = np.pi,
     nodes: int = 25,
 ) -> Chart:
-    r"""How far the motors turn before the case's equilibrium folds and the pin jumps.
+    r"""Chart of the motor angles to which the case's equilibrium can be followed before it folds.
 
     ::
 
         theta2 .---------.
                | + / - .-|        rim: direct singularity, det K = 0, where two equilibria meet
-               |+ S / /  |        inside: inverse singularity, which motors pass
+               |+ S / /  |        inside: inverse singularity, which the motors can pass
                |_+_/_/___|
                    theta1         det(dP/dq) = -det8_IK/det8_FK
 
@@ -372,11 +372,11 @@ def motor_angles(
         ("theta1", "rad"),
         ("theta2", "rad"),
         tuple(panels),
-        f"Motor angles that this equilibrium can be followed to, {m.reached.mean():.0%} "
-        "of the window. Beyond a direct singularity it is gone and the pin jumps; in an "
-        "inverse singularity the motors cannot move the pin in some direction. Where "
-        "contours break off, equilibria lie over each other: which one is there depends on "
-        "the way.",
+        f"Motor angles to which this equilibrium can be followed, {m.reached.mean():.0%} "
+        "of the window. At a direct singularity the equilibrium ends and the pin jumps; in "
+        "an inverse singularity the motors cannot move the pin in some direction. Where "
+        "contours break off, there are several equilibria: the path of the motors selects "
+        "one of them.",
     )
 
 
@@ -401,7 +401,7 @@ def solve(
 
     ::
 
-               P --> F            clamps at (-d/2, 0) and (d/2, 0), held at theta1 and theta2
+               P --> F            clamps at (-d/2, 0) and (d/2, 0), at angles theta1 and theta2
              .' `.                n_1 + n_2 = F,  m(L) = 0 in both rods
            _/     \
          --@---d---@--
@@ -412,8 +412,8 @@ def solve(
     distance : d, between the clamps [m]
     theta1, theta2 : tangents at the clamps [rad]
     force_x, force_y : F, dead load on the pin [N]
-    pin_x, pin_y : first guess of the pin P [m]; it and the next two choose among the
-        equilibria
+    pin_x, pin_y : first guess of the pin P [m]; together with the next two lines it selects one of
+        the equilibria
     moment1, moment2 : first guess of the moments at the clamps [N m]
     push_x, push_y : first guess of the force n_1 on the tip of the first rod [N]
     length, stiffness : L [m], EI [N m^2], of each rod
@@ -421,8 +421,8 @@ def solve(
     Returns
     -------
     dict of (...) arrays: x1, y1 [m], t1 [rad], m1 [N m] along the first rod, x2, ... along the
-    second; pin_x, pin_y [m], hold1, hold2, the moments [N m] that hold the clamps, and energy of
-    bending [J], the same everywhere.
+    second; and, the same at all arc lengths, pin_x, pin_y [m], hold1, hold2, the moments [N m] on
+    the clamps that keep them at rest, and energy of bending [J].
 
     Raises
     ------
@@ -431,8 +431,8 @@ def solve(
 
     Notes
     -----
-    Within 1e-9 L.  Source: Pérez Gámiz 2018, eqs 98-102 and Table 7, where the second clamp must
-    stand at (0.3, 0), not at (0, 0.3) as printed.
+    The error is below 1e-9 L.  Source: Pérez Gámiz 2018, eqs 98-102 and Table 7, where the second
+    clamp must be at (0.3, 0), not at (0, 0.3) as printed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Two clamped rods with their tips on one pin (2RFR), led by their motors through equilibria."""
+"""Two clamped rods with their tips on one pin (2RFR), moved by their motors through equilibria."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -23,24 +23,25 @@ from proofmass.analytic.rods.rod_pair import pair
 PairNumbers = tuple[float, ...]
 
 
-FINE = 4  # places in a division at which the inverse problem is solved
-STRIDE = 0.02  # of L, from the first equilibrium to all places at once
+FINE = 4  # points of a division at which the inverse problem is solved
+STRIDE = 0.02  # longest step [L] from the first equilibrium towards the points, for all at once
 
 
 def circles(
     time: ArrayLike, *, diameter: float, number: int, divisions: int, **pair: float
 ) -> tuple[Array, Array, Array]:
-    """Motor angles that lead the pin round concentric circles, a division in a second: a drive law.
+    """Motion profile of motor angles that move the pin round concentric circles.
 
     Parameters
     ----------
     time : array_like (n,)
-        [s]; at 0 the pin is in the centre, at 1 + k divisions on the x axis where circle k, from 0,
-        begins, counter-clockwise; in the last division of a round it goes out to the next.
+        [s]; a division takes a second.  At 0 the pin is in the centre, at 1 + k divisions on the x
+        axis, where circle k, from 0, begins counter-clockwise; in the last division of a round the
+        pin moves out to the next circle.
     diameter : float
-        Of the outermost circle [m]; the others have equal distances.
+        Diameter of the outermost circle [m]; the others are at equal distances.
     number, divisions : int
-        Circles, and parts of each.
+        Number of circles, and number of divisions of each.
     **pair
         The equilibrium in the centre: theta1, theta2, angles of the motors [rad], and distance,
         pin_x .. push_y, force_x, force_y, length, stiffness as for `solve`.
@@ -55,12 +56,13 @@ def circles(
     Raises
     ------
     ValueError
-        As `solve`; counts below 1, no size, or a place to which the pin cannot be led.
+        As `solve`; numbers below 1, a size that is not positive, or a position to which the pin
+        cannot be moved.
 
     Notes
     -----
     Source: Pérez Gámiz 2018, text lines 3118-3128: D = 0.2 m, 5 circles of 8 divisions each, no
-    load.  Its function for the points is not listed: their order is ours.
+    load.  Its function for the points is not listed; their order here is our choice.
 
     Examples
     --------
@@ -78,17 +80,18 @@ def circles(
 def rectangles(
     time: ArrayLike, *, width: float, height: float, number: int, divisions: int, **pair: float
 ) -> tuple[Array, Array, Array]:
-    """Motor angles that lead the pin round concentric rectangles, a division in a second.
+    """Motion profile of motor angles that move the pin round concentric rectangles.
 
     Parameters
     ----------
     time : array_like (n,)
-        [s]; at 0 the pin is in the centre, at 1 + 4 k divisions on rectangle k, from 0, one
-        division from its lower right corner, in which it ends a round; clockwise.
+        [s]; a division takes a second.  At 0 the pin is in the centre, at 1 + 4 k divisions on
+        rectangle k, from 0, one division from its lower right corner, in which a round ends; the
+        pin moves clockwise.
     width, height : float
-        Of the outermost rectangle [m]; the others have equal distances.
+        Size of the outermost rectangle [m]; the others are at equal distances.
     number, divisions : int
-        Rectangles, and parts of each side.
+        Number of rectangles, and number of divisions of each side.
     **pair
         As for `circles` [SI].
 
@@ -105,8 +108,9 @@ def rectangles(
     Notes
     -----
     Source: Pérez Gámiz 2018, text lines 3130-3137: 0.2 m by 0.2 m, 4 rectangles, 4 divisions a
-    side, no load; their order is ours.  About its centre the last of the 64 places, a corner of the
-    largest one, is an unstable equilibrium: the program holds the pin, which the motors cannot.
+    side, no load; the order of the points is our choice.  About the centre of the source the last
+    of the 64 points, a corner of the largest rectangle, is an unstable equilibrium: the program
+    prescribes the pin, which the motors alone cannot keep there.
     """
     sized(min(width, height), number, divisions)
     turns, size = rounds(number, 4 * int(divisions))
@@ -118,7 +122,7 @@ def rectangles(
 
 
 def sized(size: float, number: int, divisions: int) -> None:
-    """ValueError for paths of no size [m], or in less than one part."""
+    """ValueError for a path whose size [m] is not positive, or with less than one part."""
     if not (number >= 1 and divisions >= 1 and 0.0 < size < np.inf):
         raise ValueError(
             f"a size [m] must be positive and finite, and number and divisions 1 or more, got "
@@ -127,7 +131,7 @@ def sized(size: float, number: int, divisions: int) -> None:
 
 
 def rounds(number: int, divisions: int) -> tuple[Array, Array]:
-    """Turns [1] about the centre over the places of a path, and their share [1] of its size."""
+    """Turns [1] about the centre at the points of a path, and their sizes over that of the path."""
     t = np.arange(FINE * number * int(divisions) + 1) / FINE
     turns = np.maximum(t - 1.0, 0.0) / divisions
     out = np.clip(divisions * (turns % 1.0) - (divisions - 1.0), 0.0, 1.0)
@@ -136,16 +140,16 @@ def rounds(number: int, divisions: int) -> tuple[Array, Array]:
 
 
 def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array, Array, Array]:
-    """Motor angles, rates and accelerations (2, n) of splines through places x + iy of the pin.
+    """Motor angles, rates and accelerations (2, n) by splines through points x + iy of the pin.
 
     Parameters
     ----------
     time : array_like (n,)
         [s]
     places : ndarray (m,)
-        Seen from the first equilibrium, `FINE` to a second [m].
+        Points relative to the first equilibrium, `FINE` to a second [m].
     pair : dict of float
-        Of `circles` [SI].
+        Arguments of `circles` for the equilibrium [SI].
 
     Returns
     -------
@@ -154,7 +158,7 @@ def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array
     """
     try:
         spline = spline_of(tuple(places.tolist()), **pair)
-    except TypeError as error:  # of a parameter too many or too few
+    except TypeError as error:  # there is a parameter too many or too few
         raise ValueError(str(error).replace("held()", "a path")) from None
     t = np.asarray(time, float)
     angle, rate, acceleration = (np.moveaxis(spline(t, k), -1, 0) for k in range(3))
@@ -163,7 +167,7 @@ def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array
 
 @lru_cache(8)
 def spline_of(places: tuple[complex, ...], **pair: float) -> CubicSpline:
-    """Both motor angles over time; see `led`."""
+    """Spline of both motor angles over time; see `led`."""
     return CubicSpline(np.arange(len(places)) / FINE, held(places, **pair).inputs)
 
 
@@ -184,7 +188,7 @@ def held(
     length: float = 1.0,
     stiffness: float = 1.0,
 ) -> RodState:
-    """Equilibria (m,) with the pin at places seen from its first one, by straight ways there."""
+    """Equilibria (m,) with the pin at points relative to its first position, by straight paths."""
     problem = distance, length, stiffness, force_x, force_y
     start = first_of((theta1, theta2), problem, (pin_x, pin_y, moment1, moment2, push_x, push_y))
     free, way = columns(start.assembly, "rods", "inputs"), np.array(places)
@@ -196,7 +200,7 @@ def held(
         now, moved = newton(now.replaced(pose=start.pose + share * goal), free)
         if not np.isfinite(moved).all():
             x, y = start.pose + share * goal[np.argmax(~np.isfinite(moved))]
-            raise ValueError(f"the pin cannot be led to ({x:.6g}, {y:.6g}) m")
+            raise ValueError(f"the pin cannot be moved to ({x:.6g}, {y:.6g}) m")
     return now
 
 
@@ -222,7 +226,7 @@ def solve(
 
     ::
 
-               P --> F            clamps at (-d/2, 0) and (d/2, 0), turned to theta1 and theta2
+               P --> F            clamps at (-d/2, 0) and (d/2, 0), at angles theta1 and theta2
              .' `.                n_1 + n_2 = F,  m(L) = 0 in both rods
            _/     \
          --@---d---@--            dP/dt = dP/dtheta dtheta/dt + dP/dF dF/dt at rest: no inertia
@@ -232,22 +236,22 @@ def solve(
     ----------
     angle : theta1, theta2 [rad] in order of the motion, (2, n)
     rate : their rates [rad/s], which broadcast with `angle`
-    acceleration : [rad/s^2] is not used; equilibria are as slow as one likes
+    acceleration : [rad/s^2], not used, since equilibria have no inertia
     distance : d, between the clamps [m]
-    pin_x, pin_y : first guess of the pin P at the first angles [m]; it and the next two choose
-        among the equilibria
+    pin_x, pin_y : first guess of the pin P at the first angles [m]; together with the next two
+        lines it selects one of the equilibria
     moment1, moment2 : first guess of the moments at the clamps [N m]
     push_x, push_y : first guess of the force n_1 on the tip of the first rod [N]
     force_x, force_y : F, dead load on the pin [N], or along the path, (n,)
     length, stiffness : L [m], EI [N m^2], of each rod
-    load_rates : of force_x and force_y [N/s], (n,) each; none: constant
+    load_rates : rates of force_x and force_y [N/s], (n,) each; None: both are constant
 
     Returns
     -------
     dict of (n,) arrays: pin_x, pin_y [m], pin_vx, pin_vy [m/s], tip1, tip2, tangents at the pin
     [rad], hold1, hold2, the moments of the motors [N m], push_x, push_y, n_1 [N], energy of bending
-    [J], pin_stiffness, the least of the pin [N/m].  NaN from the first sample behind a fold, where
-    the pin has lost its stiffness and leaves the branch.
+    [J], pin_stiffness, the least stiffness of the pin [N/m].  All are NaN from the first sample
+    beyond a fold, where the stiffness of the pin is zero and the pin leaves the branch.
 
     Raises
     ------
@@ -257,14 +261,15 @@ def solve(
 
     Notes
     -----
-    Between samples motors and load change in proportion to each other.  A branch point, which needs
-    symmetry, is passed straight on.  Closed and balanced within 1e-10 of L and EI/L^2; rates are
-    derivatives of that, within 1e-9 m/rad on the line below, 0.2 rad off a fold.
+    Between samples the motors and the load change in proportion to each other.  A branch point,
+    which occurs in symmetric problems only, is passed without leaving the branch.  Equilibria are
+    closed and balanced within 1e-10 of L and EI/L^2; rates are their derivatives, within 1e-9 m/rad
+    on the line below, 0.2 rad from a fold.
     Source of the motions: Pérez Gámiz 2018, text lines 2924-4013, which prints no results.
 
     Examples
     --------
-    The document's line, one radian of the first motor without load, and as far the other way:
+    The line of the source, one radian of the first motor without load, and one radian backwards:
 
     >>> start = {"distance": 0.6, "stiffness": 0.0521860264, "pin_x": 0.293, "pin_y": -0.341,
     ...          "moment1": 0.28, "moment2": 0.29, "push_x": -0.83, "push_y": 0.95}
@@ -298,16 +303,17 @@ def solve(
 def branch(
     path: tuple[tuple[float, ...], ...], problem: PairNumbers, guess: PairNumbers
 ) -> RodState:
-    """Equilibria (n,) along a path of (theta1, theta2, F_x, F_y), NaN behind a fold.
+    """Equilibria (n,) along a path of (theta1, theta2, F_x, F_y), NaN beyond a fold.
 
-    Newton's method goes on from there to problems of more digits, of which sensitivities want many.
+    `nearby` gives the same result for problems that differ by less than 1e-5, and Newton's method
+    continues from it for each of them.  Sensitivities need many such problems.
     """
     first = first_of(path[0][:2], problem, guess)
     return followed(path, problem, tuple(first.vector.tolist()))
 
 
 def first_of(angles: tuple[float, ...], problem: PairNumbers, guess: PairNumbers) -> RodState:
-    """The equilibrium at first angles of the motors that a guess leads to."""
+    """The equilibrium at the first angles of the motors that Newton's method finds from a guess."""
     pin_x, pin_y, moment1, moment2, *push = guess
     rods = [moment1, *push, moment2, *np.subtract(problem[-2:], push)]
     return direct(begun(np.array([*rods, pin_x, pin_y, *angles, 0.0, 0.0]), *problem))
@@ -317,7 +323,7 @@ def first_of(angles: tuple[float, ...], problem: PairNumbers, guess: PairNumbers
 def followed(
     path: tuple[tuple[float, ...], ...], problem: PairNumbers, first: PairNumbers
 ) -> RodState:
-    """The same from an equilibrium, to which many guesses lead."""
+    """Equilibria (n,) along a path from a first equilibrium, which many guesses have in common."""
     angles, load = np.hsplit(np.array(path), 2)
     return follow(begun(np.array(first), *problem), inputs=angles, load=load).states
 
@@ -325,12 +331,12 @@ def followed(
 def begun(
     vector: Array, distance: float, length: float, stiffness: float, force_x: float, force_y: float
 ) -> RodState:
-    """States of a pair of rods with these vectors, under its load."""
+    """States (n,) of a pair of rods with these vectors, under the load of the problem."""
     return RodState(pair(distance, length, stiffness), vector).replaced(load=[force_x, force_y])
 
 
 def described(s: RodState, rate: Array, growth: Array) -> dict[str, Array]:
-    """Quantities (n,) of equilibria whose motors turn at rates (2, n), and loads grow at (n, 2)."""
+    """Quantities (n,) of equilibria for rates (2, n) of the motors and (n, 2) of the loads."""
     slopes = derivatives(s)
     velocity = np.einsum("npk,kn->pn", slopes.direct, rate)
     velocity += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0].T

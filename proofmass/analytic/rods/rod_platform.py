@@ -13,8 +13,8 @@ from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
 from proofmass.analytic.rods.equilibrium import RodState, derivatives, direct
 
 MODES = tuple(range(1, 10))
-LARGEST = 20.0  # alpha = L sqrt(R/EI): States of more are not to be followed, e^alpha away
-STRIDE = 0.02  # of the length: by so much rigid ends grow from one equilibrium to the next
+LARGEST = 20.0  # alpha = L sqrt(R/EI); errors of larger loads, e^alpha, forbid continuation
+STRIDE = 0.02  # growth of rigid ends from one equilibrium to the next, over the length
 Three = tuple[float, float, float]
 
 
@@ -64,28 +64,29 @@ def solve(
     Returns
     -------
     dict of (...) arrays: x1, y1 [m], t1 [rad], m1 [N m] along the first rod, x2, ... along the
-    others; x, y [m], phi [rad] of the platform, hold1, hold2, hold3, the moments [N m] that hold
-    the clamps, and energy of bending [J], the same everywhere.
+    others; and, the same at all arc lengths, x, y [m], phi [rad] of the platform, hold1, hold2,
+    hold3, the moments [N m] on the clamps that keep them at rest, and energy of bending [J].
 
     Raises
     ------
     ValueError
-        A parameter out of its domain, clamps out of reach, or a mode that is not there: the message
-        tells which are.
+        A parameter out of its domain, clamps out of reach, or a mode that does not exist: the
+        message lists those that do.
 
     Notes
     -----
-    A mode instead of a first guess: nobody knows the forces of a mechanism that is yet to be built,
-    but what it does when it is let go is a stable equilibrium.  All of them are searched for, by
-    `proofmass.analytic.rods.all_equilibria`, in about a second; problems that are equal in five
-    digits share the search, and each goes on from there by Newton's method.  Counted are those
-    whose rods carry R = 20^2 EI/L^2 at most, with looped rods among them; there are more beyond.
-    Rigid ends grow from nothing along the equilibrium that is counted without them.
+    The equilibrium is selected by a mode and not by a first guess, since the forces of a mechanism
+    that is yet to be built are unknown, while it comes to rest in a stable equilibrium.
+    `proofmass.analytic.rods.all_equilibria` searches for all of them in about a second; problems
+    that are equal in five digits share the search, and each is solved from its result by Newton's
+    method.  Modes count the equilibria whose rods carry R = 20^2 EI/L^2 at most, including those
+    with looped rods; there are more beyond.  With rigid ends, the equilibrium is counted without
+    them and followed while they grow from zero.
 
-    Closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.  Source: Pérez Gámiz 2018,
-    eqs 106-115 and Table 8, with 180 degrees for theta2, printed 0, and the side of 0.2 m, which is
-    not printed.  Its first solution is mode 2 here, its second mode 1; three more stable ones up
-    to that load, each with a looped rod, are not in it.
+    Equilibria are closed and balanced within 1e-10 of the sizes EI/L^2, EI/L and L.  Source: Pérez
+    Gámiz 2018, eqs 106-115 and Table 8, with 180 degrees for theta2, printed 0, and the side of
+    0.2 m, which is not printed.  Its first solution is mode 2 here, its second mode 1; three more
+    stable ones up to that load, each with a looped rod, are not in it.
 
     Examples
     --------
@@ -120,7 +121,7 @@ def solve(
 
 
 class PlatformProblem(NamedTuple):
-    """Three rods alike on an equilateral platform, their clamps or guides round a circle.
+    """Three equal rods on an equilateral platform, with their clamps or guides on a circle.
 
     Without `guide` the inputs turn the clamps; angles [rad], load (F_x, F_y [N], M [N m]).
     """
@@ -137,7 +138,7 @@ class PlatformProblem(NamedTuple):
 
     @property
     def assembly(self) -> Assembly:
-        """Rods and platform."""
+        """The rods and the platform."""
         positive(radius=self.radius)
         return assembly(
             triangle(np.sqrt(3.0) * self.radius),
@@ -150,7 +151,7 @@ class PlatformProblem(NamedTuple):
 
 
 def standing(problem: PlatformProblem, mode: int, rigid_extension: float = 0.0) -> RodState:
-    """The equilibrium of that mode, with rigid ends if there are any."""
+    """The stable equilibrium of that mode, with rigid ends if they have a length."""
     there = stable(problem)
     if mode not in range(1, 1 + len(there.vector)):
         raise ValueError(
@@ -177,7 +178,7 @@ def stable(problem: PlatformProblem) -> RodState:
 
 
 def format_modes(found: RodState) -> str:
-    """Modes by their poses."""
+    """Text with the modes and their poses, for messages."""
     poses = (
         f"{k} at ({x:.3g}, {y:.3g}) m, {np.degrees(phi):.4g} degrees"
         for k, (x, y, phi) in enumerate(found.pose, 1)
@@ -186,7 +187,7 @@ def format_modes(found: RodState) -> str:
 
 
 def with_ends(found: RodState, rigid_extension: float) -> RodState:
-    """The same equilibrium with rigid ends that grow from nothing."""
+    """The equilibrium after its rigid ends have grown from zero; ValueError if it is not stable."""
     steps = int(np.ceil(rigid_extension / (STRIDE * found.assembly.length[0])))
     sign = np.sign(derivatives(found).direct_determinant)
     for rigid in np.linspace(0.0, rigid_extension, steps + 1)[1:]:

@@ -1,6 +1,7 @@
-"""Maps of three clamped rods on one rigid platform, driven along guides (3PFR) or by motors (3RFR).
+"""Three clamped rods on one rigid platform, driven along guides (3PFR) or by motors (3RFR).
 
-Three clamped rods on one rigid platform, driven by motors (3RFR) or along guides (3PFR).
+The module has the reference of equilibria along a path of the inputs, and the map of the workspace
+with constant orientation.
 """
 
 from collections.abc import Mapping
@@ -43,13 +44,13 @@ def constant_orientation(
     input3: float = 0.0,
     nodes: int = 25,
 ) -> Chart:
-    r"""Where the platform gets to without turning, from one of its stable equilibria.
+    r"""Chart of the poses that the platform reaches without rotation from a stable equilibrium.
 
     ::
 
              - - -O1 [=]---.         P in x, y; phi as in the equilibrium
-                            B1       q_1, q_2, q_3 hold the platform in each pose:
-                    P ->   / `.      three inputs for three dof
+                            B1       q_1, q_2, q_3 determine each pose:
+                    P ->   / `.      three inputs for three degrees of freedom
                           B3--B2
 
     Parameters
@@ -64,7 +65,7 @@ def constant_orientation(
     -------
     Chart
         As `rod_pair.workspace`, over x, y [m]: det(dq/dP) of x, y and phi [m/rad, or
-        rad^2/m^2 for motors], the stiffness against forces on a platform that may turn [N/m], and
+        rad^2/m^2 for motors], the stiffness to forces on a platform that may rotate [N/m], and
         the three slides [m] or motor angles [rad].
 
     Raises
@@ -74,8 +75,8 @@ def constant_orientation(
 
     Notes
     -----
-    The window is one rod and half a platform wide to all sides; guides have no ends.  Pérez Gámiz
-    2018 has such maps as figures only, without numbers.
+    The window extends by one rod and half a platform to all sides; guides have no ends.  Pérez
+    Gámiz 2018 has such maps as figures only, without numbers.
 
     Examples
     --------
@@ -106,7 +107,7 @@ def constant_orientation(
         chart.x,
         chart.y,
         chart.panels,
-        f"The platform held at {np.degrees(start.pose[2]):.4g}°. {chart.caption}",
+        f"The platform's angle is constant, {np.degrees(start.pose[2]):.4g}°. {chart.caption}",
         True,
     )
 
@@ -154,20 +155,20 @@ def solve(
     rate, acceleration : their time derivatives [SI]; there are no accelerations without masses
     side : see `rod_platform.solve` [m]
     theta1, theta2, theta3 : tangents at the clamps [rad]; without guides, those of inputs 0
-    guide1, guide2, guide3 : directions of the guides [rad]; left out, the inputs turn the clamps
+    guide1, guide2, guide3 : directions of the guides [rad]; None: the inputs turn the clamps
     radius : see `rod_platform.solve` [m]
     force_x, force_y : dead load F on the platform at P [N], or along the path, (...)
     moment : dead load M on the platform [N m], or along the path, (...)
-    mode, inflections : see `rod_platform.solve`; they choose the equilibrium of the first inputs
+    mode, inflections : see `rod_platform.solve`; they select the equilibrium at the first inputs
     length, stiffness : L [m], EI [N m^2], of each rod
     rigid_extension : see `rod_platform.solve` [m]
-    load_rates : of force_x, force_y and moment [SI], (...) each; none: constant
+    load_rates : rates of force_x, force_y and moment [SI], (...) each; None: all are constant
 
     Returns
     -------
     dict of (...) arrays: x, y [m], phi [rad] of the platform, unwrapped, each with _rate; hold1,
-    hold2, hold3, what the drives hold [N or N m]; energy of bending [J].  NaN from where the
-    equilibrium folds or becomes unstable.
+    hold2, hold3, the forces or moments of the drives [N or N m]; energy of bending [J].  All are
+    NaN from the sample on at which the equilibrium folds or becomes unstable.
 
     Raises
     ------
@@ -176,18 +177,18 @@ def solve(
 
     Notes
     -----
-    Within 1e-9 of the sizes EI/L^2, EI/L and L; rates by the exact Jacobian.  NaN as well where a
-    rod is so tight, alpha = L sqrt(R/EI) above 12 or so, that shooting along it loses all digits;
-    a path that pulls a rod straight takes minutes to get there.
+    The error is below 1e-9 of the sizes EI/L^2, EI/L and L; rates are by the exact Jacobian.
+    Results are also NaN where a rod is so tight, with alpha = L sqrt(R/EI) above about 12, that
+    shooting along it loses all digits; a path that pulls a rod straight takes minutes up to there.
     Source: Pérez Gámiz 2018, eqs 106-112 and annex II.4 (lines 7091-8310), which follows paths of
-    inputs from tables that are not printed.  Departs from it in the derivative by the slide, which
-    there is right for guides along the clamps' tangents only, and behind folds, where it goes on
-    from the last point on whatever branch Newton's method meets.
+    inputs from tables that are not printed.  This module differs from it in the derivative by the
+    slide, which in the source is right for guides along the clamps' tangents only, and beyond
+    folds, where the source continues from the last point on any branch that Newton's method finds.
 
     Examples
     --------
     The start pose of annex II.4, without load and without its rigid ends: each force is across its
-    guide, so nothing holds the sliders.
+    guide, so the drives carry no force.
 
     >>> turns = 0.0, 2 * np.pi/3, -2 * np.pi/3
     >>> start = solve(np.full((3, 1), -0.0782049), side=0.2 * np.sqrt(3), stiffness=0.0521860264,
@@ -228,7 +229,7 @@ def solve(
 
 
 def guides(*angle: float | None) -> Three | None:
-    """Directions of all guides, or None where there are none."""
+    """Directions of all guides, or None without guides; ValueError if only some are given."""
     if all(a is None for a in angle):
         return None
     one, two, three = angle
@@ -244,7 +245,7 @@ def branch(
     mode: int,
     rigid_extension: float,
 ) -> RodState:
-    """Equilibria (n,) along a path of inputs and loads; NaN from the first that is not stable."""
+    """Equilibria (n,) along a path of inputs and loads; NaN from the first unstable one on."""
     inputs, load = np.hsplit(np.array(path), 2)
     followed = follow(standing(problem, mode, rigid_extension), inputs=inputs, load=load)
     vector = followed.states.vector
@@ -253,7 +254,7 @@ def branch(
 
 
 def described(found: RodState, rate: Array, growth: Array) -> Array:
-    """Quantities (10, n) of equilibria (n,) whose inputs and loads have rates (n, 3)."""
+    """Quantities (10, n) of equilibria (n,), by `NAMES`, for rates (n, 3) of inputs and loads."""
     guide, slopes = found.assembly.guide, derivatives(found)
     moved = (slopes.direct @ rate[..., None])[..., 0]
     moved += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0]

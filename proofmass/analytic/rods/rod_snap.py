@@ -1,16 +1,16 @@
 r"""Rod between a motor and a pin that is nearer than its length: it snaps from side to side.
 
-All its shapes are one curve.  A rod with a pinned tip is a place (alpha, q) of the sheet of
-`proofmass.analytic.rods.elastica`, its tip at z(alpha, q) in the clamp's frame.  With the clamp
-turned by a from the line to the pin, d away::
+All its shapes form one curve.  A rod with a pinned tip is a point (alpha, q) of the equilibrium
+manifold of `proofmass.analytic.rods.elastica`, with its tip at z(alpha, q) in the clamp's frame.
+With the clamp rotated by a from the line to the pin, and the pin at the distance d::
 
     log z = log(d) - i a                        two equations for alpha and q at a given a
 
-The real part alone is a level line of the sheet.  On q > 0 the rod is bent to the left of the line
-to the pin; q < 0 is the mirror image.  The line passes the arch between two pins, where alpha = 2 K
-and 2 E/K - 1 = d.  From there a falls to the first fold, -a*, where the rod snaps, and the line
-goes on through all higher modes, with one negative direction more beyond each fold.  The other way
-a grows, and the rod is wound.
+The real part alone describes a level line on the manifold.  For q > 0 the rod is bent to the left
+of the line to the pin; q < 0 is the mirror image.  The level line passes the arch between two pins,
+where alpha = 2 K and 2 E/K - 1 = d.  In one direction from the arch a falls to the first fold, -a*,
+where the rod snaps; the line continues through all higher modes, with one more negative direction
+beyond each fold.  In the other direction a grows, and the rod is wound.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,15 +29,17 @@ from proofmass.analytic.rods.elastica import from_inflection, rods, stiff
 
 __all__ = ["branches", "events", "properties", "shapes", "solve"]
 
-NEAREST, FURTHEST = 0.32, 0.99  # of the length: distances that have been tried
-STRIDE = 0.01  # of (log alpha, log q)
-WAVES = 3.5  # half waves, beyond the second fold
-STEPS = 4  # of Newton's method, from a guess within STRIDE^2
+NEAREST, FURTHEST = 0.32, 0.99  # least and largest distance that have been tested, over the length
+STRIDE = 0.01  # stride along the level line, in (log alpha, log q)
+WAVES = 3.5  # half waves at the end of the level line, beyond the second fold
+STEPS = 4  # steps of Newton's method, from a guess with an error of about `STRIDE`^2
 
 
 @dataclass(frozen=True)
 class SnapFamily:
-    """Shapes of rods of unit length, bent to the left, from the most wound one on.
+    """Shapes of a rod of unit length, bent to the left, in the order of the level line.
+
+    The first one is the most wound one.
 
     Attributes
     ----------
@@ -48,7 +50,7 @@ class SnapFamily:
     angle : ndarray (n,)
         a, of the clamp's tangent from the line to the pin [rad].
     folds : ndarray of int (2,)
-        Which of them are folds; those before the first one are stable.
+        Indices of the shapes that are folds; shapes before the first fold are stable.
     """
 
     distance: float
@@ -58,25 +60,25 @@ class SnapFamily:
 
     @property
     def fold(self) -> float:
-        """a* [rad]: bent to the left the rod stands above -a*, bent to the right below a*."""
+        """a* [rad]: to the left the rod is stable for a > -a*, to the right for a < a*."""
         return -float(self.angle[self.folds[0]])
 
     def at(self, angle: Array) -> tuple[Array, Array]:
         """alpha and q (n,) of the stable shapes at angles (n,) of the clamp, not below -a*."""
         table = slice(self.folds[0], None, -1)
-        above = np.sqrt(self.angle[table] + self.fold)  # the line is smooth in it, up to the fold
-        root = np.sqrt(np.maximum(angle + self.fold, 0.0))  # rounding at the fold itself
+        above = np.sqrt(self.angle[table] + self.fold)  # the line is smooth in this up to the fold
+        root = np.sqrt(np.maximum(angle + self.fold, 0.0))  # it is negative by rounding at the fold
         u = np.stack([np.interp(root, above, column[table]) for column in self.place.T])
         for _ in range(STEPS):
             value, slope = log_tip(u)
             step = _solved(slope, np.log(self.distance * np.exp(-1j * angle - value)))
-            u += np.where(np.abs(step).max(axis=0) < STRIDE, step, 0.0)  # else on the fold itself
+            u += np.where(np.abs(step).max(axis=0) < STRIDE, step, 0.0)  # longer only at the fold
         return np.exp(u[0]), np.exp(u[1])
 
 
 @lru_cache(maxsize=32)
 def family(length: float, distance: float) -> SnapFamily:
-    """The shapes, from half a turn of the clamp to beyond the second fold.
+    """Shapes of a rod from half a turn of the clamp to beyond the second fold.
 
     ValueError for a length that is not positive, or a distance that is not 0.32 to 0.99 of it.
 
@@ -98,7 +100,7 @@ def family(length: float, distance: float) -> SnapFamily:
     before = np.flatnonzero(turns[1:] * turns[:-1] < 0.0)
     for i in before[::-1]:
         place = np.insert(place, i + 1, fold(place[i], sense), axis=0)
-    angle = np.unwrap(-log_tip(place[::-1].T)[0].imag)[::-1]  # the last ones are not wound
+    angle = np.unwrap(-log_tip(place[::-1].T)[0].imag)[::-1]  # from the end, which is not wound
     return SnapFamily(distance / length, place, angle, before + 1 + np.arange(before.size))
 
 
@@ -107,8 +109,8 @@ def shape(
 ) -> tuple[Complex, Array, Complex]:
     """Shapes of unit rods (n,) with the clamp at 0 and the pin at `distance`, on the x axis.
 
-    Returns places x + iy at fractions (m,) of the length from the clamp and tangents [rad] from the
-    load's direction, (m, n), and that direction e^(i psi), (n,).
+    Returns positions x + iy (m, n) at fractions (m,) of the length from the clamp, tangents (m, n)
+    [rad] from the direction of the load, and that direction e^(i psi) (n,).
     """
 
     def seen(arc: Array) -> tuple[Complex, Array]:
@@ -121,7 +123,7 @@ def shape(
 
 
 def arch(distance: float) -> Array:
-    """log(alpha), log(q) of the rod between two pins, 2 E/K - 1 = d."""
+    """log(alpha), log(q) of the arch between two pins, 2 E/K - 1 = d."""
 
     def integrals(log_q: float) -> tuple[Array, Array]:
         return whole(1.0 / np.cosh(np.exp(np.array(log_q))))
@@ -142,21 +144,19 @@ def log_tip(u: Array) -> tuple[Complex, Complex]:
 
 
 def waves(u: Array) -> float:
-    """Half waves between the clamp and the tip, as `ElasticaRods` has them."""
+    """Number of half waves between the clamp and the tip, as in `ElasticaRods`."""
     alpha, q = np.exp(u)
     return float(0.5 * alpha / ellipkm1((1.0 / np.cosh(q)) ** 2))
 
 
 def turning(u: Array) -> Array:
-    """Fall of the angle along the level line (...), in the direction of `ahead`; zero in a fold."""
+    """Fall of the angle (...) per stride along the level line, as `ahead` goes; zero at a fold."""
     slope = log_tip(u)[1]
     return np.asarray((slope[0].conj() * slope[1]).imag / np.hypot(*slope.real))
 
 
 def ahead(u: Array, known: tuple[Complex, Complex], stride: float) -> Array:
-    """The level line's point at a stride along its tangent from another one of it, whose `log_tip`
-    is known.
-    """
+    """Point of the level line a stride along the tangent from u, where `log_tip` is known."""
     value, slope = known
     level, (x, y) = value.real, slope.real
     v = u + stride * np.array([-y, x]) / np.hypot(x, y)
@@ -167,9 +167,7 @@ def ahead(u: Array, known: tuple[Complex, Complex], stride: float) -> Array:
 
 
 def walk(u: Array, sense: float, ends: Callable[[Array, Complex], bool]) -> list[Array]:
-    """Points of the level line from `u` on, to the first one that ends it, known by log(z) there
-    as well.
-    """
+    """Points of the level line from `u` to the first one for which `ends(point, log z)` is true."""
     points, known = [u], log_tip(u)
     while not ends(points[-1], known[0]):
         points.append(ahead(points[-1], known, sense * STRIDE))
@@ -178,7 +176,7 @@ def walk(u: Array, sense: float, ends: Callable[[Array, Complex], bool]) -> list
 
 
 def fold(u: Array, sense: float) -> Array:
-    """The fold within a stride, to rounding."""
+    """Fold within a stride of the level line from `u`, to rounding."""
     known = log_tip(u)
     share = brentq(
         lambda part: float(turning(ahead(u, known, sense * part))), 0.0, STRIDE, xtol=1e-15
@@ -187,15 +185,15 @@ def fold(u: Array, sense: float) -> Array:
 
 
 def _solved(slope: Complex, gap: Complex) -> Array:
-    """Real x, y (2, n) with slope[0] x + slope[1] y = gap, complex."""
+    """Real x, y (2, n) of the complex equations slope[0] x + slope[1] y = gap."""
     cross = (slope[0].conj() * slope[1]).imag
     x, y = (gap.conj() * slope[1]).imag, (slope[0].conj() * gap).imag
-    with np.errstate(divide="ignore", invalid="ignore"):  # on a fold
+    with np.errstate(divide="ignore", invalid="ignore"):  # cross is zero at a fold
         return np.asarray(np.stack([x, y]) / cross)
 
 
-POINTS = 81  # of a rod
-COUNTS = "no", "one", "two"
+POINTS = 81  # points of a drawn rod
+COUNTS = "no", "one", "two"  # negative directions of the pieces of a branch
 
 
 def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) -> Chart:
@@ -209,7 +207,7 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
     Returns
     -------
     Chart
-        Either side's branch, piece by piece between its folds, and the two snaps.
+        The branches of both sides, in pieces between their folds, and the two snaps.
 
     Examples
     --------
@@ -240,16 +238,16 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
         ("motor", "rad"),
         ("holding moment", "N m"),
         (Panel(tuple(lines)),),
-        f"Each side's branch ends in a fold, at ∓{np.degrees(of.fold):.2f}°, from where the rod "
-        f"snaps to the other side. Beyond the fold the branch goes back as a pass between valleys, "
-        f"and beyond the next one with two directions to fall in.",
+        f"Each side's stable branch ends in a fold, at ∓{np.degrees(of.fold):.2f}°, where the rod "
+        f"snaps to the other side. Beyond the fold the energy falls in one direction from each "
+        f"equilibrium of the branch, and beyond the next fold in two.",
     )
 
 
 def pieces(
     of: SnapFamily, angle: Array, moment: Array, near: NDArray[np.bool_], word: str
 ) -> Iterator[ChartLine]:
-    """A branch between its folds, as far as it is near."""
+    """Lines of a branch between its folds, of the shapes whose angles are `near`."""
     ends = [0, *of.folds[:2], angle.size - 1]
     for count, first, last in zip(COUNTS, ends[:-1], ends[1:], strict=True):
         part = np.arange(first, last + 1)[near[first : last + 1]]
@@ -263,7 +261,7 @@ def pieces(
 
 
 def shapes(*, length: float = 1.0, distance: float) -> Chart:
-    """Shapes on the way to a snap, and those between which the rod then jumps.
+    """Stable shapes up to a snap, and the shapes before and after it.
 
     Parameters
     ----------
@@ -273,8 +271,8 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
     Returns
     -------
     Chart
-        To the left: stable shapes as the motor turns down from 80 degrees; to the right: before the
-        snap and after it.
+        Left panel: stable shapes as the motor turns down from 80 degrees; right panel: the shapes
+        before and after the snap.
     """
     of = family(length, distance)
     a = np.radians(np.linspace(80.0, -np.degrees(of.fold), 6))
@@ -291,14 +289,14 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
         ("x", "m"),
         ("y", "m"),
         (Panel(way, title="the motor turns down"), Panel(snap, title="it snaps")),
-        "The arch gives way to the dip at its clamp, until none of it holds any more; it then "
-        "jumps to the mirrored side.",
+        "As the motor turns down, a dip at the clamp grows and the arch becomes shorter, until the "
+        "equilibrium ends in a fold; the rod then jumps to the mirrored side.",
         alike=True,
     )
 
 
 def drawn(of: SnapFamily, angle: Array, length: float) -> Complex:
-    """Places x + iy [m] of stable rods that are bent to the left (n, points)."""
+    """Points x + iy [m] of stable rods that are bent to the left, (n, points)."""
     alpha, q = of.at(angle)
     return np.asarray(length * shape(alpha, q, of.distance, np.linspace(0.0, 1.0, POINTS))[0].T)
 
@@ -326,14 +324,14 @@ def solve(
             @---- d ------ o
           motor           pin        left: bent to the left of the line to the pin, as here
 
-    Bent to the left it stands while a > -a*, bent to the right while a < a*.  Where the motor
+    Bent to the left the rod is stable for a > -a*, bent to the right for a < a*.  If the motor
     passes such a fold the rod jumps to the other side, and the difference in energy is lost.
-    Between -a* and a* the side is a matter of history: samples are taken one after the other.
+    Between -a* and a* the side depends on the angles before: samples are taken in their order.
 
     Parameters
     ----------
     angle : a, of the motor from the line to the pin [rad], within +-pi, in the order of motion (n,)
-    rate, acceleration : of the motor [rad/s, rad/s^2]; an equilibrium does not depend on them
+    rate, acceleration : of the motor [rad/s, rad/s^2]; equilibria do not depend on them
     length, stiffness : L [m], EI [N m^2]
     distance : d, from the clamp to the pin [m], from 0.32 to 0.99 L
     side : "left" or "right", to which it is bent before the first sample
@@ -352,15 +350,16 @@ def solve(
 
     Notes
     -----
-    Within 1e-12 L; at a fold half of the digits are lost.  After a snap the rod rests on the other
-    side: of all equilibria at that angle no other stable one has less energy than the rod has at
-    the fold (searched for at d = 0.8 L), so that damping leaves no choice.  The shapes are those of
-    Pérez Gámiz 2018, eq. 33-46, on a level line of their chart
-    (`proofmass.analytic.rods.rod_snap`); its single rod (annex II lines 1616-1957) is not moved.
+    The error is below 1e-12 L; at a fold half of the digits are lost.  After a snap the rod comes
+    to rest on the other side: no other stable equilibrium at that angle has less energy than the
+    rod has at the fold (by a search at d = 0.8 L), so with damping it is the only possible one.
+    The shapes are those of Pérez Gámiz 2018, eq. 33-46, on a level line of their chart
+    (`proofmass.analytic.rods.rod_snap`); the single rod of the source (annex II lines 1616-1957) is
+    not moved.
 
     Examples
     --------
-    To -80 degrees and back: on the other side then.
+    The motor turns to -80 degrees and back; the rod is then on the other side:
 
     >>> swing = solve(np.radians([80.0, 0.0, -80.0, 0.0]), distance=0.8)
     >>> swing["mid_y"].round(6).tolist()
@@ -394,7 +393,7 @@ def solve(
 
 
 def sides(angle: Array, fold: float, side: int) -> Array:
-    """1 (left) or -1 (right) at each of the angles in turn."""
+    """Sides of the rod, 1 (left) or -1 (right), at angles in the order of motion."""
     now = np.empty(angle.size)
     for i, a in enumerate(angle):
         side = -side if side * a < -fold else side
@@ -403,7 +402,7 @@ def sides(angle: Array, fold: float, side: int) -> Array:
 
 
 def drop(of: SnapFamily) -> float:
-    """Energy lost in a snap, of a rod of unit length and stiffness."""
+    """Energy that a rod of unit length and stiffness loses in a snap [EI/L]."""
     before, after = rods(*of.at(of.fold * np.array([-1.0, 1.0]))).energy
     return float(before - after)
 
@@ -421,7 +420,7 @@ def events(*, length: float = 1.0, distance: float, **_: object) -> dict[str, fl
 def properties(
     *, length: float = 1.0, stiffness: float = 1.0, distance: float, **_: object
 ) -> dict[str, str]:
-    """What the parameters amount to, for the report's page.
+    """Angle, holding moment and energy of a snap as texts, for the report's page.
 
     >>> properties(distance=0.8)["lost in a snap"]
     '6.257 J of 8.341 J'

@@ -206,7 +206,7 @@ def _slope(
     strains: tuple[float, float] | None,
     slope: Array,
 ) -> None:
-    """Write d/ds of (theta, m, x, y) and of its tangents, which are rows 0 and 1.. of axis 1.
+    """Write d/ds of (theta, m, x, y), in row 0 of axis 1, and of its tangents in the other rows.
 
     `strains` are EA and GA, or None for a rod without either strain.
     """

@@ -132,5 +132,7 @@ def test_a_stiffness_that_is_none_is_named(name, value):
 
 
 def test_a_rod_that_is_pressed_to_nothing_is_refused():
-    with pytest.raises(ValueError, match=r"^axial must be more than 5 N: the loads compress the rod"):
+    with pytest.raises(
+        ValueError, match=r"^axial must be more than 5 N: the loads compress the rod"
+    ):
         solve(1.0, stiffness=100.0, force_x=-6.0, axial=5.0)
