@@ -189,7 +189,7 @@ def check_rod(rod: Rod) -> None:
 MOVE = 0.1  # [rad] largest rotation of a joint in a Newton step, so that the arc keeps its side
 CLOSED = 1e-12  # constraint violation of a closed rod, over its length: rounding of the links' sum
 TAUT = 1e-9  # excess length, over the distance of the ends, below which a rod is straight
-MOST = 1000  # largest number of Newton steps; 2 pi / `MOVE` of them turn every joint once around
+MOST = 1000  # Newton steps; 2 pi / `MOVE` of them turn every joint once around
 
 
 def tip(chain: Chain, bends: Array) -> tuple[Array, Array]:

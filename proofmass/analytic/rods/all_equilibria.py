@@ -41,8 +41,9 @@ whole loops, to either side (q > 0, q < 0)::
     alpha = (2 j + 1) K + y,    tanh(y) = -(-1)^j cos(delta/2),    |q| = K - ln 2 + O(e^-2K)
 
 so each j < mode gives two such rods for a direction and a size of the load.  Starts are drawn at
-random: a pose from `tight`; loads along the straight rods, either in the ratio that balances best
-or in any ratio; and for each clamp one of these rods or, under a light load, any rod of the chart.
+random: a pose from `tight`; loads along the straight rods, either in the ratio that balances
+best or in any ratio; and for each clamp one of these rods or, under a light load, any rod of the
+chart.
 
 **Starts on a lattice.** For any pose (P, phi) the mesh lists the shapes in which each rod reaches
 its pin, with their loads n_i and stiffnesses K_i.  A choice of one shape for each rod has the
@@ -177,7 +178,7 @@ def bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
 
 
 def tight(s: RodState, modes: Sequence[int], least: float, edge: float) -> Boxes:
-    """Boxes, with that edge [L] or less, of all poses in which some alpha may exceed `least`."""
+    """Boxes, of that edge [L] or less, of all poses in which some alpha may exceed `least`."""
     boxes = first(s)
     while True:
         boxes = moved(s, boxes)
@@ -285,7 +286,7 @@ def limits(
 
 @lru_cache(maxsize=16)
 def lowest(mode: int) -> Array:
-    """Minimum over alpha of alpha^2 s - H alpha, with H the value of `hold`, for s in `SLACK`.
+    """Minimum over alpha of alpha^2 s - H alpha for s in `SLACK`, with H by `hold`.
 
     It is concave in s, so linear interpolation does not exceed it.
     """
@@ -295,7 +296,7 @@ def lowest(mode: int) -> Array:
 
 
 def largest_root(slack: Array, room: Array, mode: int) -> Array:
-    """alpha, or slightly more, beyond which alpha^2 slack - H alpha > room >= 0, H by `hold`."""
+    """alpha, or slightly more, at which alpha^2 slack - H alpha = room, H by `hold`."""
     held = np.asarray(4.0 * mode)  # the least H gives an alpha below the root, the next one above
     for _ in range(2):
         root = (held + np.sqrt(held**2 + 4.0 * slack * room)) / (2.0 * slack)
@@ -577,7 +578,7 @@ def around(s: RodState, cell: float) -> tuple[Complex, Array]:
 def reaching(
     sheet: Mesh, off: Complex, angle: float, length: float, stiffness: float
 ) -> tuple[Index, Ways]:
-    """Shapes of a rod with tips at `off` (n,) [m] from its clamp: their numbers, and the shapes."""
+    """Shapes of a rod with tips at `off` (n,) [m] from its clamp: their numbers, and all."""
     point = off * np.exp(-1j * angle) / length
     which, triangle, share = sheet.reaching(point / np.maximum(1.0, np.abs(point) / DRAWN))
     order = np.argsort(which, kind="stable")
@@ -695,9 +696,9 @@ def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
 def lengths(s: RodState, x: Array, step: Array) -> Array:
     """Lengths of steps (2 k + p, n) over the longest ones that are allowed.
 
-    A large alpha may change by `SHARE` of itself, if q changes with it so that the loops keep their
-    places.  The length of a step of q is therefore that of the change of alpha - n K, where n K is
-    the multiple next to the clamp and K = q + ln 2.
+    A large alpha may change by `SHARE` of itself, if q changes with it so that the loops
+    keep their places.  The length of a step of q is therefore that of the change of alpha - n K, where
+    n K is the multiple next to the clamp and K = q + ln 2.
     """
     k = s.assembly.rods
     alpha, q = x[: 2 * k : 2], x[1 : 2 * k : 2]
@@ -814,7 +815,7 @@ class Solutions:
     up_to : float
         The largest alpha [1] of the search; the equilibria are those up to there.
     load_bound : LoadBound
-        Computes `bound`.
+        Computes `Solutions.bound`.
     """
 
     state: RodState
@@ -906,8 +907,8 @@ def solutions(
     of 0.08 L, and 20,000 random starts without lattice or mesh find no other: 34 for Table 7 and
     modes up to 3 (all up to the bound), 10 for Table 8 and 56 for the program's 3PFR and modes up
     to 2.  With 500 poses one of the 34 and two of the 56 are missed.  Beyond alpha = 20, starts are
-    drawn at random (`tight`), which finds 57 more for Table 8 and one more for the 3PFR; ten times
-    as many starts from another seed find the same.
+    drawn at random (`tight`), which finds 57 more for Table 8 and one more for the 3PFR; ten
+    times as many starts from another seed find the same.
 
     `RodState.energy`, `RodState.shape` and `closure` integrate from the clamp, where an error grows
     by up to e^alpha; beyond an alpha of 25 they are inaccurate.  Poses, loads, moments, potential

@@ -458,7 +458,11 @@ def step_of(rod: MovingRod) -> float:
 def resolved(
     begins: Callable[..., Started], problem: tuple[float, ...], times: tuple[float, ...]
 ) -> ResolvedMotion:
-    """The motion with the first of `COUNTS` that changes no position by more than `ACCURACY`."""
+    """The motion with as many polynomials as it needs.
+
+    Their number is the first of `COUNTS` at which no position changes by more than
+    `ACCURACY`.
+    """
     before: Array | None = None
     (rod, start), t = begins(*problem), np.array(times)
     steps = (t[-1] - t[0]) / step_of(rod)
@@ -477,7 +481,8 @@ def resolved(
         before = places
     raise ValueError(
         f"the motion of the rod is not resolved: positions change by {change:.1g} of its length "
-        f"from {COUNTS[-2]} to {COUNTS[-1]} polynomials; take a stiffer rod, or end sooner"
+        f"from {COUNTS[-2]} to {COUNTS[-1]} polynomials; take a stiffer "
+        "rod, or end sooner"
     )
 
 

@@ -655,9 +655,9 @@ def loads_of_direction(
         ("k_rel", ""),
         ("R L²/EI", ""),
         (Panel((*lines, every, this), title=f"psi = {np.degrees(psi):.4g}°"),),
-        f"{found.size} rods with up to {MOST_MODES} inflections carry this load in this direction: "
-        f"R = {own:.5g} EI/L². A load has several relative moduli k_rel, a modulus one load of "
-        "each number of inflections.",
+        f"{found.size} rods with up to {MOST_MODES} inflections carry this load in this "
+        f"direction: R = {own:.5g} EI/L². A load has several relative moduli k_rel, a modulus "
+        "one load of each number of inflections.",
     )
 
 

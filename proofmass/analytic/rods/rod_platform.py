@@ -166,7 +166,7 @@ def standing(problem: PlatformProblem, mode: int, rigid_extension: float = 0.0) 
 
 @nearby
 def stable(problem: PlatformProblem) -> RodState:
-    """All stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
+    """Stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
     found = solutions(
         problem.assembly,
         inputs=problem.inputs,

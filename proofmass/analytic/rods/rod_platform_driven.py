@@ -254,7 +254,7 @@ def branch(
 
 
 def described(found: RodState, rate: Array, growth: Array) -> Array:
-    """Quantities (10, n) of equilibria (n,), by `NAMES`, for rates (n, 3) of inputs and loads."""
+    """`NAMES` (10, n) of equilibria (n,), for rates (n, 3) of their inputs and loads."""
     guide, slopes = found.assembly.guide, derivatives(found)
     moved = (slopes.direct @ rate[..., None])[..., 0]
     moved += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0]

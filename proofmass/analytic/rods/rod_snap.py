@@ -150,7 +150,7 @@ def waves(u: Array) -> float:
 
 
 def turning(u: Array) -> Array:
-    """Fall of the angle (...) per stride along the level line, as `ahead` goes; zero at a fold."""
+    """Fall of the angle (...) per stride along the level line by `ahead`; zero at a fold."""
     slope = log_tip(u)[1]
     return np.asarray((slope[0].conj() * slope[1]).imag / np.hypot(*slope.real))
 
@@ -238,9 +238,9 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
         ("motor", "rad"),
         ("holding moment", "N m"),
         (Panel(tuple(lines)),),
-        f"Each side's stable branch ends in a fold, at ∓{np.degrees(of.fold):.2f}°, where the rod "
-        f"snaps to the other side. Beyond the fold the energy falls in one direction from each "
-        f"equilibrium of the branch, and beyond the next fold in two.",
+        f"Each side's stable branch ends in a fold, at ∓{np.degrees(of.fold):.2f}°, "
+        f"where the rod snaps to the other side. Beyond the fold the energy falls in one direction "
+        f"from each equilibrium of the branch, and beyond the next fold in two.",
     )
 
 

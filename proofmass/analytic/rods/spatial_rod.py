@@ -151,8 +151,8 @@ def solve(
     -----
     The rod is solved by shooting from the clamp, whose moment is unknown, with a Runge-Kutta method
     of order 8 and so many steps that twice as many move the tip by 1e-12 L at most.  An equilibrium
-    is stable if the energy of `LINKS` parts of the rod has no negative direction; close to buckling
-    this is not exact.
+    is stable if the energy of `LINKS` parts of the rod has no negative direction; close
+    to buckling this is not exact.
     Source: Pérez Gámiz 2018, eq. 1-23, which prints no numbers for them; in its axes the rod lies
     along z, and its eq. 22, of a rod without shear, has a shear stiffness (docs/errata.md).
     S. S. Antman, Nonlinear Problems of Elasticity, 2nd ed., Springer 2005, ch. 8.
@@ -340,7 +340,7 @@ def shape(load: SpatialLoad, arc: Array, begin: Array, steps: int) -> tuple[Arra
 
 
 def negative_directions(load: SpatialLoad, begin: Array, steps: int) -> int:
-    r"""Number of directions in which the energy of a rod of `LINKS` parts falls at an equilibrium.
+    r"""Number of directions in which the energy of `LINKS` parts falls at an equilibrium.
 
     Between two parts there are three hinges, and slides if the rod stretches or shears, each with
     a spring.  With a the axis of a hinge, b the axis of another one beyond it at r, P the tip, and

@@ -106,9 +106,9 @@ def spread(
     A node is accepted only if the correction is less than a quarter of the stride from its
     neighbour and the determinant of the problem that is solved keeps its sign.  The map therefore
     ends at the folds of the manifold: the inverse singularities with "pose" and the direct ones
-    with "inputs".  It continues across the other singularities, and `loci` finds them.  Where
-    several parts of the manifold lie over the same node, the node has the part that reaches it
-    first.  Source of the maps: Pérez Gámiz 2018, text lines 3160-3495, which has figures only.
+    with "inputs".  It continues across the other singularities; `loci` finds them.
+    Where several parts of the manifold lie over the same node, the node has the part that reaches
+    it first.  Source of the maps: Pérez Gámiz 2018, text lines 3160-3495, which has figures only.
     """
     if name not in ("pose", "inputs"):
         raise ValueError(f"name must be 'pose' or 'inputs', got {name!r}")
@@ -197,7 +197,7 @@ def loci(m: Map, which: str, rims: tuple[RodState, Columns] | None = None) -> Ro
     ----------
     m : Map
     which : "direct" or "inverse", the singularity: see `proofmass.analytic.rods.equilibrium`
-    rims : result of `rim`, to find the singularities between the last nodes and the rim as well
+    rims : result of `rim`, to find singularities between the last nodes and the rim as well
 
     Returns
     -------
@@ -315,7 +315,7 @@ class MapMesh:
     ----------
     map : Map
     ends, loci : RodState (e,), (l,)
-        States at the rim by `rim` and half way to tears; singularities of `loci`.
+        States at the rim (`rim`) and half way to tears; singularities (`loci`).
     nodes, ways : ndarray (e, 2)
         The node beside each end, and the direction from the node to the end.
     right, up : ndarray (m - 1, n), (m, n - 1)
@@ -551,7 +551,7 @@ def determinants(mesh: MapMesh, nodes: Array, ends: Array, name: str, unit: str)
 
 
 def stiffness_of(states: RodState, own: NDArray[np.bool_]) -> Array:
-    """Least stiffness [N/m] (...) to a force on a platform that may rotate; NaN outside `own`."""
+    """Least stiffness [N/m] (...) to a force on a platform that may rotate; NaN off `own`."""
     values = np.full(own.shape, np.nan)
     compliance = np.linalg.inv(derivatives(states[own]).stiffness)[:, :2, :2]
     values[own] = 1.0 / np.linalg.eigvalsh(compliance)[:, -1]
