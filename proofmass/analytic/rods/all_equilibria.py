@@ -286,7 +286,7 @@ def limits(
 
 @lru_cache(maxsize=16)
 def lowest(mode: int) -> Array:
-    """Minimum over alpha of alpha^2 s - H alpha for s in `SLACK`, with H by `hold`.
+    """Minima over alpha of alpha^2 s - H alpha for s in `SLACK`, H by `hold`.
 
     It is concave in s, so linear interpolation does not exceed it.
     """
@@ -296,7 +296,7 @@ def lowest(mode: int) -> Array:
 
 
 def largest_root(slack: Array, room: Array, mode: int) -> Array:
-    """alpha, or slightly more, at which alpha^2 slack - H alpha = room, H by `hold`."""
+    """alpha, or slightly more, where alpha^2 slack - H alpha = room, H by `hold`."""
     held = np.asarray(4.0 * mode)  # the least H gives an alpha below the root, the next one above
     for _ in range(2):
         root = (held + np.sqrt(held**2 + 4.0 * slack * room)) / (2.0 * slack)
@@ -697,8 +697,8 @@ def lengths(s: RodState, x: Array, step: Array) -> Array:
     """Lengths of steps (2 k + p, n) over the longest ones that are allowed.
 
     A large alpha may change by `SHARE` of itself, if q changes with it so that the loops
-    keep their places.  The length of a step of q is therefore that of the change of alpha - n K, where
-    n K is the multiple next to the clamp and K = q + ln 2.
+    keep their places.  The length of a step of q is therefore that of the change of alpha - n K,
+    where n K is the multiple next to the clamp and K = q + ln 2.
     """
     k = s.assembly.rods
     alpha, q = x[: 2 * k : 2], x[1 : 2 * k : 2]

@@ -50,8 +50,8 @@ def circles(
     -------
     angle, rate, acceleration : ndarray (2, n)
         Of both motors [rad, rad/s, rad/s^2]: cubic splines through solutions of the inverse
-        problem, `FINE` in each division.  At the divisions, whole seconds, the pin is
-        on its circle within 1e-9 m.
+        problem, `FINE` in each division.  At the divisions, whole seconds, the pin
+        is on its circle within 1e-9 m.
 
     Raises
     ------
