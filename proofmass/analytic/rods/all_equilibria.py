@@ -106,8 +106,8 @@ FIRST_EDGE = 0.1  # edge of the first boxes, over the length of the shortest rod
 HALVINGS = 8  # times that boxes are halved before no bound is found
 BOXES_AT_ONCE = 20_000  # boxes whose motions are found in one batch
 BOUND_MOST = 300.0  # alpha up to which `bound` looks for a bound
-SLACK = np.geomspace(0.01, 2.0, 400)  # values of s_i in a table; a smaller s_i counts as none
-SMOOTH = 5.0, 30.0, 200.0  # sharpness: the largest length is smoothed to 1/5, 1/30 .. of a rod
+SLACK = np.geomspace(0.01, 2.0, 400)  # s_i of a table; less counts as none
+SMOOTH = 5.0, 30.0, 200.0  # the largest length is smoothed to 1/5, 1/30 .. of a rod
 STEPS = 6  # steps of Newton's method for each sharpness
 ROUND = 1e-6  # length, over that of a rod, below which its absolute value is smoothed
 STRIDE = 0.3  # longest step of a motion in Newton's method
@@ -297,7 +297,7 @@ def lowest(mode: int) -> Array:
 
 def largest_root(slack: Array, room: Array, mode: int) -> Array:
     """alpha, or slightly more, where alpha^2 slack - H alpha = room, H by `hold`."""
-    held = np.asarray(4.0 * mode)  # the least H gives an alpha below the root, the next one above
+    held = np.asarray(4.0 * mode)  # the least H; one step ends below the root, two above
     for _ in range(2):
         root = (held + np.sqrt(held**2 + 4.0 * slack * room)) / (2.0 * slack)
         held = hold(root, mode)
@@ -314,14 +314,14 @@ TIGHT_EDGE = 0.05  # largest edge of the boxes of tight poses [L]
 EACH = 80  # random starts for each choice of loops
 FEWEST = 2000  # least number of random starts
 SEED = 1  # of the random numbers
-SWAY = 0.1  # standard deviation of the angle from a straight rod to its load [rad]
+SWAY = 0.1  # standard deviation of a load from its straight rod [rad]
 LIGHT = 8.0  # alpha below which half of the rods are drawn from the whole chart
 LEAST_SHARE = 1e-3  # least load of a rod, over the largest one
 ENDS = 1e-12  # least 1 - |tanh(y)|, of a rod that lies along its load
 
 
 def drawn(s: RodState, modes: Sequence[int], least: float, most: float) -> tuple[Array, Array]:
-    """Random starts with some alpha within about [least, most]: charts (k, 2, n), poses (3, n)."""
+    """Random starts, charts (k, 2, n) and poses (3, n), with some alpha in about this range."""
     a, (theta, clamp, _) = s.assembly, clamps(s)
     boxes, random = tight(s, modes, least, TIGHT_EDGE), np.random.default_rng(SEED)
     n = max(FEWEST, EACH * int(np.prod(2 * np.array(modes)))) if boxes.phi.size else 0
@@ -362,10 +362,10 @@ def charts(
     return np.stack([alpha, np.where(light, any_other, q)], axis=1)
 
 
-STRAIGHT = 8.0  # largest K - alpha: a rod straight along its clamp's tangent within 4 exp(-8)
+STRAIGHT = 8.0  # largest K - alpha: the rod is straight within 4 exp(-8)
 ARC_POINTS = 500  # points by which the arc length of a row of the mesh is measured
-TURNING = 0.15  # [L] of a row's arc length that a rotation of the load by 1 rad counts for
-BEYOND = 0.15  # how far outside a triangle a point still belongs to it, in its coordinates
+TURNING = 0.15  # [L] of arc length for which a load's rotation by 1 rad counts
+BEYOND = 0.15  # a triangle has points as far outside, in its coordinates
 THIN = 1e-14  # twice the area [L^2] of a degenerate triangle, of straight rods
 BINS = 64  # bins along each side of the square around the reach of a rod
 
@@ -426,7 +426,7 @@ def boxes(point: Complex) -> Index:
 
 @lru_cache(maxsize=8)
 def mesh(modes: int, most: float, size: float) -> Mesh:
-    """Mesh of the rods of the first `modes` modes, loads up to most^2 EI/L^2, steps of `size` L."""
+    """Mesh of the rods with up to `modes` modes and alpha up to `most`, in steps of `size` [L]."""
     alpha, q = corners(modes, most, size)
     grid = np.arange(alpha.size).reshape(alpha.shape)
     a, b, c, d = (
@@ -485,8 +485,8 @@ NEAR = (0.1, 0.3)  # longest first step of a start, of P [L] and of phi [rad]
 CHOICES_AT_ONCE = 1_000_000  # choices of one shape for each rod in a batch
 MESH = 0.08  # distance of neighbours in the mesh [L]
 FINEST = 0.01  # cell [L] below which a lattice without poses is given up
-RIM = 1.1  # largest distance of a pin from its clamp in the lattice, over the rod's length
-DRAWN = 0.98  # [L]: pins further out are looked up here, since lightly loaded rods end at the rim
+RIM = 1.1  # pin to clamp in the lattice, over the rod's length
+DRAWN = 0.98  # [L] where pins further out are looked up, as light rods end at 1
 
 
 @dataclass(frozen=True)
@@ -766,10 +766,10 @@ def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     return np.asarray(total, int)
 
 
-SAME = 1e-6  # difference of tips, loads and moments below which two solutions are one equilibrium
+SAME = 1e-6  # largest difference of tips, loads and moments of one equilibrium
 POSES = 2000  # least number of poses of the lattice
 LATTICE = 20.0  # alpha up to which starts are taken from the lattice of poses
-OVERLAP = 12.0  # alpha from which on starts are drawn as well, if loads may exceed `LATTICE`
+OVERLAP = 12.0  # alpha from which starts are drawn if loads may exceed `LATTICE`
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from proofmass.analytic.rods.elastica import rods, stiff, tip
 from proofmass.analytic.rods.rod_snap import shape
 from proofmass.analytic.rods.shooting import stability
 
-MOST = 55.0  # largest load [pi^2 EI/4 L^2], beyond the third critical load of both columns
+MOST = 55.0  # [pi^2 EI/4 L^2], beyond the third critical load of both
 NEAR = 2.5  # largest load [pi^2 EI/4 L^2] of imperfect columns
 FURTHEST = 12.0  # artanh k of a free column under the largest load
 BENT = 1.2  # artanh k of a pinned column, with the pin at a third of the length
@@ -189,7 +189,7 @@ def parted(
 ) -> Iterator[ChartLine]:
     """Lines of the stable and of the unstable parts of a branch, up to the largest load."""
     ratio, falls = load / critical(), negative > 0
-    reach = falls.copy()  # unstable points and those next to them, so that no gap is left
+    reach = falls.copy()  # with neighbours, so that no gap is left
     reach[1:] |= falls[:-1]
     reach[:-1] |= falls[1:]
     for stable, part in ((True, ~falls), (False, reach)):

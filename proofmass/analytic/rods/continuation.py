@@ -26,10 +26,10 @@ from proofmass.analytic.rods.equilibrium import (
 
 STRIDE = 0.5  # first and largest stride, in sizes of the unknowns
 NARROW = 1e-8  # stride below which a path ends that cannot be continued
-LONGER = 0.1  # times the norm of the state: factor on the largest stride, if that is above 1
-ENDLESS = 1e3  # norm of a state above which its forces are said to grow without bound
-BESIDE = 1e-4  # distance to either side of a branch point at which it is evaluated, over the stride
-TURN = 0.95  # least cosine of the angle between the tangents of a stride: 18 degrees
+LONGER = 0.1  # times the state's norm, if above 1: factor on the largest stride
+ENDLESS = 1e3  # norm of a state whose forces grow without bound
+BESIDE = 1e-4  # from a branch point to its neighbours, over the stride
+TURN = 0.95  # of the angle between the tangents of a stride: 18 degrees
 STRAY = 0.25  # largest correction of a stride, over the stride
 
 
@@ -149,7 +149,7 @@ class PathStep:
         return (before * fallen - after * falling) / (fallen - falling)
 
     def land(self, there: Array, part: float, goal: float) -> Array:
-        """The point at an end of the line, between here and there."""
+        """Point at an end of the line, by Newton's method from an interpolation to a point beyond."""
         guess = self.here + (goal - self.part) / (part - self.part) * (there - self.here)
         guess += self.basis[:, -1] * self.length * (goal - self.place(guess))
         found, _ = newton(RodState(self.a, guess[None]), self.free)

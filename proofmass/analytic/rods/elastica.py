@@ -35,7 +35,7 @@ from scipy.special import ellipkm1
 
 from proofmass.analytic.numerics import TURN, Array, Complex, positive
 
-GAP = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a before the last step, which squares it
+GAP = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a before the last step, squared by it
 Four = tuple[Array, Array, Array, Array]
 
 

@@ -61,8 +61,8 @@ HINGES = _mirrored(
         -0.00879424312851058,
     ]
 )
-BASES, FEW = 3, 64  # copies of the state instead of broadcasting, in batches of fewer rods than 64
-MOST_STEPS = 500  # five times the steps for eight inflections; rods that need more are inaccurate
+BASES, FEW = 3, 64  # instead of broadcasting, for fewer rods
+MOST_STEPS = 500  # five times those for eight inflections; rods that need more are inaccurate
 SEGMENTS = _halved(
     [
         0.09171915262446165,

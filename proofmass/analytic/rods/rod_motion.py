@@ -66,7 +66,7 @@ def collocation(stages: int) -> tuple[Array, Array, Array]:
 
 
 NODES, WEIGHTS, ONCE = collocation(4)
-TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE  # second integrals up to each node, and up to the end
+TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE  # up to nodes, up to the end
 
 
 class RodBasis(NamedTuple):

@@ -29,7 +29,7 @@ from proofmass.analytic.rods.elastica import from_inflection, rods, stiff
 
 __all__ = ["branches", "events", "properties", "shapes", "solve"]
 
-NEAREST, FURTHEST = 0.32, 0.99  # least and largest distance that have been tested, over the length
+NEAREST, FURTHEST = 0.32, 0.99  # distances that are tested, over the length
 STRIDE = 0.01  # stride along the level line, in (log alpha, log q)
 WAVES = 3.5  # half waves at the end of the level line, beyond the second fold
 STEPS = 4  # steps of Newton's method, from a guess with an error of about `STRIDE`^2
