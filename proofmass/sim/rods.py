@@ -186,9 +186,9 @@ def check_rod(rod: Rod) -> None:
         )
 
 
-MOVE = 0.1  # [rad] largest rotation of a joint in a Newton step, so that the arc keeps its side
-CLOSED = 1e-12  # constraint violation of a closed rod, over its length: rounding of the links' sum
-TAUT = 1e-9  # excess length, over the distance of the ends, below which a rod is straight
+MOVE = 0.1  # [rad] of a Newton step, so that the arc keeps its side
+CLOSED = 1e-12  # constraint violation, over the rod's length
+TAUT = 1e-9  # excess length of a straight rod, over the distance of its ends
 MOST = 1000  # Newton steps; 2 pi / `MOVE` of them turn every joint once around
 
 

@@ -426,7 +426,7 @@ def boxes(point: Complex) -> Index:
 
 @lru_cache(maxsize=8)
 def mesh(modes: int, most: float, size: float) -> Mesh:
-    """Mesh of the rods with up to `modes` modes and alpha up to `most`, in steps of `size` [L]."""
+    """Mesh of rods with up to `modes` modes and alpha up to `most`, in steps of `size` [L]."""
     alpha, q = corners(modes, most, size)
     grid = np.arange(alpha.size).reshape(alpha.shape)
     a, b, c, d = (

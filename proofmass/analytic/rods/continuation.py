@@ -149,7 +149,7 @@ class PathStep:
         return (before * fallen - after * falling) / (fallen - falling)
 
     def land(self, there: Array, part: float, goal: float) -> Array:
-        """Point at an end of the line, by Newton's method from an interpolation to a point beyond."""
+        """Point at an end of the line, by Newton's method from an interpolated guess."""
         guess = self.here + (goal - self.part) / (part - self.part) * (there - self.here)
         guess += self.basis[:, -1] * self.length * (goal - self.place(guess))
         found, _ = newton(RodState(self.a, guess[None]), self.free)

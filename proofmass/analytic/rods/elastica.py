@@ -35,7 +35,7 @@ from scipy.special import ellipkm1
 
 from proofmass.analytic.numerics import TURN, Array, Complex, positive
 
-GAP = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a before the last step, squared by it
+GAP = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a, squared by a step
 Four = tuple[Array, Array, Array, Array]
 
 
@@ -159,7 +159,7 @@ def _reduced(u: Array, complement: Array) -> tuple[Array, Array, Array]:
     return np.where(start, 0.0, sn), np.where(start, 1.0, c * sn), np.where(start, 1.0, dn)
 
 
-BLOCK = 16384  # rods that are computed at once, so that their arrays fit the processor's cache
+BLOCK = 16384  # computed at once, since their arrays fit the processor's cache
 
 
 def tip(
@@ -395,7 +395,7 @@ def compliant(axial: float, shear: float) -> None:
             raise ValueError(f"{name} must be a positive stiffness of a section [N], got {value}")
 
 
-INFLECTION = 1e-6  # largest distance of a moment-free tip from an inflection, over a half wave
+INFLECTION = 1e-6  # from a moment-free tip to an inflection, over a half wave
 
 
 def of_load(

@@ -343,9 +343,9 @@ def clamps(s: RodState) -> tuple[Array, Complex, Complex]:
     return np.broadcast_to(a.angle, q.shape), a.clamp + q * a.guide, n
 
 
-SURE = 1e-8  # of the last step, over the sizes of the unknowns: the error is its square, rounding
+SURE = 1e-8  # of the last step, in sizes of the unknowns; the error is its square
 MOST_TRIALS = 60  # largest number of trial steps of Newton's method
-FAR = 1e3  # distance from the first guess, in sizes of the unknowns, at which a state is given up
+FAR = 1e3  # in sizes of the unknowns, beyond which a state is given up
 SMALLEST = 1e-2  # a Newton step is halved as long as its fraction is larger than this
 ROUNDING = 1e-10  # residual over its size below which a step may increase it
 
