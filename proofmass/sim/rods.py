@@ -659,7 +659,7 @@ def start_rates(
         rates = np.zeros(one.lengths.size)
         rest = np.eye(len(wanted)) - across
         matrix = rest @ slopes[:, ~free]
-        matrix[np.abs(matrix) < TAUT * one.rod.length] = 0.0  # rounding in a straight rod
+        matrix[np.abs(matrix) < TAUT * one.rod.length] = 0.0  # rounding
         rates[~free] = np.linalg.lstsq(matrix, rest @ wanted, 1e-6)[0]
         rates[free] = np.linalg.pinv(slopes[:, free]) @ (wanted - slopes @ rates)
         found |= {n: float(r) for n, r, j in zip(one.names, rates, one.jointed, strict=True) if j}

@@ -104,9 +104,8 @@ def flow(
     that one of them needs, 4 + 5/2 L sqrt(|n|/EI + (m0/EI)^2/4).  Derivatives are those of the
     steps themselves: the same chain solves the variational equations.  Equations: J. Pérez Gámiz,
     TFG, UPV/EHU Bilbao 2018, eqs 30, 78, which uses forty steps of RK4, with an error of 1e-6 m,
-    and forward differences.  Steps: S. Blanes and P. C. Moan, Practical
-    symplectic partitioned Runge-Kutta and Runge-Kutta-Nyström methods, J. Comput. Appl. Math. 142,
-    2002, SRKN 14a.
+    and forward differences.  Steps: S. Blanes and P. C. Moan, Practical symplectic partitioned
+    Runge-Kutta and Runge-Kutta-Nyström methods, J. Comput. Appl. Math. 142, 2002, SRKN 14a.
 
     Examples
     --------
@@ -472,7 +471,7 @@ def closed(s: RodState, free: Columns, within: ArrayLike = FAR) -> Closed:
 
     Returns
     -------
-    Closed
+    `Closed`
     """
     a, scale = s.assembly, sizes(s.assembly)[1]
     at, left = np.full_like(s.vector, np.nan), np.arange(len(s.vector))

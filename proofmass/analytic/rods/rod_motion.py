@@ -66,7 +66,8 @@ def collocation(stages: int) -> tuple[Array, Array, Array]:
 
 
 NODES, WEIGHTS, ONCE = collocation(4)
-TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE  # up to nodes, up to the end
+# Second integrals of values at the nodes, up to each node and up to the end of the step:
+TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE
 
 
 class RodBasis(NamedTuple):

@@ -131,7 +131,7 @@ def spread(
     vectors = np.full((*shape, start.vector.size), np.nan)
     vectors[root] = followed.last.vector
     m = Map(name, axes, *grid, RodState(start.assembly, vectors))
-    for halvings in (HALVINGS, most):  # few at first, since a node is tried from all neighbours
+    for halvings in (HALVINGS, most):  # few first: nodes have several neighbours
         front = np.argwhere(m.reached)
         while front.size:
             front = _advance(m, front, at, halvings)
