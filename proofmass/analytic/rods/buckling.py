@@ -13,7 +13,7 @@ from proofmass.analytic.rods.elastica import rods, stiff, tip
 from proofmass.analytic.rods.rod_snap import shape
 from proofmass.analytic.rods.shooting import stability
 
-MOST = 55.0  # [pi^2 EI/4 L^2], beyond the third critical load of both
+MOST = 55.0  # [pi^2 EI/4 L^2], beyond the third critical load of both columns
 NEAR = 2.5  # largest load [pi^2 EI/4 L^2] of imperfect columns
 FURTHEST = 12.0  # artanh k of a free column under the largest load
 BENT = 1.2  # artanh k of a pinned column, with the pin at a third of the length

@@ -248,8 +248,9 @@ class RodState:
     def energy(self) -> Array:
         r"""Bending energy of each rod [J], (..., k).
 
-        With m^2/(2 EI) + n . t = H along the rod, U = integral m^2/(2 EI) ds = H L - n . (p(L) -
-        p(0)).  The document's program lacks the factor 1/2 and errs in its Simpson rule.
+        With m^2/(2 EI) + n . t = H, a constant along the rod, U = integral m^2/(2 EI) ds =
+        H L - n . (p(L) - p(0)).  The program of Pérez Gámiz 2018 lacks the factor 1/2 and has an
+        error in its Simpson rule.
         """
         a = self.assembly
         theta, _, n = clamps(self)

@@ -185,7 +185,7 @@ def fold(u: Array, sense: float) -> Array:
 
 
 def _solved(slope: Complex, gap: Complex) -> Array:
-    """Real x, y (2, n) of the complex equations slope[0] x + slope[1] y = gap."""
+    """Real x, y (2, n) of the complex equations slope[0] x + slope[1] y = `gap`."""
     cross = (slope[0].conj() * slope[1]).imag
     x, y = (gap.conj() * slope[1]).imag, (slope[0].conj() * gap).imag
     with np.errstate(divide="ignore", invalid="ignore"):  # cross is zero at a fold
