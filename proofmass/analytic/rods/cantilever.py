@@ -17,7 +17,7 @@ from proofmass.analytic.rods.elastica import compliant, from_inflection, stiff
 from proofmass.analytic.rods.shooting import from_tip, stability
 
 Function = Callable[[Array], Array]
-ZOOMS = 4  # of the grid; pairs of roots are found that are spacing/8^4 apart
+ZOOMS = 4  # of the grid: finds pairs of roots spacing/8^4 apart or more
 PARTS = 8  # parts into which a refinement divides a cell
 
 
