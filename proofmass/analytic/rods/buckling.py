@@ -75,8 +75,8 @@ def buckling(*, length: float = 1.0, stiffness: float = 1.0) -> Chart:
             )
         ),
         "Bold lines are stable under a dead load. In the free column's first mode the load rises "
-        "with the deflection; in the pinned column's it has a maximum, beyond which the column "
-        "snaps. Higher modes are unstable from the load on at which they begin.",
+        "the further the column bends; in the pinned column's it has a maximum, beyond which the "
+        "column snaps. Higher modes are unstable from the load on at which they begin.",
     )
 
 
