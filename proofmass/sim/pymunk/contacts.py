@@ -1,9 +1,10 @@
-"""Contacts of a planar MJCF: what touches what, the sections of geoms, their friction and impacts.
+"""Contacts of a planar MJCF: pairs of geoms, their sections, friction and restitution.
 
-A geom's section with the plane of motion is a circle, a segment with a radius or a polygon.  Which
-pairs touch is MuJoCo's choice by masks, exclusions and ``<pair>``, and so is their coefficient of
-friction.  MuJoCo's contacts are soft and Chipmunk's are rigid, so that of the softness, `solref`,
-the coefficient of restitution is left which it has in the limit of a short time constant.
+The section of a geom with the plane of motion is a circle, a segment with a radius or a polygon.
+MuJoCo's masks, exclusions and ``<pair>`` decide which geoms touch, and its rules give their
+coefficient of friction.  MuJoCo's contacts are soft and Chipmunk's are rigid, so the softness
+`solref` is replaced by the coefficient of restitution that it has in the limit of a short time
+constant.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,26 +21,26 @@ from proofmass.sim.protocol import Unsupported
 GEOM = mujoco.mjtGeom
 OFF = mujoco.mjtDisableBit
 FAR, DEEP = 1000.0, 10.0
-"""Half the length of a plane's section and how deep it is below its surface, in extents."""
+"""Half length and depth below the surface of the segment that stands for a plane [extents]."""
 ROLLING = 6
 """The `condim` of a contact with rolling friction."""
 
 
 @dataclass(frozen=True)
 class ContactShape:
-    """The section of a geom.
+    """The section of a geom with the plane of motion.
 
     Attributes
     ----------
     name : str
-        Of the geom.
+        Name of the geom.
     link : int
-        That it belongs to.
+        Number of the link that the geom belongs to.
     points : ndarray (k, 2)
-        Centre of a circle, ends of a segment, or corners of a polygon, seen from the link's centre
+        Centre of a circle, ends of a segment or corners of a polygon, relative to the link's centre
         in the start pose [m].
     radius : float
-        Around the points [m]; 0 of a polygon.
+        Radius around the points [m]; 0 for a polygon.
     """
 
     name: str
@@ -50,14 +51,14 @@ class ContactShape:
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """How two geoms touch.
+    """Friction and restitution of a pair of geoms.
 
     Attributes
     ----------
     friction : float
-        Coulomb's coefficient [1].
+        Coulomb's coefficient of friction [1].
     restitution : float
-        Speed after an impact over that before it [1].
+        Normal speed after an impact over the normal speed before it [1].
     """
 
     friction: float
@@ -66,7 +67,10 @@ class ContactLaw:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Sections of geoms, and which of them touch: by their places, the lower one first."""
+    """Sections of geoms, and the laws of the pairs that touch.
+
+    The keys of ``laws`` are pairs of indices of ``shapes``, the smaller index first.
+    """
 
     shapes: tuple[ContactShape, ...]
     laws: Mapping[tuple[int, int], ContactLaw]
@@ -75,12 +79,15 @@ class Contacts:
         return bool(self.laws)
 
     def between(self, one: int, two: int) -> ContactLaw | None:
-        """The law of two shapes, None if they pass through each other."""
+        """The contact law of two shapes, given by their indices; None if they do not touch."""
         return self.laws.get((min(one, two), max(one, two)))
 
 
 def find_pairs(model: mujoco.MjModel) -> dict[tuple[int, int], int]:
-    """Pairs of geoms that may touch, the lower id first, with the ``<pair>`` that says so or -1."""
+    """Pairs of geoms that may touch, the smaller id first, with the id of their ``<pair>`` or -1.
+
+    The number is -1 for a pair that masks let touch without a ``<pair>``.
+    """
     if any(model.opt.disableflags & int(b) for b in (OFF.mjDSBL_CONTACT, OFF.mjDSBL_CONSTRAINT)):
         return {}
     found = dict.fromkeys(_colliding(model), -1)
@@ -92,6 +99,7 @@ def find_pairs(model: mujoco.MjModel) -> dict[tuple[int, int], int]:
 
 
 def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
+    """Pairs of geoms that masks, parent bodies and exclusions let touch, the smaller id first."""
     weld = model.body_weldid
     parents = not model.opt.disableflags & int(OFF.mjDSBL_FILTERPARENT)
     for g in range(model.ngeom):
@@ -120,7 +128,7 @@ def read_contacts(
     centre: Array,
     extent: float,
 ) -> Contacts:
-    """Find the sections of all geoms that may touch, and how they do.
+    """Find the sections of all geoms that may touch, and the contact law of each pair.
 
     Parameters
     ----------
@@ -138,7 +146,7 @@ def read_contacts(
     Raises
     ------
     Unsupported
-        A geom or a contact that has no counterpart in the plane; it is named.
+        A geom or a contact has no counterpart in the plane; the message names it.
     """
     pairs = find_pairs(model)
     if pairs and model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
@@ -159,9 +167,11 @@ def read_contacts(
 
 @dataclass(frozen=True)
 class _Section:
-    """A section in world coordinates, and how far the geom reaches over the plane of motion.
+    """A section in coordinates of the plane, and the geom's extension along the plane's normal.
 
-    ``flat`` is half the height along which all sections are alike, ``whole`` half that of the geom.
+    ``height`` is the position of the geom's middle along the normal [m], ``whole`` half the length
+    of the geom along the normal [m], and ``flat`` half the length over which its sections are equal
+    [m].
     """
 
     name: str
@@ -175,11 +185,12 @@ class _Section:
 def _section(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, g: int, extent: float
 ) -> _Section:
+    """The section of geom g; raises `Unsupported` if that is no circle, segment or rectangle."""
     kind, size = GEOM(int(model.geom_type[g])), model.geom_size[g]
     name = f"{kind.name[7:].lower()} '{model.geom(g).name or g}'"
     at, axes = data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3).T
     middle, height = plane.flat(at), float(at @ plane.normal)
-    across = np.abs(axes @ plane.normal)  # shares of the geom's axes along the normal
+    across = np.abs(axes @ plane.normal)  # components of the geom's unit axes along the normal
     upright = across[2] > 1.0 - PARALLEL
     lying = across[2] < PARALLEL
     if kind == GEOM.mjGEOM_PLANE and lying:
@@ -209,6 +220,7 @@ CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 
 
 def _why_not(kind: mujoco.mjtGeom) -> str:
+    """The reason why a geom of some type has no section, as the end of a sentence."""
     if kind == GEOM.mjGEOM_CYLINDER:
         return "is not at right angles to the plane of motion"
     if kind in (GEOM.mjGEOM_PLANE, GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_BOX):
@@ -217,17 +229,18 @@ def _why_not(kind: mujoco.mjtGeom) -> str:
 
 
 def _in_one_plane(one: _Section, two: _Section, extent: float) -> bool:
-    """Whether two geoms touch in the plane of motion, and not above it.
+    """Whether two geoms may touch in the plane of motion; False if they pass above each other.
 
     Raises
     ------
     Unsupported
-        They do neither: round geoms of different heights, whose lowest points pass each other.
+        The geoms may touch, but not at their largest sections: round geoms whose middles are at
+        different heights over the plane.
     """
     apart = abs(one.height - two.height) if np.isfinite(one.whole + two.whole) else 0.0
     if apart >= one.whole + two.whole:
         return False
-    # two alike sections overlap, or the middle of a round one lies among alike ones of the other
+    # The ranges of equal sections overlap, or the middle of a round geom lies within such a range.
     if apart <= one.flat + two.flat + PARALLEL * extent:
         return True
     raise Unsupported(
@@ -237,7 +250,10 @@ def _in_one_plane(one: _Section, two: _Section, extent: float) -> bool:
 
 
 def _law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
-    """Friction and restitution of two geoms, combined as MuJoCo does."""
+    """The contact law of geoms g and h, whose numbers are combined by MuJoCo's rules.
+
+    `pair` is the id of their ``<pair>``, or -1.
+    """
     names = " and ".join(f"'{model.geom(k).name or k}'" for k in (g, h))
     if pair >= 0:
         condim, solref = int(model.pair_dim[pair]), model.pair_solref[pair]
@@ -265,7 +281,7 @@ def _law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
 
 
 def _mixed(weights: Array, solref: Array) -> Array:
-    """The `solref` of two geoms by MuJoCo's rule; of one it is its own."""
+    """The `solref` of a contact, mixed from two geoms by MuJoCo's rule, or that of one geom."""
     if len(solref) == 1:
         return np.asarray(solref[0])
     if not (solref[:, 0] > 0).all():

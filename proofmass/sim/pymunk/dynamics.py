@@ -1,8 +1,8 @@
 """Time stepping in pymunk: the motion of a model in time, its curves and the state of its drives.
 
-The start has consistent rates and accelerations, and lies one step back in time.  States are
-recorded at the samples and just before them.  The number of iterations in a step follows from how
-fast Chipmunk's solver converges.
+A run starts one step before its first sample, with rates and accelerations that are consistent with
+loops and drives.  States are recorded at each sample and one step before it.  The number of
+iterations in a step is computed from the rate at which Chipmunk's solver converges.
 """
 
 import time
@@ -46,19 +46,19 @@ from proofmass.sim.pymunk.space import (
 )
 
 CLEAR = 1e-9
-"""How far below one the share must be of what a constraint holds."""
+"""Margin below 1: larger eigenvalues of an iteration belong to coordinates without constraint."""
 
 
 def contraction(links: Links, pose: Array) -> float:
-    """Share of an error that one iteration of the solver leaves, where it converges slowest.
+    """Factor by which one iteration of the solver reduces the slowest part of a velocity error.
 
-    In an iteration each constraint in turn takes its own part out of the velocity error: with the
-    coordinates scaled by the roots of the masses, an orthogonal projection.  The share is the
-    spectral radius of their product,
+    In an iteration each constraint in turn removes its own part of the velocity error.  With
+    coordinates scaled by the square roots of the masses this is an orthogonal projection.  The
+    factor is the spectral radius of the product of the projections,
 
         (I - B_n^+ B_n) ... (I - B_1^+ B_1),
 
-    without the ones of the free coordinates, which no constraint holds.
+    without the eigenvalues 1, which belong to the coordinates that no constraint affects.
     """
     root = np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
     rows = jacobian(lambda p: bound(links, p), pose) / root
@@ -70,9 +70,10 @@ def contraction(links: Links, pose: Array) -> float:
 
 
 def _starts(links: Links) -> list[int]:
-    """First rows of the constraints but the first.
+    """Indices of the first rows of all of Chipmunk's constraints except the first constraint.
 
-    A pin has two rows, a slide two of one, a gear and a drive have one.
+    A pin is one constraint of two rows, a slide two constraints of one row each; gears and drives
+    have one row.
     """
     starts: list[int] = []
     for k, hold in enumerate(links.holds):
@@ -82,14 +83,14 @@ def _starts(links: Links) -> list[int]:
 
 
 def enough(links: Links, poses: Array, left: float) -> int:
-    """Iterations that leave no more than a share of an error in any of the poses.
+    """Number of iterations that reduce a velocity error to a given share in each of the poses.
 
     Parameters
     ----------
     links : Links
     poses : ndarray (poses, links + 1, 3) [m, m, rad]
     left : float
-        The share [1].
+        Share of the error that may remain [1].
     """
     share = max(contraction(links, pose) for pose in poses)
     return int(np.ceil(np.log(left) / np.log(share))) if share > 0 else 1
@@ -100,14 +101,14 @@ def start_motion(
 ) -> tuple[Array, Array]:
     """Velocity and acceleration (links + 1, 3) of a closed pose under loads, springs and drives.
 
-    Joints without drive start with the keyframe's rates as far as the loops allow.
+    Joints without a drive start with the rates of the keyframe, as far as the loops allow.
 
     Parameters
     ----------
     links : Links
     pose : ndarray (links + 1, 3) [m, m, rad]
     rate, acceleration : ndarray (drives,)
-        Of the drives [rad/s or m/s], [rad/s^2 or m/s^2].
+        Rates [rad/s or m/s] and accelerations [rad/s^2 or m/s^2] of the drives.
     """
 
     def held(p: Array) -> Array:
@@ -115,7 +116,7 @@ def start_motion(
 
     rows = jacobian(held, pose)
     closed = np.zeros(len(rows) - len(rate))
-    velocity = _started(links, pose, rate)  # to rounding, but near a singular pose
+    velocity = _started(links, pose, rate)  # exact to rounding, except near a singular pose
     lacking = np.append(closed, rate) - rows @ velocity
     velocity = velocity + _held(links, rows, np.zeros(len(velocity)), lacking)
     full = _padded(velocity)
@@ -130,8 +131,11 @@ def start_motion(
 
 
 def _started(links: Links, pose: Array, rate: Array) -> Array:
-    """Velocity (3 links,) of a closed pose: the keyframe's rates of the joints, changed as little
-    as loops and drives ask."""
+    """Velocity (3 links,) of a closed pose that satisfies loops and drives.
+
+    The rates of the joints differ from those of the keyframe as little as possible, in the least
+    squares sense.
+    """
     open_rows = jacobian(lambda p: residual(links, p), pose)
     tree = links.joint_rows
     chain = np.vstack([open_rows[:tree], jacobian(lambda p: joint_values(links, p), pose)])
@@ -145,7 +149,10 @@ def _started(links: Links, pose: Array, rate: Array) -> Array:
 
 
 def _held(links: Links, rows: Array, force: Array, needed: Array) -> Array:
-    """Solve ``M a + J^T f = force`` with ``J a = needed``, redundant rows allowed."""
+    """Solve ``M a + J^T f = force`` with ``J a = needed`` for a (3 links,).
+
+    The rows of J may be linearly dependent.
+    """
     rows, needed = alike(links, rows, needed)
     inertia = np.column_stack([links.mass, links.mass, links.moment]).ravel() * links.sizes**2
     most = inertia.max()
@@ -155,23 +162,26 @@ def _held(links: Links, rows: Array, force: Array, needed: Array) -> Array:
 
 
 def _padded(links_only: Array) -> Array:
+    """A vector (3 links,) as an array (links + 1, 3), with zeros for the ground."""
     return np.append(links_only, np.zeros(3)).reshape(-1, 3)
 
 
 def step_back(
     links: Links, pose: Array, motion: tuple[Array, Array], dt: float, drives: Array
 ) -> tuple[Array, Array]:
-    """The state one step before the start, as if the engine had been running all along.
+    """The state one step before the start, as if the engine had been stepping before it.
 
-    Chipmunk meets holds and drives to first order, ``C(x) + dt J(x) v = 0``, so that a moving one
-    stays open by the rest, a constant times dt^2.  A start without this gap would jump by it.
+    Chipmunk satisfies constraints and drives to first order, ``C(x) + dt J(x) v = 0``.  In a motion
+    the remainder of second order, a constant times dt^2, stays as a constraint violation.  A start
+    without this violation would jump by it.
 
     Parameters
     ----------
     links : Links
     pose : ndarray (links + 1, 3) [m, m, rad]
-        Closed pose of the start.
+        Closed pose at the start.
     motion : (velocity, acceleration) [m, m, rad, per s, per s^2]
+        Derivatives of the pose at the start.
     dt : float
         Time step [s].
     drives : ndarray (2, drives)
@@ -180,7 +190,7 @@ def step_back(
     Returns
     -------
     pose, velocity : ndarray (links + 1, 3)
-        At -dt [m, m, rad] and over the step from -dt to 0 [m/s, m/s, rad/s].
+        Pose at -dt [m, m, rad], and velocity over the step from -dt to 0 [m/s, m/s, rad/s].
     """
     velocity, acceleration = motion
     poses = []
@@ -198,14 +208,15 @@ def step_back(
 
 
 SURE = 3000
-"""Least iterations of the first step: Chipmunk starts from the last step's impulses, and has none.
-Ten times those of the others, if these are more."""
+"""Smallest number of iterations in the first step, in which Chipmunk has no impulses of a step
+before it to start from.  The first step takes ten times the iterations of the others if that is
+more."""
 States = tuple[Array, Array, Array]
-"""Pose at each sample, velocity over the step before it and over the step after it."""
+"""Pose at each sample, velocity over the step before the sample and over the step after it."""
 
 
 def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
-    """Step through a run with `per` steps from sample to sample."""
+    """Step through a run with `per` steps between samples, and return the states at the samples."""
     space, drives, targets, back = prepared(links, run, per, settings)
     feed = None
     if run.loads:
@@ -222,8 +233,11 @@ def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
 def prepared(
     links: Links, run: Run, per: int, settings: Settings
 ) -> tuple[pymunk.Space, list[Motor], Array, Array]:
-    """The space one step before the start, its drives, their values after each step (steps,
-    drives), and the velocity before the start."""
+    """Build the space of a run in its state one step before the start.
+
+    Returns the space, its drives, their values after each step (steps, drives) [rad or m], and the
+    velocity (links + 1, 3) of the step to the start.
+    """
     space = build(links, settings["iterations"], settings["error_bias"])
     add_contacts(space, links, settings)
     pose, velocity, targets = start_state(links, run, per, settings["timestep"])
@@ -232,8 +246,11 @@ def prepared(
 
 
 def start_state(links: Links, run: Run, per: int, dt: float) -> tuple[Array, Array, Array]:
-    """Pose (links + 1, 3) one step before the start, velocity from there to the start, and the
-    values of the drives after each step (steps, drives)."""
+    """The state one step before the start, and the values of the drives after each step.
+
+    Returns the pose (links + 1, 3), the velocity of the step to the start (links + 1, 3), and the
+    values of the drives (steps, drives) [rad or m].
+    """
     times = run.x[0] + dt * np.arange((len(run.x) - 1) * per + 1)
     laws = np.zeros((3, len(times), len(run.drives)))
     for k, drive in enumerate(run.drives):
@@ -250,7 +267,10 @@ def start_state(links: Links, run: Run, per: int, dt: float) -> tuple[Array, Arr
 
 
 def _one_more(value: Array, acc: Array, dt: float) -> Array:
-    """Law values with one step more at both ends, so that central differences reach the ends."""
+    """Values of the drives, extended by one step at both ends by the accelerations there.
+
+    Central differences of the values then exist at the ends too.
+    """
     if len(value) < 2:
         return np.repeat(value, 3, axis=0)
     first = 2 * value[0] - value[1] + dt**2 * acc[0]
@@ -259,7 +279,7 @@ def _one_more(value: Array, acc: Array, dt: float) -> Array:
 
 
 Feed = tuple[Callable[[list[float]], None], list[list[float]]]
-"""What sets the changes of controls, and these for each step."""
+"""A function that sets the changes of controls, and the changes for each step."""
 
 
 def step_through(
@@ -272,9 +292,11 @@ def step_through(
     first: int,
     feed: Feed | None = None,
 ) -> None:
-    """Step once for each row of targets, and append all bodies' state after the marked steps.
+    """Step once for each row of `targets`, and record the state of all bodies in `buffer`.
 
-    The first step, which is marked, takes `first` iterations.
+    `targets` (steps, drives) are the values of the drives after each step, and `record` (steps,)
+    marks the steps after which the state is recorded.  The first step must be marked, and takes
+    `first` iterations.
     """
     step, read = space.step, batch.get_space_bodies
     usual, space.iterations = space.iterations, first
@@ -293,7 +315,10 @@ def step_through(
 
 
 def at_samples(pose: Array, velocity: Array, record: Array, per: int, back: Array) -> States:
-    """The states at the samples, from the recorded steps and the velocity before the first."""
+    """The states at the samples, from the recorded steps and the velocity `back` before the first.
+
+    `per` is the number of steps between samples, `record` marks the recorded steps.
+    """
     place = np.cumsum(record) - 1
     samples = np.arange(0, len(record), per)
     before = np.concatenate([back[None], velocity[place[samples[1:] - 1]]])
@@ -301,19 +326,21 @@ def at_samples(pose: Array, velocity: Array, record: Array, per: int, back: Arra
 
 
 OPEN_LOOP = 0.1
-"""Gap, as a share of the mechanism's extent, beyond which a run fails."""
+"""Constraint violation, as a share of the mechanism's extent, beyond which a run has failed."""
 USUAL, MOST = 100, 3000
-"""Iterations of a step: at first, and at most."""
+"""Iterations in a step: of the first attempt at a run, and the largest number that is chosen."""
 LEFT = 0.1
-"""Share of an error that they may leave; the next step starts from there."""
+"""Share of a velocity error that the iterations of a step may leave: the next step goes on from its
+impulses."""
 LOOKED_AT = 40
-"""Poses at which the iterations needed are found."""
+"""Approximate number of poses of a run from which the iterations are computed."""
 
 
 def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Step a mechanism through time; see `proofmass.sim.pymunk.engine.simulate`.
 
-    Without a given number of iterations the run is repeated with what its poses need.
+    If the settings give no number of iterations and the poses of the run need more than `USUAL`,
+    the run is repeated with the number that they need.
     """
     began, links = time.perf_counter(), at_start(links, run)
     per, dt = run.steps(settings["timestep"])
@@ -323,7 +350,7 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
         used["iterations"] = needed
         states = stepped(links, run, per, used)
     gaps, failed = _failed(links, states[0])
-    with np.errstate(all="ignore"):  # beyond the loss of a run, which is cut off
+    with np.errstate(all="ignore"):  # samples after a failure may overflow; they are cut off
         shown = {n: c for n, c in channels.items() if c.order > -2}
         found = {n: unwrapped(n, _curve(links, c, states, dt)) for n, c in shown.items()}
         pose, before, after = states
@@ -355,12 +382,15 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
 
 
 def _needed(links: Links, pose: Array) -> int:
+    """The iterations that the poses (n, links + 1, 3) of a run need, `MOST` at most."""
     if _failed(links, pose)[1].any():
         return MOST
     return min(enough(links, pose[:: len(pose) // LOOKED_AT + 1], LEFT), MOST)
 
 
 def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array, Array] | None:
+    """Values, rates and accelerations (drives, n) that the drives really had; None if none is."""
+
     def value(pose: Array) -> Array:
         return drive_values(links, pose)
 
@@ -371,13 +401,17 @@ def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array,
 
 
 def _failed(links: Links, pose: Array) -> tuple[Array, Array]:
-    """Largest gap [m] of each pose, and where it or anything else says that the run failed."""
+    """Largest constraint violation [m] of each pose, and which poses show that the run failed.
+
+    A pose has failed if it is not finite or violates constraints by more than `OPEN_LOOP`.
+    """
     with np.errstate(all="ignore"):
         gap = gaps(links, pose).max(axis=-1, initial=0.0)
     return gap, ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= OPEN_LOOP * links.extent))
 
 
 def _curve(links: Links, c: Sensor, states: States, dt: float) -> Array:
+    """The curve of a channel that is a function of the motion and not of forces."""
     if c.order == -1:
         return kinetic(links, 0.5 * (states[1] + states[2]))
     return moving(c.function, c.order, *states, dt)

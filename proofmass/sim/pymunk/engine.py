@@ -1,4 +1,4 @@
-"""pymunk (Chipmunk): a planar MJCF rebuilt from its compiled numbers; MuJoCo only compiles it."""
+"""The engine pymunk (Chipmunk): runs a planar MJCF that MuJoCo has compiled."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -28,55 +28,61 @@ CONTACTS = ("collision_slop", "collision_bias")
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
-    """Raise `proofmass.sim.protocol.BadSetting` if pymunk cannot be set so."""
+    """Raise `proofmass.sim.protocol.BadSetting` if a setting is unknown or out of range."""
     PymunkSettings.read(settings)
 
 
 def simulate(model: Path, run: Run) -> Curves:
     """Run a planar mechanism in pymunk.
 
-    Drives are ideal: constraints aimed at the law's next value before each step.  Motors on other
-    joints act with the constant force of their ``ctrl`` in the start key, or with one that changes
-    along the run, see `proofmass.sim.pymunk.loads`.  Joint springs may be
-    polynomials.  Joint ranges are stops: exact to 1e-13 rad in a sweep, soft in dynamics.
+    Drives are ideal: constraints whose target is set to the next value of the motion profile before
+    each step.  Motors on other joints act with the constant force of their ``ctrl`` in the start
+    key, or with a force that changes along the run, see `proofmass.sim.pymunk.loads`.  Joint
+    springs may be polynomials.  Joint limits are exact to 1e-13 rad in a sweep and soft in
+    dynamics.
 
-    Loads are motors on sites, constant in the frame of a refsite on the ground, or without one in
-    that of the site.
+    Loads are motors on sites, constant in the frame of a refsite on the ground, or in the frame of
+    the site if there is no refsite.
 
-    In a sweep the coordinates that drives leave free follow them at rest, from the start key on,
-    and in equilibrium they come there with the drives held.  The pose is the engine's: one that its
-    own step from standstill gives no velocity.  How far to go along that velocity is chosen by a
-    stiffness of ours, since Chipmunk has no means to come to rest faster than it swings.
+    In a sweep the degrees of freedom that the drives leave are in static equilibrium at each
+    sample, and the equilibria follow each other from the start key on.  In an equilibrium run they
+    come to rest with the drives fixed.  The engine decides whether a pose is at rest: its own step
+    from standstill must give no velocity.  proofmass computes a stiffness and chooses by it how far
+    to move along the engine's velocity, since Chipmunk itself comes to rest no faster than it
+    swings.
 
     Springs and dampers may act between two sites.  In dynamics geoms touch where MuJoCo lets them,
-    with its friction; see `proofmass.sim.pymunk.contacts`.
+    with MuJoCo's friction; see `proofmass.sim.pymunk.contacts`.
 
-    Second order in time, but for damping: Chipmunk's dampers are first order.
+    The method is of second order in time, except for dampers, which are of first order in Chipmunk.
 
     Parameters
     ----------
     model : Path
         The MJCF file.
     run : Run
-        What to do; see `proofmass.sim.protocol.Run`.  Settings: ``timestep`` [s], reduced so that
-        whole steps fit between samples (a sweep has no use for it); ``iterations`` of the solver:
-        100 in dynamics; in a sweep as many as the start pose needs, up to 500, and 500 where
-        springs or weights hold what the drives leave; more where it needs them; ``error_bias``, the
-        share of a gap left after a second, 0; ``collision_slop`` [m] and ``collision_bias`` of
-        contacts, 1e-6 and 0.9**60; ``defaults = True`` for Chipmunk's own.
+        What to do; see `proofmass.sim.protocol.Run`.  Settings, with proofmass's values where none
+        are given: ``timestep`` [s], that of the model, reduced so that whole steps fit between
+        samples (a sweep does not use it); ``iterations`` of the solver in a step, 100 in dynamics,
+        in a sweep the number that the start pose needs, up to 500, or 500 where the drives leave
+        degrees of freedom, and in all cases more where poses of the run need them; ``error_bias``,
+        the share of a constraint violation that is left after a second, 0; ``collision_slop`` [m]
+        and ``collision_bias`` of contacts, 1e-6 and 0.9**60; ``defaults = True`` for Chipmunk's own
+        values.
 
     Returns
     -------
     Curves
-        The channels over ``run.x``, the actual drive state, the largest gap and the cost.  A sweep
-        stops where the loops cannot be closed any further, or a stop is in the way, and says so.
+        The channels over ``run.x``, the actual state of the drives, the largest constraint
+        violation and the cost.  A sweep ends where the loops cannot be closed any further, or where
+        a joint limit is in the way, and gives this reason.
 
     Raises
     ------
     BadModel
         The model does not compile, lacks a named element, or its start pose is not assembled.
     Unsupported
-        The model holds something that the rebuild does not cover; it is named.
+        The model contains something that this engine does not cover; the message names it.
     Diverged
         The run failed.
     """
@@ -89,7 +95,11 @@ def simulate(model: Path, run: Run) -> Curves:
 
 
 def snippet(parameters: ParameterValues, steps: int) -> str:
-    """What to paste so that pymunk runs with settings, all of which must be known."""
+    """Lines of Python that step a pymunk space with given settings.
+
+    Settings that pymunk does not have are added as comments; the lines are comments only if the
+    time step, the iterations or the bias is missing.
+    """
     own = list(python(parameters, steps)) if set(parameters) >= set(SPACE) else []
     return "\n".join(
         [*own, *(f"# {line}" for line in left_to_sidecar(parameters, (*SPACE, *CONTACTS)))]
@@ -97,7 +107,10 @@ def snippet(parameters: ParameterValues, steps: int) -> str:
 
 
 def python(parameters: ParameterValues, steps: int) -> Iterator[str]:
-    """Lines that step a space; the first step has no impulses to start from, so it takes more."""
+    """Lines of Python that set a space and step it.
+
+    The first step takes more iterations, since there are no impulses of an earlier step.
+    """
     iterations = int(str(parameters["iterations"]))
     yield from (f"space.{key} = {parameters[key]!r}" for key in CONTACTS if key in parameters)
     yield from (
@@ -112,7 +125,7 @@ def python(parameters: ParameterValues, steps: int) -> Iterator[str]:
 
 
 class Pymunk(Engine):
-    """pymunk as all commands know it."""
+    """pymunk as an engine of proofmass; see `proofmass.sim.protocol.Engine`."""
 
     title = "pymunk"
     packages = ("pymunk",)
@@ -134,7 +147,7 @@ class Pymunk(Engine):
         return tried_settings.scans(self.title, about)
 
     def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-        """See `proofmass.sim.pymunk.tried_settings`."""
+        """See `proofmass.sim.pymunk.tried_settings.orders`."""
         return tried_settings.orders(scan, derivative, about)
 
     def perturbations(
@@ -148,7 +161,7 @@ class Pymunk(Engine):
         return tried_settings.recipes(self.title)
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
-        """Python; see `snippet`."""
+        """See `snippet`; `model` is not used."""
         return snippet(parameters, steps)
 
     def write_program(
@@ -160,7 +173,7 @@ class Pymunk(Engine):
         drive: Imposed,
         controls: str = "",
     ) -> str:
-        """See `proofmass.sim.pymunk.program`."""
+        """See `proofmass.sim.pymunk.program.write_program`."""
         return write_program(model, run, motion, head, drive, controls)
 
 

@@ -1,9 +1,12 @@
-"""Holds, joints and energy as functions of the links' poses (..., links + 1, 3).
+"""Constraints, joints and energy as functions of the links' poses (..., links + 1, 3).
 
-Derivatives are complex steps (value at ``pose + i h direction``): exact to rounding.  Only the
-slope of the energy is written out, since chains of many links need it in each free motion.  Loops
-are closed in a pose, or the error says by how much they miss; a pose has free motions with its
-drives held, on the stops that its joints are pressed on.
+Derivatives are computed by complex steps (the function at ``pose + i h direction``), exact to
+rounding.  Only the gradient of the energy is written out as formulas, since chains of many links
+need it for each of their free motions.
+
+`close` moves a pose until its loops are closed; its error states the constraint violation that
+remains.  `find_modes` computes the free motions of a pose with fixed drives and with joints that
+stay on their limits.
 """
 
 from collections.abc import Callable
@@ -26,10 +29,11 @@ from proofmass.sim.pymunk.links import (
 )
 
 STEP = 1e-30
+"""Size of the complex step of derivatives."""
 
 
 def turned(angle: Array, vector: Array) -> Array:
-    """Vectors (..., 2) turned by angles (...), as (..., 2)."""
+    """Vectors (..., 2) rotated counter-clockwise by angles (...) [rad], as (..., 2)."""
     c, s = np.cos(angle), np.sin(angle)
     x, y = vector[..., 0], vector[..., 1]
     across = c * x - s * y
@@ -39,12 +43,15 @@ def turned(angle: Array, vector: Array) -> Array:
 
 
 def cross(one: Array, other: Array) -> Array:
-    """The product x v - y u (...) of vectors (x, y) and (u, v), as (..., 2)."""
+    """The cross product x v - y u (...) of vectors (x, y) and (u, v), both of shape (..., 2)."""
     return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
 
 
 def apart(hold: Hold | HoldTable | LinkSpring, pose: Array) -> Array:
-    """Vector from the anchor on a to the anchor on b, for poses (..., links + 1, 3)."""
+    """Vector [m] from the anchor on link a to that on link b, for poses (..., links + 1, 3).
+
+    Its shape is (..., 2), and (..., holds, 2) for a `HoldTable`.
+    """
     if isinstance(hold, HoldTable):
         ends = pose.take(hold.ends, axis=-2)
         points, count = turned(ends[..., 2], hold.on_ends), len(hold.a)
@@ -55,7 +62,11 @@ def apart(hold: Hold | HoldTable | LinkSpring, pose: Array) -> Array:
 
 
 def _rows(links: Links, pose: Array) -> Array:
-    """How far each hold is from held (..., holds, 2): both ways, or across a slide and turned."""
+    """Violation of each constraint of links (..., holds, 2).
+
+    It is the vector between the two anchors of a pin [m], and for a slide the distance across its
+    axis [m] and the angle between its links [rad].
+    """
     table = links.table
     rows = apart(table, pose)
     if table.slide:
@@ -68,7 +79,7 @@ def _rows(links: Links, pose: Array) -> Array:
 
 
 def residual(links: Links, pose: Array) -> Array:
-    """How far holds, then gears, are from held (..., rows), of poses (..., links + 1, 3)."""
+    """Violations (..., rows) of constraints, then of gears, of poses (..., links + 1, 3)."""
     rows = _rows(links, pose)
     if not links.gears:
         return rows.reshape(*rows.shape[:-2], -1)
@@ -80,7 +91,10 @@ def residual(links: Links, pose: Array) -> Array:
 
 
 def gaps(links: Links, pose: Array) -> Array:
-    """Distance by which each hold is open [m] (..., holds), of poses (..., links + 1, 3)."""
+    """Constraint violation [m] of each constraint (..., holds), of poses (..., links + 1, 3).
+
+    It is the distance between the anchors of a pin, and the distance across the axis of a slide.
+    """
     rows = _rows(links, pose)
     return np.where(links.table.slides, np.abs(rows[..., 0]), np.linalg.norm(rows, axis=-1))
 
@@ -100,18 +114,19 @@ def spring_length(spring: LinkSpring, pose: Array) -> Array:
 
 
 def spring_line(spring: LinkSpring, pose: Array) -> tuple[Array, Array]:
-    """The unit vector (..., 2) from end to end of a spring between points, and its length [m].
+    """The unit vector (..., 2) from end a to end b of a spring between points, and its length [m].
 
-    Of no length the vector is 0.
+    The vector is 0 where the length is 0.
     """
     length = spring_length(spring, pose)
     return apart(spring, pose) / np.where(length > 0, length, 1.0)[..., None], length
 
 
 def damping(links: Links) -> tuple[Array, Callable[[Array], Array]]:
-    """Coefficients (dampers,) of joints, then of springs between points, and what they damp.
+    """Damping coefficients (dampers,), and the function of the coordinates that they damp.
 
-    The latter is a function of poses (..., links + 1, 3): values and lengths (..., dampers).
+    The dampers are those of all joints, then those of springs between points.  The function takes
+    poses (..., links + 1, 3) and returns joint values and lengths (..., dampers) [rad or m].
     """
     springs = tuple(spring for spring in links.springs if spring.damping)
 
@@ -124,7 +139,7 @@ def damping(links: Links) -> tuple[Array, Callable[[Array], Array]]:
 
 
 def values(joints: tuple[LinkJoint, ...], pose: Array) -> Array:
-    """The coordinates of some joints (..., joints), of poses (..., links + 1, 3)."""
+    """Coordinates (..., joints) [rad or m] of given joints, of poses (..., links + 1, 3)."""
     found = np.empty((*pose.shape[:-2], len(joints)), pose.dtype)
     for k, joint in enumerate(joints):
         found[..., k] = joint_value(joint, pose)
@@ -132,17 +147,17 @@ def values(joints: tuple[LinkJoint, ...], pose: Array) -> Array:
 
 
 def joint_values(links: Links, pose: Array) -> Array:
-    """The coordinates of all joints (..., joints), of poses (..., links + 1, 3)."""
+    """Coordinates (..., joints) [rad or m] of all joints, of poses (..., links + 1, 3)."""
     return _tabled(links.joint_table, pose)
 
 
 def drive_values(links: Links, pose: Array) -> Array:
-    """The coordinates of the driven joints (..., drives), of poses (..., links + 1, 3)."""
+    """Coordinates (..., drives) [rad or m] of the driven joints, of poses (..., links + 1, 3)."""
     return _tabled(links.drive_table, pose)
 
 
 def _tabled(table: JointTable, pose: Array) -> Array:
-    """The coordinates of the joints of a table (..., joints)."""
+    """Coordinates (..., joints) [rad or m] of the joints of a table."""
     turns = table.sign * (pose[..., table.b, 2] - pose[..., table.a, 2])
     if table.slide:
         axes = turned(pose[..., table.a, 2], table.axis)
@@ -151,17 +166,17 @@ def _tabled(table: JointTable, pose: Array) -> Array:
 
 
 def bound(links: Links, pose: Array) -> Array:
-    """All that is prescribed (..., rows + drives): the residual, then the drives' values."""
+    """All prescribed functions of the pose (..., rows + drives): residual, then drive values."""
     return np.concatenate([residual(links, pose), drive_values(links, pose)], axis=-1)
 
 
 def along(function: Callable[[Array], Array], pose: Array, velocity: Array) -> Array:
-    """Derivative of a function of the pose along a velocity."""
+    """Derivative of a function of the pose in the direction of a velocity, by a complex step."""
     return np.imag(function(pose + 1j * STEP * velocity)) / STEP
 
 
 def jacobian(function: Callable[[Array], Array], pose: Array) -> Array:
-    """Derivatives of a function of one pose with respect to the links' coordinates."""
+    """Derivatives (..., 3 links) of a function of one pose by the links' coordinates."""
     size = 3 * (len(pose) - 1)
     units = np.zeros((size, *pose.shape))
     units.reshape(size, -1)[:, :size] = np.eye(size)
@@ -169,15 +184,18 @@ def jacobian(function: Callable[[Array], Array], pose: Array) -> Array:
 
 
 def least(links: Links, rows: Array, wanted: Array) -> Array:
-    """The least move (3 links,) by which rows change as wanted, lengths as shares of the extent."""
+    """The smallest move (3 links,) that solves ``rows move = wanted``.
+
+    Its size is measured with lengths as shares of the extent.
+    """
     rows, wanted = alike(links, rows, wanted)
     return np.asarray(np.linalg.lstsq(rows, wanted, rcond=1e-12)[0] * links.sizes)
 
 
 def alike(links: Links, rows: Array, wanted: Array) -> tuple[Array, Array]:
-    """Rows of a linear system of moves as shares of their sizes, all of them of length one.
+    """Scale a linear system of moves: unknowns as shares of `Links.sizes`, rows of length one.
 
-    So that nothing is lost between radians and lengths of any size.
+    The solution is then accurate whatever the ratio of lengths to radians is.
     """
     rows = rows * links.sizes
     long = np.linalg.norm(rows, axis=1)
@@ -186,10 +204,10 @@ def alike(links: Links, rows: Array, wanted: Array) -> tuple[Array, Array]:
 
 
 def potential(links: Links, pose: Array) -> Array:
-    """Energy [J] (...) of gravity, springs, servos and loads, as the engine's links carry it.
+    """Energy [J] (...) of gravity, springs, servos and loads, with the masses of the links.
 
-    Loads that follow their links have no potential.  Here they keep the direction that they have in
-    the real part of the pose, so that derivatives by complex steps are those of their work.
+    Loads that follow their links have no potential.  Here such a load keeps the direction that it
+    has in the real part of the pose, so that a derivative by a complex step is minus its work.
     """
     energy = -(pose[..., :-1, :2] * links.weight).sum((-1, -2))
     energy = energy + links.joint_table.energy(joint_values(links, pose))
@@ -209,20 +227,24 @@ def force_of(pull: Pull, pose: Array) -> Array:
 
 
 MOVE = 0.05
-"""Largest move of a drive [rad, or extents] between two poses, so that a branch is kept."""
+"""Largest move of a drive [rad, or extents] between two poses, so that the branch is kept."""
 CLOSED = 1e-9
-"""Gap [extents] and miss of a drive [extents or radians] of a pose that is closed."""
+"""Largest constraint violation [extents or radians] and largest error of a drive [extents or
+radians] of a pose that counts as closed."""
 
 
 def stages(links: Links, now: Array, then: Array) -> Array:
-    """Values of the drives (stages, drives) on the way to new ones, in moves of at most MOVE."""
+    """Values of the drives (stages, drives) from `now` to `then`, in moves of at most `MOVE`.
+
+    The values `now` are not among them.
+    """
     scale = [1.0 if joint.hold.axis is None else links.extent for joint in links.drives]
     count = int(np.max(abs(then - now) / scale, initial=0.0) / MOVE) + 1
     return np.linspace(now, then, count + 1)[1:] if count > 1 else then[None]
 
 
 def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -> Array:
-    """Move a pose by Newton until all holds are closed and the drives have their values.
+    """Move a pose by Newton's method until all constraints hold and the drives have their values.
 
     Parameters
     ----------
@@ -231,7 +253,7 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
     drives : ndarray (drives,)
         Values [rad or m] of the driven joints; approached in moves of at most `MOVE`.
     rest : ndarray (rows + drives,), optional
-        What is to remain of each hold and drive [m or rad].
+        Violation of each constraint and error of each drive that is to remain [m or rad].
 
     Returns
     -------
@@ -240,7 +262,7 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
     Raises
     ------
     BadModel
-        The loops cannot be closed here.
+        The loops cannot be closed at these values.
     """
     for stage in stages(links, drive_values(links, pose), drives):
         pose = _newton(links, pose, stage, rest)
@@ -248,9 +270,9 @@ def close(links: Links, pose: Array, drives: Array, rest: Array | float = 0.0) -
 
 
 def chain_at(links: Links, drives: Array) -> Array:
-    """The start pose (links + 1, 3) of links without loops, with the driven joints at other values.
+    """The start pose (links + 1, 3) of links without loops, with driven joints at other values.
 
-    All other joints keep theirs: what hangs on a driven joint goes with it.
+    All other joints keep their values, so that all links beyond a driven joint move with it.
     """
     pose, ways = links.pose.copy(), np.zeros(len(links.joints))
     ways[list(links.driven)] = drives - drive_values(links, links.pose)
@@ -270,6 +292,7 @@ def chain_at(links: Links, drives: Array) -> Array:
 
 
 def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Array:
+    """Newton's method of `close`, for one stage of the drives."""
     best, off = pose, np.inf
     for _ in range(40):
         error = missing(links, pose, drives) - rest
@@ -293,19 +316,26 @@ def _newton(links: Links, pose: Array, drives: Array, rest: Array | float) -> Ar
 
 
 def named(links: Links, drives: Array) -> str:
-    """Values of the drives with their names."""
+    """Names and values of the drives in words, such as ``crank = 0.5``."""
     return ", ".join(f"{j.name} = {v:.6g}" for j, v in zip(links.drives, drives, strict=True))
 
 
 def missing(links: Links, pose: Array, drives: Array) -> Array:
-    """How far all that is prescribed is from held (..., rows + drives), of some poses."""
+    """Violations of all constraints, then errors of the drives (..., rows + drives).
+
+    The errors are the drives' values in the poses (..., links + 1, 3) less the values `drives`.
+    """
     error = bound(links, pose)
     error[..., error.shape[-1] - len(drives) :] -= drives
     return error
 
 
 def _missed(links: Links, pose: Array, drives: Array) -> float:
-    """The gap [m] of the loops at their closest, with joints and drives held."""
+    """Smallest possible constraint violation [m] of the loops, for the values of the drives.
+
+    The joints of the tree and the drives have 1e4 times the weight of the loops in a least-squares
+    fit.
+    """
     if not np.isfinite(pose).all():
         return np.inf
     tree = links.joint_rows
@@ -329,23 +359,25 @@ def _missed(links: Links, pose: Array, drives: Array) -> float:
 
 
 def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) -> Array:
-    """Derivatives of ``V - pull . held`` by the coordinates of poses (..., links + 1, 3).
+    """Gradient of ``V - pull . g`` with respect to the coordinates of poses (..., links + 1, 3).
 
-    Each hold has a force u between its anchors and a moment t between its links:
+    V is the `potential`, and g are the constraints, gears, drives and joints on their limits, so
+    that `pull` are the Lagrange multipliers.  Each constraint has a force u between its anchors and
+    a moment t between its links:
 
         d/dp_b = u                              d/dp_a = -u
         d/da_b = t + u . R'(a_b) on_b           d/da_a = -t - u . R'(a_a) on_a + u' . apart
 
-    with u' where u turns with the first link, along a slide and across it.
+    The term with u' is present for a slide only, whose u rotates with the first link.
 
     Parameters
     ----------
     links : Links
     pose : ndarray (..., links + 1, 3) [m, m, rad]
     pull : ndarray (rows,)
-        Forces in the holds, the gears, the drives and the joints on their stops [N or N m].
+        Forces of the constraints, gears, drives and joints on their limits [N or N m].
     stops : tuple of LinkJoint
-        These joints.
+        The joints that are on their limits.
     """
     table, count = links.table, len(links.table.a)
     force, moment = _between(links, pose, pull, stops)
@@ -380,7 +412,10 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
 def _between(
     links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]
 ) -> tuple[Array, Array]:
-    """Force (..., holds, 2) and moment (..., holds) of each hold, on its second link."""
+    """Force (..., holds, 2) [N] and moment (..., holds) [N m] of each constraint in `slope`.
+
+    They contain the springs and loads of the joints as well as the forces `pull`.
+    """
     table, slides, rows = links.table, links.table.slides, links.rows
     forces = np.zeros((*pose.shape[:-2], len(links.holds)))
     forces[..., : len(links.joints)] = -links.joint_table.joint_forces(joint_values(links, pose))
@@ -396,28 +431,27 @@ def _between(
 
 
 NUDGE = 1e-4
-"""Displacement for differences of the energy's slope, in extents or radians."""
+"""Displacement for differences of the energy's gradient [extents or radians]."""
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Free motions of a pose, uncoupled to second order in the energy.
+    """Free motions of a pose that are uncoupled in the energy to second order: natural modes.
 
     Attributes
     ----------
     pose : ndarray (links + 1, 3) [m, m, rad]
     shapes : ndarray (n, links + 1, 3)
-        Moves of unit mass [SI].
+        Moves of unit modal mass [SI].
     squares : ndarray (n,)
-        Curvature of the energy along them: their frequencies squared [1/s^2].
+        Curvatures of the energy along the moves: squares of their angular frequencies [1/s^2].
     twist : ndarray (n, n)
-        What loads that follow their links add to the matrix of these curvatures, without symmetry
+        Antisymmetric part of the matrix of curvatures, from loads that follow their links
         [1/s^2].
-    pull : ndarray (held,)
-        What it takes to hold what is held [N or N m]: holds, gears, drives, then the joints on
-        their stops.
+    pull : ndarray (rows,)
+        Forces of the constraints, gears, drives, then of the joints on their limits [N or N m].
     stops : tuple of LinkJoint
-        These joints.
+        The joints that are on their limits.
     """
 
     pose: Array
@@ -428,33 +462,39 @@ class Modes:
     stops: tuple[LinkJoint, ...]
 
     def rise(self, links: Links, pose: Array, move: Array) -> Array:
-        """By how much a move from the pose makes the energy's slope along each mode larger."""
+        """Increase (n,) of the energy's gradient along each mode by a move from a pose."""
         there, here = slope(links, np.stack([pose + move, pose]), self.pull, self.stops)
         return self.of(there - here)
 
     def of(self, push: Array) -> Array:
-        """Products (n,) of the modes with what acts on the links (links + 1, 3)."""
+        """Scalar products (n,) of the modes with forces or momenta of the links (links + 1, 3)."""
         return np.asarray(np.einsum("nlk,lk->n", self.shapes, push))
 
     def sum(self, parts: Array) -> Array:
-        """Sum (links + 1, 3) of as many parts (n,) of each mode."""
+        """The move (links + 1, 3) that consists of given amplitudes (n,) of the modes."""
         return np.asarray(np.einsum("n,nlk->lk", parts, self.shapes))
 
 
 def free_directions(links: Links, rows: Array) -> Array:
-    """Moves (n, links + 1, 3) of unit mass that leave what is held as it is, by its Jacobian."""
+    """Moves (n, links + 1, 3) of unit mass that violate no constraint to first order.
+
+    `rows` is the Jacobian (rows, 3 links) of the constraints.
+    """
     return _moves(links, _split(links, rows)[0])
 
 
 REGULAR = 1e-6
-"""Share of a row, of unit length, that lies off those before it: with more, QR tells the rank."""
+"""Smallest component of a row of unit length that is orthogonal to the rows before it, with which
+the rows count as independent, so that a QR decomposition gives their rank."""
 
 
 def _split(links: Links, rows: Array, load: Array | None = None) -> tuple[Array, Array]:
-    """Directions (n, 3 links) that rows leave free, and the least pull whose sum of rows is a load.
+    """The null space (n, 3 links) of rows, and the forces (rows,) whose sum of rows is a load.
 
-    Both in coordinates times the roots of their masses. Rows that are far from dependent are split
-    by QR, which takes less time than singular values.
+    The null space is given in coordinates times the square roots of their masses.  The forces solve
+    ``rows^T forces = load`` in the least squares sense of these coordinates, and are the smallest
+    ones if rows are dependent.  Rows that are clearly independent are split by a QR decomposition,
+    which takes less time than singular values.
     """
     rows = rows / _root(links)
     long = np.linalg.norm(rows, axis=1)
@@ -470,16 +510,16 @@ def _split(links: Links, rows: Array, load: Array | None = None) -> tuple[Array,
 
 
 def _moves(links: Links, directions: Array) -> Array:
-    """Moves (n, links + 1, 3) of directions in coordinates times the roots of their masses."""
+    """Moves (n, links + 1, 3) of directions that are given times the square roots of the masses."""
     moves = (directions / _root(links)).reshape(-1, len(links.mass), 3)
     return np.pad(moves, ((0, 0), (0, 1), (0, 0)))
 
 
 def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes:
-    """The modes of a pose (links + 1, 3) whose joints `stops` stay on their stops.
+    """The modes of a pose (links + 1, 3) whose joints `stops` stay on their limits.
 
-    The curvature is that of ``V - pull . held``, so that it counts how the paths bend on which
-    what is held stays as it is.
+    The curvature is that of ``V - pull . g``, see `slope`, so that it includes the curvature of the
+    paths on which the constraints g stay satisfied.
     """
     moves, pull = _free_and_pull(links, pose, stops)
     rise, size = _rise(links, pose, moves, pull, stops)
@@ -492,14 +532,17 @@ def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes
 
 
 def bent(links: Links, pose: Array, moves: Array) -> Array:
-    """How moves (n, links + 1, 3) change the slope of ``V - pull . held`` in a pose at rest."""
+    """Change (n, links + 1, 3) of the gradient of ``V - pull . g`` by each of some moves.
+
+    The moves (n, links + 1, 3) start from a pose at rest; see `slope`.
+    """
     _, pull = _free_and_pull(links, pose, ())
     rise, size = _rise(links, pose, moves, pull, ())
     return np.asarray(rise * (size / (2 * NUDGE))[:, None, None])
 
 
 def _free_and_pull(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> tuple[Array, Array]:
-    """`free_directions` of a pose at rest, and what it takes to hold what is held."""
+    """`free_directions` of a pose at rest, and the forces (rows,) of its constraints."""
     rows = jacobian(partial(_held, links, stops), pose)
     load = slope(links, pose, np.zeros(len(rows)), stops)[:-1].ravel()
     directions, pull = _split(links, rows, load)
@@ -509,7 +552,10 @@ def _free_and_pull(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> t
 def _rise(
     links: Links, pose: Array, moves: Array, pull: Array, stops: tuple[LinkJoint, ...]
 ) -> tuple[Array, Array]:
-    """By what the slope rises between `NUDGE` back and ahead along moves, and their sizes (n,)."""
+    """Differences of the gradient from `NUDGE` back to `NUDGE` ahead along moves.
+
+    Returns the differences (n, links + 1, 3) and the sizes (n,) of the moves.
+    """
     size = sizes(links, moves)
     nudge = moves * (NUDGE / size)[:, None, None]
     ahead, behind = slope(links, pose + np.stack([nudge, -nudge]), pull, stops)
@@ -517,14 +563,15 @@ def _rise(
 
 
 def sizes(links: Links, moves: Array) -> Array:
-    """Largest part of each of some moves (..., links + 1, 3), in extents or radians."""
+    """Largest component [extents or radians] of each of some moves (..., links + 1, 3)."""
     return np.asarray(np.abs(moves / links.scale).max(axis=(-2, -1)))
 
 
 def _held(links: Links, stops: tuple[LinkJoint, ...], pose: Array) -> Array:
+    """All prescribed functions of the pose, then the values of the joints on their limits."""
     return np.concatenate([bound(links, pose), values(stops, pose)], axis=-1)
 
 
 def _root(links: Links) -> Array:
-    """Roots of the masses of all coordinates."""
+    """Square roots (3 links,) of the masses and moments of inertia of all coordinates."""
     return np.asarray(np.sqrt(links.inertia[:-1]).ravel())

@@ -1,4 +1,4 @@
-"""Links in a plane: what the modules of this folder work on."""
+"""The data of a planar mechanism: links, joints, loops, gears, springs and loads."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,18 +14,20 @@ from proofmass.sim.plane import MotionPlane
 from proofmass.sim.pymunk.contacts import Contacts
 
 HAIR = 1e-13
-"""How far before its limit a joint meets its stop [rad or m], to be left on the limit: Chipmunk's
-stops hold a joint only beyond them, and let one fall in anew that they put back to the last digit.
-"""
+"""Distance [rad or m] of a stop before the limit of its joint.  Chipmunk's stops act only on joints
+that are beyond them: a joint that is put back exactly to its stop is free and falls in again.  So a
+joint is put back to this distance beyond its stop, which is on the limit."""
 QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
-"""Turns row vectors by a quarter turn."""
+"""Matrix that rotates row vectors counter-clockwise by a quarter turn."""
 
 
 @dataclass(frozen=True)
 class Hold:
-    """Two links held together at a point, or (with an axis) along a line without turning.
+    """A constraint of two links: a pin, or with an axis a slide without relative rotation.
 
-    ``on_a`` and ``on_b`` are seen from the links' centres in the start pose.
+    ``a`` and ``b`` are the numbers of the links.  The anchors ``on_a`` and ``on_b`` are given
+    relative to the links' centres in the start pose [m]; ``axis`` is the slide's direction on
+    link a.
     """
 
     name: str
@@ -38,7 +40,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class HoldTable:
-    """Holds as arrays, one row each; the axis of a hinge or a loop is zero."""
+    """Constraints as arrays with one row for each `Hold`; the axis of a pin is zero."""
 
     a: NDArray[np.intp]
     b: NDArray[np.intp]
@@ -48,33 +50,33 @@ class HoldTable:
 
     @cached_property
     def slides(self) -> NDArray[np.bool_]:
-        """Which holds have an axis."""
+        """Which constraints are slides, (holds,)."""
         return np.asarray(self.axis.any(axis=1))
 
     @cached_property
     def slide(self) -> bool:
-        """Whether any of them has."""
+        """Whether any constraint is a slide."""
         return bool(self.slides.any())
 
     @cached_property
     def guides(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], Array]:
-        """Which holds have an axis, their links a and b, and a vector across each axis (n, 2)."""
+        """Indices of the slides, their links a and b, and a vector across each axis (n, 2)."""
         slides = np.flatnonzero(self.slides)
         return slides, self.a[slides], self.b[slides], self.axis[slides] @ QUARTER
 
     @cached_property
     def ends(self) -> NDArray[np.intp]:
-        """The second links (holds,), then the first ones."""
+        """The links b (holds,) of all constraints, then their links a."""
         return np.concatenate([self.b, self.a])
 
     @cached_property
     def on_ends(self) -> Array:
-        """The anchors on these links (2 holds, 2)."""
+        """The anchors (2 holds, 2) on the links `ends` [m]."""
         return np.concatenate([self.on_b, self.on_a])
 
 
 def columns(holds: Sequence[Hold]) -> dict[str, Any]:
-    """What a `HoldTable` has of some holds."""
+    """The fields of the `HoldTable` of some constraints."""
     axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
     return {
         "a": np.array([hold.a for hold in holds], np.intp),
@@ -87,13 +89,16 @@ def columns(holds: Sequence[Hold]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class LinkJoint:
-    """A hinge or slide: its hold, value in the start pose, sense about the normal, and its loads.
+    """A hinge or slide with its constraint, coordinate, spring, damper, load and limits.
 
-    ``stiffness`` holds the spring's coefficients (k, a, b) of k x + a x^2 + b x^3, x the value less
-    that at ``rest``; ``load`` is a constant moment [N m] or force [N] on the second link against
-    the first; ``friction`` is what dry friction may hold [N m or N].  ``servo`` is the stiffness of
-    actuators that follow the joint: it acts as that of the spring, and stores no energy.  A joint
-    that holds nothing is a coordinate of a body that is free in the plane.
+    ``hold`` is its constraint; ``holds`` is False for a coordinate of a body that is free in the
+    plane, which has no constraint.  ``value`` and ``rate`` are those of the start pose [rad or m,
+    per s]; ``sign`` is 1 for slides and for hinges that are positive about the plane's normal, and
+    -1 for others.  ``stiffness`` are the coefficients (k, a, b) of the spring's moment or force
+    k x + a x^2 + b x^3, where x is the value less ``rest``.  ``servo`` is the stiffness of
+    actuators that follow the joint: it acts as that of the spring, but stores no energy.  ``load``
+    is a constant moment [N m] or force [N] on the second link, with its reaction on the first.
+    ``friction`` is the largest dry friction [N m or N].
     """
 
     name: str
@@ -112,26 +117,26 @@ class LinkJoint:
 
     @property
     def acting(self) -> tuple[float, float, float]:
-        """Coefficients of the spring and of actuators that follow the joint."""
+        """Coefficients (k, a, b) of the spring together with actuators that follow the joint."""
         k, a, b = self.stiffness
         return k + self.servo, a, b
 
     def spring_force(self, value: Array | float) -> Any:
-        """Moment [N m] or force [N] of spring and servos on the second link against the first."""
+        """Moment [N m] or force [N] of spring and servos on the second link, at a joint value."""
         x, (k, a, b) = value - self.rest, self.acting
         return -x * (k + x * (a + x * b))
 
     def spring_energy(self, value: Array) -> Array:
-        """Energy [J] of the spring."""
+        """Energy [J] of the spring at joint values."""
         x, (k, a, b) = value - self.rest, self.stiffness
         return x**2 * (k / 2 + x * (a / 3 + x * b / 4))
 
 
 @dataclass(frozen=True)
 class JointTable(HoldTable):
-    """Joints as arrays, one row each: their holds, and what `LinkJoint` says of them.
+    """Joints as arrays with one row for each: their constraints and fields of `LinkJoint`.
 
-    ``acting`` are coefficients (3, joints) of springs and servos.
+    ``acting`` are the coefficients (3, joints) of springs and servos.
     """
 
     value: Array
@@ -158,16 +163,16 @@ class JointTable(HoldTable):
         return np.asarray(self.load - x * (k + x * (a + x * b)))
 
     def energy(self, values: Array) -> Array:
-        """Energy [J] (...) whose derivatives are what `joint_forces` has against it."""
+        """Energy [J] (...) whose derivatives are the negative `joint_forces`."""
         x, (k, a, b) = values - self.rest, self.acting
         return np.asarray((x**2 * (k / 2 + x * (a / 3 + x * b / 4)) - self.load * values).sum(-1))
 
 
 @dataclass(frozen=True)
 class LinkGear:
-    """Two links on hinges of the ground that turn in a ratio.
+    """A gear: two links on hinges of the ground whose rotations have a constant ratio.
 
-    The turn of link `a` since the start is `ratio` times that of link `b`, less `phase` [rad].
+    The rotation of link `a` since the start is `ratio` times that of link `b`, less `phase` [rad].
     """
 
     name: str
@@ -179,10 +184,11 @@ class LinkGear:
 
 @dataclass(frozen=True)
 class LinkSpring:
-    """A spring and a damper between points of two links, seen from their centres at the start.
+    """A spring and a damper between points of two links.
 
-    The spring is slack at lengths from `slack[0]` to `slack[1]` [m]; `bodies` are those of the
-    MJCF.
+    The points `on_a` and `on_b` are given relative to the links' centres in the start pose [m].
+    The spring is slack at lengths from `slack[0]` to `slack[1]` [m]; `bodies` are the ids of the
+    bodies in the MJCF.
     """
 
     name: str
@@ -196,25 +202,26 @@ class LinkSpring:
     bodies: tuple[int, int]
 
     def stretch(self, length: Array) -> Array:
-        """How far lengths are from those at which the spring is slack [m]."""
+        """Extension [m] of the spring at given lengths: 0 where slack, negative where shorter."""
         return np.asarray(length - np.clip(length.real, *self.slack))
 
     def push(self, length: Array) -> Array:
-        """Force [N] with which the spring pushes its ends apart."""
+        """Force [N] with which the spring pushes its ends apart, at given lengths [m]."""
         return np.asarray(-self.stiffness * self.stretch(length))
 
     def energy(self, length: Array) -> Array:
-        """Energy [J] of the spring."""
+        """Energy [J] of the spring at given lengths [m]."""
         return np.asarray(0.5 * self.stiffness * self.stretch(length) ** 2)
 
 
 @dataclass(frozen=True)
 class Pull:
-    """A load at a point of a link, seen from its centre at the start: constant in the world.
+    """A force and a moment on a point of a link, constant in the world or following the link.
 
-    ``body`` is that of the MJCF, ``force`` in the plane [N], ``moment`` about its normal [N m].  A
-    load that ``follows`` turns with its link from the start on.  ``actuator`` is that of the MJCF,
-    -1 of a load of a rod.
+    ``body`` is the id of the body in the MJCF.  The point ``at`` is given relative to the link's
+    centre in the start pose [m]; ``force`` lies in the plane [N], ``moment`` acts about its normal
+    [N m].  A load with ``follows`` rotates with its link from the start pose on.  ``actuator`` is
+    the id of the actuator in the MJCF, or -1 for a load of a rod.
     """
 
     body: int
@@ -233,33 +240,34 @@ class Links:
     Attributes
     ----------
     model, data : MjModel, MjData
-        What it was read from.
+        The compiled MJCF, and its state in the start pose.
     plane : MotionPlane
     of_body : ndarray (bodies,) of int
         Link of each body [1].
     centre : ndarray (links + 1, 2)
-        Centres of mass [m]; a pose is (links + 1, 3): centres [m] and turns since the start [rad].
+        Centres of mass in the start pose [m].  A pose (links + 1, 3) has the centres [m] and the
+        rotations since the start [rad].
     mass, moment : ndarray (links,)
-        [kg], [kg m^2] about the centre, along the normal.
+        Masses [kg], and moments of inertia about the centres along the normal [kg m^2].
     weight : ndarray (links, 2)
         Forces of gravity in the plane [N].
     joints : tuple of LinkJoint
     driven : tuple of int
         Ids of the joints with a prescribed motion, in the run's order.
     loops : tuple of Hold
-        What closes the loops.
+        Constraints that close the loops.
     gears : tuple of LinkGear
-        Which couple hinges of the ground.
+        Gears between hinges of the ground.
     springs : tuple of LinkSpring
-        Between points of links; also those that only measure a length.
+        Springs between points of links; also tendons that only measure a length.
     pulls : tuple of Pull
         Forces and moments on links.
     gravity : ndarray (2,)
-        In the plane [m/s^2].
+        Acceleration of gravity in the plane [m/s^2].
     extent : float
         Size of the model [m].
     contacts : Contacts
-        What touches what.
+        Sections of geoms that may touch, and their laws.
     """
 
     model: mujoco.MjModel
@@ -292,32 +300,32 @@ class Links:
 
     @cached_property
     def holds(self) -> tuple[Hold, ...]:
-        """All holds: those of the joints, then the loops."""
+        """All constraints of two links: those of the joints, then those of the loops."""
         return (*(joint.hold for joint in self.joints if joint.holds), *self.loops)
 
     @property
     def free(self) -> tuple[LinkJoint, ...]:
-        """The joints that hold nothing, three of each body that is free in the plane."""
+        """The joints without constraint, three for each body that is free in the plane."""
         return tuple(joint for joint in self.joints if not joint.holds)
 
     @property
     def joint_rows(self) -> int:
-        """How many rows of the residual, its first ones, are of the holds of joints."""
+        """Number of rows of the residual that belong to joints; these are the first ones."""
         return 2 * (len(self.holds) - len(self.loops))
 
     @property
     def rows(self) -> int:
-        """How many equations hold the links: two of each hold, one of each gear."""
+        """Number of constraint equations: two for each constraint of links, one for each gear."""
         return 2 * len(self.holds) + len(self.gears)
 
     @cached_property
     def table(self) -> HoldTable:
-        """All holds as arrays."""
+        """All constraints as arrays."""
         return HoldTable(**columns(self.holds))
 
     @cached_property
     def incidence(self) -> tuple[Array, Array]:
-        """Which link is the first, and which the second, of each hold (holds, links + 1)."""
+        """Matrices (holds, links + 1) with ones at link a and at link b of each constraint."""
         units = np.eye(len(self.centre))
         return units[self.table.a], units[self.table.b]
 
@@ -333,22 +341,22 @@ class Links:
 
     @cached_property
     def inertia(self) -> Array:
-        """Masses and moments of all coordinates of a pose (links + 1, 3); the ground has none."""
+        """Masses and moments of all coordinates of a pose (links + 1, 3), 0 for the ground."""
         return np.pad(np.column_stack([self.mass, self.mass, self.moment]), ((0, 1), (0, 0)))
 
     @cached_property
     def sizes(self) -> Array:
-        """What the coordinates of a pose are measured in (3 links,): extents [m], radians."""
+        """Characteristic sizes (3 links,) of the coordinates of a pose: the extent [m], 1 rad."""
         return np.tile(self.scale, len(self.mass))
 
     @cached_property
     def scale(self) -> Array:
-        """The same of one link (3,)."""
+        """Characteristic sizes (3,) of the coordinates of one link: the extent [m], 1 rad."""
         return np.array([self.extent, self.extent, 1.0])
 
     @cached_property
     def bounds(self) -> Array:
-        """What all that is prescribed is measured in (rows + drives,): extents [m], radians."""
+        """Characteristic sizes (rows + drives,) of constraints and drives: extent [m], 1 rad."""
         across = np.column_stack([np.ones(len(self.holds)), ~self.table.slides])
         turns = np.zeros(len(self.gears))
         along = [joint.hold.axis is not None for joint in self.drives]

@@ -1,8 +1,9 @@
 """Loads that change along a run: motors and servos whose controls are not those of the key.
 
-In time Chipmunk moves the bodies with the velocities that it has, and then finds new ones with the
-forces of where they are.  So the control of a step is that of its end, the middle of the interval
-that the new velocities belong to, and its law is met to the second order.
+In a step Chipmunk moves the bodies with their old velocities, and then computes new velocities from
+the forces at the new positions.  A step therefore uses the control at its end, which is the middle
+of the interval to which the new velocities belong, so that the effect of the control is of second
+order in the step.
 """
 
 from collections.abc import Callable
@@ -28,11 +29,11 @@ class Loaded:
     Attributes
     ----------
     links : Links
-        With other controls of them.
+        Links with the constant controls of the start key, or any other.
     loads : tuple of str
-        The actuators.
+        Names of the actuators whose controls change.
     controls : ndarray (n, loads)
-        Their controls at the samples [SI].
+        Controls of these actuators at the samples [SI].
     """
 
     links: Links
@@ -41,19 +42,20 @@ class Loaded:
 
     @classmethod
     def of(cls, links: Links, run: Run) -> "Loaded":
-        """Those of a run."""
+        """Links with the changing loads of a run."""
         return cls(links, names_of(run), run.controls(run.x)[0].T)
 
     def at(self, controls: Array) -> Links:
-        """The links with other controls."""
+        """The links with given controls (loads,)."""
         return with_controls(self.links, self.loads, controls)
 
     def curves(
         self, channels: dict[str, Sensor], motion: SampledMotion, drives: bool = False
     ) -> dict[str, Array]:
-        """Channels that show the loads, or forces between bodies, with the loads of each sample.
+        """Curves of the channels that depend on the loads, with the loads of each sample.
 
-        And of `drives`, what these must do.
+        These are channels of the forces of motors and of forces between bodies, and with `drives`
+        also those of the forces of drives.
         """
         changing = {name for name, c in channels.items() if isinstance(c.function, Level)}
         changing = {name for name in changing if channels[name].order == 0}
@@ -73,9 +75,10 @@ class Loaded:
 
 @dataclass(frozen=True)
 class ChangingForce:
-    """What a unit of a control does: a force or torque on a joint [N m or N], or a load on a link.
+    """Effect of a unit of a control: a force on a joint [N m or N], or a load on a link.
 
-    It does nothing if neither is there, as a load on the ground.
+    ``joint`` is -1 for a load on a link; ``pull`` is None for a load on a joint, and for a load on
+    the ground, which has no effect.
     """
 
     joint: int = -1
@@ -84,7 +87,7 @@ class ChangingForce:
 
 
 def names_of(run: Run) -> tuple[str, ...]:
-    """The actuators of a run whose controls change."""
+    """Names of the actuators of a run whose controls change."""
     return tuple(load.actuator for load in run.loads)
 
 
@@ -96,10 +99,10 @@ def at_start(links: Links, run: Run) -> Links:
 
 
 def followed(links: Links, run: Run) -> tuple[Array, Array]:
-    """Smallest and largest controls (loads,) that forces follow, where these have ranges.
+    """Smallest and largest controls (loads,) up to which the forces are proportional to them.
 
-    A motor's own range, and what the range of its joint leaves beside the motors whose controls
-    stay.
+    The limits follow from the range of forces of each motor, and from the part of the range of its
+    joint that the motors with constant controls leave.  They are infinite without a range.
 
     Parameters
     ----------
@@ -110,7 +113,7 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
     Raises
     ------
     Unsupported
-        Several controls change whose motors share the range of a joint.
+        Several motors whose controls change share the range of a joint.
     """
     model, names = links.model, names_of(run)
     ids = [model.actuator(name).id for name in names]
@@ -139,7 +142,7 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
 
 
 def changing_forces(links: Links, run: Run) -> tuple[ChangingForce, ...]:
-    """What a unit of the control of each load does."""
+    """Effects of a unit of the control of each load."""
     model, found = links.model, list[ChangingForce]()
     for name in names_of(run):
         a = model.actuator(name).id
@@ -155,19 +158,19 @@ def changing_forces(links: Links, run: Run) -> tuple[ChangingForce, ...]:
 def changes(links: Links, run: Run, times: Array) -> Array:
     """Controls of the loads (n, loads) at times, less those of the first sample.
 
-    As far as the forces follow them.
+    Both are clipped to the limits of `followed`.
     """
     ends = followed(links, run)
     return np.clip(run.controls(times)[0].T, *ends) - np.clip(run.controls(run.x[:1])[0].T, *ends)
 
 
 def add_loads(space: pymunk.Space, links: Links, run: Run) -> Callable[[list[float]], None]:
-    """Let the loads of a run act beside those of its first sample.
+    """Add the changes of the loads of a run to a space that has the loads of its first sample.
 
     Returns
     -------
     callable
-        Sets the `changes` of the controls.
+        A function that sets the `changes` of the controls (loads,).
     """
     now = [0.0] * len(run.loads)
     for k, one in enumerate(changing_forces(links, run)):

@@ -1,4 +1,7 @@
-"""A planar MJCF as links for pymunk, and its channels; what pymunk lacks is refused by name."""
+"""Read a planar MJCF as links for pymunk, with its channels.
+
+Elements that pymunk cannot represent raise `Unsupported` with their names.
+"""
 
 from collections.abc import Iterator, Sequence
 from copy import copy
@@ -28,11 +31,17 @@ from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
 from proofmass.sim.rods import dead_loads, of_rods
 
-MOST = 1e300  # [kg, kg m^2] of a link; what is computed with it stays finite
+MOST = 1e300  # [kg, kg m^2] largest mass and moment of a link; results of them stay finite
 
 
 def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
-    """The links of an MJCF and the settings of a run; raises what `simulate` does."""
+    """The links of an MJCF and the settings of a run.
+
+    Raises
+    ------
+    BadModel, Unsupported
+        See `proofmass.sim.pymunk.engine.simulate`.
+    """
     compiled = _compile(model, run)
     links = read_links(compiled, run.start, _driven(compiled, run), run.rods)
     only = f", in {run.kind}; it is covered in dynamics"
@@ -53,7 +62,7 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
 
 
 def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, str]]:
-    """The channels of a run that pymunk delivers, and why it does not deliver the others."""
+    """The channels of a run that pymunk delivers, and the reasons why others are missing."""
     found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
     if links.contacts:
         found |= {
@@ -67,6 +76,7 @@ def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, 
 
 
 def _compile(path: Path, run: Run) -> mujoco.MjModel:
+    """The compiled model of a file, completed with the rods of a run."""
     for rod in run.rods:
         if rod.spatial:
             raise Unsupported(f"rod '{rod.name}', which twists and leaves the plane")
@@ -77,6 +87,7 @@ def _compile(path: Path, run: Run) -> mujoco.MjModel:
 
 
 def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
+    """Ids of the joints that a run drives, in its order."""
     names = [model.joint(j).name for j in range(model.njnt)]
     for drive in run.drives:
         if drive.joint not in names:
@@ -87,7 +98,7 @@ def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
 def inertias(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, count: int
 ) -> tuple[Array, Array, Array]:
-    """Centre, mass and moment of every link; bodies without joints belong to their parent's.
+    """Centre, mass and moment of every link; a body without joints belongs to its parent's link.
 
     Parameters
     ----------
@@ -107,7 +118,7 @@ def inertias(
     Raises
     ------
     BadModel
-        A mass or a moment that is not positive or too large, at which Chipmunk would abort.
+        A mass or a moment is not positive or too large; Chipmunk would abort.
     """
     frames = data.ximat.reshape(-1, 3, 3)
     about = np.einsum("bij,i->bj", frames, plane.normal) ** 2
@@ -138,10 +149,11 @@ def inertias(
 
 
 def _swing(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> None:
-    """Replace a link that is nearly a point mass on a ground hinge by its dynamic equal.
+    """Replace a link that is nearly a point mass on a ground hinge by a dynamically equal one.
 
-    Such a link only knows its moment about the pin and mass times arm.  Chipmunk divides by the
-    moment about the centre, so 1e-12 kg m2 there would multiply rounding by 1e12.
+    Only the moment of inertia about the pin and the product of mass and arm matter for such a link;
+    the replacement has twice the mass on half the arm.  Chipmunk divides by the moment about the
+    centre, so that a moment of 1e-12 kg m2 would multiply rounding errors by 1e12.
     """
     arm = centre[k] - pin
     if moment[k] < 0.1 * mass[k] * (arm @ arm):
@@ -155,7 +167,7 @@ OFF = mujoco.mjtDisableBit
 
 
 def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
-    """Raise `Unsupported` if the model holds something that the rebuild would drop silently.
+    """Raise `Unsupported` if the model contains an element that pymunk cannot represent.
 
     Parameters
     ----------
@@ -166,7 +178,7 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
     Raises
     ------
     Unsupported
-        With every reason, each naming its element.
+        The message lists all such elements by name.
     """
     reasons = [
         *_joints(model),
@@ -201,6 +213,7 @@ def off(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
 
 
 def _joints(model: mujoco.MjModel) -> Iterator[str]:
+    """Features of joints that pymunk cannot represent."""
     for j in range(model.njnt):
         name, dof = f"joint '{model.joint(j).name}'", model.jnt_dofadr[j]
         if int(model.jnt_type[j]) not in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE):
@@ -213,6 +226,7 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def _bodies(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
+    """Features of bodies, and of their joints if there are several, that are not covered."""
     for b in range(1, model.nbody):
         name = f"body '{model.body(b).name}'"
         if model.body_jntnum[b] > 1:
@@ -227,7 +241,7 @@ def _bodies(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
 
 
 def _not_free(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
-    """Why a body with several joints is not one that is free in the plane."""
+    """The reason why a body with several joints is not free in the plane; empty if it is."""
     joints = model.body_jntadr[body] + np.arange(model.body_jntnum[body])
     if model.jnt_type[joints].tolist() != [JOINT.mjJNT_SLIDE, JOINT.mjJNT_SLIDE, JOINT.mjJNT_HINGE]:
         return ("",)
@@ -238,7 +252,10 @@ def _not_free(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
 
 
 def _on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]) -> Iterator[str]:
-    """What a joint of a free body may not have, since it holds nothing that could carry it."""
+    """Features of the joints of a free body that are not covered.
+
+    Such a joint is no constraint of Chipmunk that a drive, a load or a limit could belong to.
+    """
     motors = {joint_of(model, a) for a in range(model.nactuator)}
     for j in model.body_jntadr[body] + np.arange(model.body_jntnum[body]):
         dof = model.jnt_dofadr[j]
@@ -257,6 +274,7 @@ def _on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]) -> Itera
 
 
 def _equalities(model: mujoco.MjModel) -> Iterator[str]:
+    """Equality constraints that are neither loops nor gears of two hinges on the ground."""
     for e in range(model.neq):
         if not model.eq_active0[e] or model.eq_type[e] == EQ.mjEQ_CONNECT:
             continue
@@ -279,6 +297,7 @@ def _on_ground(model: mujoco.MjModel, joint: int) -> bool:
 
 
 def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
+    """Features of actuators that are not covered; those of driven joints are not used."""
     for a in range(model.nactuator):
         joint = joint_of(model, a)
         if joint in driven:
@@ -307,7 +326,7 @@ def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
 
 
 def servo(model: mujoco.MjModel, j: int) -> tuple[float, float]:
-    """Stiffness and damping that actuators give a joint which they follow."""
+    """Stiffness and damping that servos, the actuators which follow joint j, give to it."""
     gains = [
         -(gear_of(model, a)[0] ** 2) * model.actuator_biasprm[a, 1:3]
         for a in actuators_on(model, j)
@@ -318,7 +337,7 @@ def servo(model: mujoco.MjModel, j: int) -> tuple[float, float]:
 
 
 def load_on_site(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator pulls at a site in a direction of the ground, or of the site itself."""
+    """Whether an actuator is a load on a site, in a frame of the ground or of the site itself."""
     if int(model.actuator_trntype[actuator]) != mujoco.mjtTrn.mjTRN_SITE:
         return False
     frame = model.actuator_trnid[actuator, 1]
@@ -326,6 +345,7 @@ def load_on_site(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _tendons(model: mujoco.MjModel) -> Iterator[str]:
+    """Features of tendons that are not covered."""
     for t in range(model.ntendon):
         name = f"tendon '{model.tendon(t).name}'"
         for what, there in {
@@ -343,6 +363,7 @@ def _tendons(model: mujoco.MjModel) -> Iterator[str]:
 
 
 def _others(model: mujoco.MjModel) -> Iterator[str]:
+    """Other features of the model that are not covered."""
     yield from (
         what
         for what, there in {
@@ -357,7 +378,7 @@ def _others(model: mujoco.MjModel) -> Iterator[str]:
 
 
 OPEN = 0.05
-"""Largest gap of a loop in the start pose, as a share of the mechanism's extent."""
+"""Largest constraint violation of a loop in the start pose, as a share of the extent."""
 
 
 def read_links(
@@ -373,7 +394,7 @@ def read_links(
     driven : tuple of int
         Ids of the joints with a prescribed motion.
     rods : sequence of Rod
-        Those that the model has been completed with, for their loads.
+        The rods that the model has been completed with, for their loads.
 
     Returns
     -------
@@ -382,9 +403,9 @@ def read_links(
     Raises
     ------
     Unsupported
-        Something that pymunk or this rebuild cannot express.
+        The model contains something that pymunk or this module cannot represent.
     BadModel
-        No such keyframe, or its pose leaves a loop open.
+        There is no such keyframe, or its pose leaves a loop open.
     """
     refuse(model, driven)
     data = _at_key(model, key)
@@ -428,7 +449,7 @@ def read_links(
 
 
 def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
-    """Frames and motor forces at the keyframe; a model without any starts at its zero pose."""
+    """Frames and motor forces at a keyframe; a model without keyframes starts at its zero pose."""
     names = [model.key(k).name for k in range(model.nkey)]
     data = mujoco.MjData(model)
     if names:
@@ -449,11 +470,16 @@ def _joint(
     j: int,
     driven: bool,
 ) -> LinkJoint:
+    """Joint j as a `LinkJoint`.
+
+    The anchors of a slide are chosen so that Chipmunk's groove does not couple sliding with
+    rotation.
+    """
     body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
     a, b = of_body[model.body_parentid[body]], of_body[body]
     point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
     free = bool(model.body_jntnum[body] > 1)
-    if free:  # all three are coordinates of the hinge's anchor, and of the turn about it
+    if free:  # the three coordinates are those of the hinge's anchor and the rotation about it
         last = model.body_jntadr[body] + model.body_jntnum[body] - 1
         point = plane.flat(data.xanchor[last])
     if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and free:
@@ -487,9 +513,10 @@ def _joint(
 
 
 def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
-    """What the motors on a joint do, as far as its range of forces lets them.
+    """Constant moment or force of the actuators on joint j, clipped to its range of forces.
 
-    Of servos what they do where the spring of the joint is slack, and without a rate.
+    The part of servos is their force at zero rate and at the value where the joint's spring is
+    slack.
     """
     own = -servo(model, j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
     for a in actuators_on(model, j):
@@ -511,7 +538,7 @@ def pull_of(
     of_body: Array,
     centre: Array,
 ) -> Pull | None:
-    """The load of actuator number a on a site, with some force [N]; None on the ground."""
+    """The load of actuator a on a site, for a given force [N]; None for a site of the ground."""
     site, frame = model.actuator_trnid[a]
     follows, frame = frame < 0, site if frame < 0 else frame
     turn = data.site_xmat[frame].reshape(3, 3).T
@@ -534,6 +561,7 @@ def pull_of(
 def _pulls(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
 ) -> tuple[Pull, ...]:
+    """The loads of all actuators on sites, with their present forces."""
     pulls = []
     for a in filter(partial(load_on_site, model), range(model.nactuator)):
         force = float(data.actuator_force[model.actuator_outadr[a]])
@@ -550,6 +578,7 @@ def _dead_loads(
     centre: Array,
     rods: Sequence[Rod],
 ) -> Iterator[Pull]:
+    """The constant loads of rods; raises `Unsupported` if one leaves the plane."""
     for body, force in dead_loads(model, rods):
         link = of_body[body]
         if abs(force @ plane.normal) > PARALLEL * np.linalg.norm(force):
@@ -569,6 +598,7 @@ def _springs(
     centre: Array,
     extent: float,
 ) -> tuple[LinkSpring, ...]:
+    """The tendons as springs; raises `Unsupported` if the sites are not in one parallel plane."""
     found = []
     for t in range(model.ntendon):
         sites, name = straight_tendon(model, t), model.tendon(t).name
@@ -595,7 +625,7 @@ def _springs(
 
 
 def with_controls(links: Links, loads: Sequence[str], controls: Array) -> Links:
-    """The links with other controls of some actuators."""
+    """The links with other controls of the actuators `loads`."""
     model, data = links.model, copy(links.data)
     for name, control in zip(loads, controls.tolist(), strict=True):
         data.ctrl[model.actuator_ctrladr[model.actuator(name).id]] = control
@@ -610,6 +640,7 @@ def with_controls(links: Links, loads: Sequence[str], controls: Array) -> Links:
 
 
 def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
+    """Coefficients (k, a, b) of the spring of joint j, as in `LinkJoint`."""
     square, cube = model.jnt_stiffnesspoly[j].tolist()
     return float(model.jnt_stiffness[j]), square, cube
 
@@ -617,6 +648,7 @@ def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
 def _loops(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
 ) -> tuple[Hold, ...]:
+    """The ``<connect>`` equalities as pins that close loops."""
     loops = []
     for e in connects(model):
         ids = (model.eq_obj1id[e], model.eq_obj2id[e])
@@ -635,6 +667,7 @@ def _loops(
 
 
 def _gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[LinkGear]:
+    """The joint equalities as gears."""
     for e in np.flatnonzero(model.eq_active0 & (model.eq_type == EQ.mjEQ_JOINT)):
         one, two = (joints[j] for j in (model.eq_obj1id[e], model.eq_obj2id[e]))
         zeros = model.qpos0[model.jnt_qposadr[[model.eq_obj1id[e], model.eq_obj2id[e]]]]
@@ -652,7 +685,10 @@ def _gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[Lin
 def _extent(
     joints: tuple[LinkJoint, ...], loops: tuple[Hold, ...], centre: Array, model: mujoco.MjModel
 ) -> float:
-    """Largest distance between two anchors [m]; between any two points if they all coincide."""
+    """Largest distance [m] between two anchors, or among anchors and centres if anchors coincide.
+
+    If these coincide too, it is MuJoCo's extent of the model.
+    """
     points = np.array([centre[h.a] + h.on_a for h in (*(j.hold for j in joints), *loops)])
     for cloud in (points, np.vstack([points, centre])):
         size = np.linalg.norm(cloud[:, None] - cloud[None], axis=-1).max()
@@ -662,6 +698,7 @@ def _extent(
 
 
 def _check_closed(loops: tuple[Hold, ...], centre: Array, extent: float, key: str) -> None:
+    """Raise `BadModel` if a loop is open by more than `OPEN` in the start pose."""
     for h in loops:
         gap = np.linalg.norm(centre[h.a] + h.on_a - centre[h.b] - h.on_b)
         if gap > OPEN * extent:

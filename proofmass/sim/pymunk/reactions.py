@@ -1,11 +1,12 @@
-"""Forces of loops and drives, and between bodies, from what Chipmunk's step does to velocities.
+"""Forces of loops and drives, and forces between bodies, from the change of velocities in a step.
 
-Chipmunk tells the size of an impulse and not its direction.  But impulses are all that changes
-velocities in a step beside the loads, so that they follow from the engine's own accelerations,
+Chipmunk gives the size of an impulse but not its direction.  The velocities change in a step by
+loads and impulses only, so the forces f follow from the engine's own accelerations a,
 
     M a = loads(pose, v) + J(pose)^T f,        a = (v_after - v_before) / dt,
 
-with J the Jacobian of holds, drives and joints that are beyond a stop.  At rest a is zero.
+where J is the Jacobian of constraints, drives and joints that are beyond a stop.  At rest a is
+zero.
 """
 
 from dataclasses import dataclass
@@ -31,16 +32,18 @@ from proofmass.sim.pymunk.kinematics import (
 from proofmass.sim.pymunk.links import Links
 
 BLOCK = 256
-"""Samples whose Jacobians are computed at once."""
+"""Number of samples whose Jacobians are computed at once."""
 DEPENDENT = 1e-12
-"""Share of the largest singular value below which a hold repeats others."""
+"""Singular values of the Jacobian below this share of the largest one count as zero, since their
+constraints depend on others."""
 
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """Poses (n, links + 1, 3) [m, m, rad], and their rates and accelerations.
+    """Poses (n, links + 1, 3) [m, m, rad] at samples, with their rates and accelerations.
 
-    ``rub`` (n, joints) is what dry friction takes of the joints' motion [N m or N].
+    ``rub`` (n, joints) is the dry friction of the joints, positive against a positive motion [N m
+    or N].
     """
 
     pose: Array
@@ -50,19 +53,19 @@ class SampledMotion:
 
     @classmethod
     def at_rest(cls, pose: Array, rub: Array | float = 0.0) -> "SampledMotion":
-        """Poses in which nothing moves."""
+        """Poses with zero rates and accelerations."""
         return cls(pose, np.zeros_like(pose), np.zeros_like(pose), rub)
 
     def at(self, k: int) -> "SampledMotion":
-        """Sample k alone."""
+        """The motion at sample k only."""
         rub = self.rub[[k]] if isinstance(self.rub, np.ndarray) else self.rub
         return SampledMotion(self.pose[[k]], self.velocity[[k]], self.acceleration[[k]], rub)
 
 
 def solve_forces(links: Links, motion: SampledMotion) -> Array:
-    """Forces in holds and gears, of drives and of stops (n, rows + drives + limited joints).
+    """Forces (n, rows + drives + limited joints) of constraints, gears, drives and stops.
 
-    A hold pushes its second link with its force, and its first link against it.
+    A constraint applies its force to its second link, and the opposite force to its first link.
     """
     n = len(motion.pose)
     blocks = [_forces(links, motion, slice(k, k + BLOCK)) for k in range(0, n, BLOCK)]
@@ -70,6 +73,7 @@ def solve_forces(links: Links, motion: SampledMotion) -> Array:
 
 
 def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
+    """The forces of `solve_forces` at the samples of a block."""
     pose, velocity = motion.pose[block, None], motion.velocity[block]
     size = 3 * len(links.mass)
     units = np.zeros((size, *pose.shape[2:]))
@@ -77,7 +81,7 @@ def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
     limited = tuple(joint for joint in links.joints if joint.limits)
     place = values(limited, pose[:, 0])
     low, high = np.array([joint.limits for joint in limited]).reshape(-1, 2).T
-    held = ((place < low) | (place > high))[:, None]  # a row of zeros has no force
+    held = ((place < low) | (place > high))[:, None]  # other joints get rows of zeros: no force
     stops = held * along(lambda p: values(limited, p), pose, units)
     rows = np.concatenate([along(lambda p: bound(links, p), pose, units), stops], axis=-1)  # J^T
     slides = [joint.hold.axis is not None for joint in limited]
@@ -97,21 +101,22 @@ def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
 
 @dataclass(frozen=True)
 class Interaction:
-    """A sensor of the force or moment that a body gets from its parent in the MJCF.
+    """A sensor of the force or moment between a body and its parent in the MJCF.
 
     Attributes
     ----------
     body : int
+        Id of the body.
     link : int
-        That it belongs to.
+        Number of the link that the body belongs to.
     at : ndarray (2,)
-        The sensor's place, from the link's centre in the start pose [m].
+        The sensor's position relative to the link's centre in the start pose [m].
     axis : ndarray (2,)
-        In-plane part of the sensor's axis in the start pose [1], for a force.
+        Components in the plane of the sensor's axis in the start pose [1], for a force.
     across : float
-        Part of that axis along the plane's normal [1], for a moment.
+        Component of that axis along the plane's normal [1], for a moment.
     moment : bool
-        Whether it shows a moment and no force.
+        Whether the sensor shows a moment; otherwise it shows a force.
     """
 
     body: int
@@ -123,9 +128,10 @@ class Interaction:
 
 
 def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces: Array) -> Array:
-    """What a sensor of forces between bodies shows (n,) [N or N m].
+    """Values (n,) [N or N m] of a sensor of the force or moment between two bodies.
 
-    Newton and Euler for the body and all that it carries in the MJCF.
+    They follow from the Newton-Euler equations of the body together with all its descendants in the
+    MJCF.  `forces` are those of `solve_forces`.
     """
     model, data, plane = links.model, links.data, links.plane
     carried = carried_by(model, sensor.body)
@@ -175,7 +181,7 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
 
 
 def carried_by(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
-    """A body, and all that hang on it in the tree of the MJCF."""
+    """Ids of a body and of all its descendants in the tree of the MJCF."""
     found = np.zeros(model.nbody, bool)
     found[body] = True
     for b in range(body + 1, model.nbody):

@@ -1,4 +1,4 @@
-"""Sensors of the MJCF as functions of the engine's poses, and their first two time derivatives."""
+"""Sensors of the MJCF as functions of the links' poses, and their first two time derivatives."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -36,11 +36,12 @@ PoseFunction = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Sensor:
-    """One channel: a function of the pose and how often to differentiate it by time.
+    """One channel: a function of the pose, and how often it is differentiated with respect to time.
 
-    ``order`` is 0, 1 or 2; -1 stands for the kinetic energy, -2 for the force of a drive, given by
-    its place among the drives, which `factor` turns into the sensor's, and -3 for what is
-    `transmitted` between two bodies.
+    ``order`` is 0, 1 or 2 for a function and its derivatives, -1 for the kinetic energy, -2 for the
+    force of a drive and -3 for a force or moment between two bodies, the sensor `transmitted`.  For
+    order -2, ``drive`` is the index of the drive, and ``factor`` the ratio of the channel to the
+    drive's force.
     """
 
     order: int
@@ -52,7 +53,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Level:
-    """A quantity that does not change."""
+    """A function of the pose that is constant."""
 
     value: float = 0.0
 
@@ -63,7 +64,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Turn:
-    """The angle of a link [rad]: ``start + share * turn``."""
+    """An angle [rad] that depends on the rotation of a link: ``start + share * rotation``."""
 
     link: int
     start: float = 0.0
@@ -76,9 +77,10 @@ class Turn:
 
 @dataclass(frozen=True)
 class PointPlace:
-    """Component `part` of the world position [m] of a point of a link, `height` over the plane.
+    """Component `part` of the world position [m] of a point of a link.
 
-    ``local`` is seen from the link's centre in the start pose.
+    ``local`` is the point relative to the link's centre in the start pose [m], ``height`` its
+    coordinate along the plane's normal [m].
     """
 
     plane: MotionPlane
@@ -96,7 +98,11 @@ class PointPlace:
 
 @dataclass(frozen=True)
 class Direction:
-    """Component `part` in the world of a unit vector of a link, `height` of it over the plane."""
+    """Component `part` in the world of a unit vector that is fixed in a link.
+
+    ``local`` are its components in the plane in the start pose, ``height`` its component along the
+    plane's normal.
+    """
 
     plane: MotionPlane
     link: int
@@ -152,7 +158,7 @@ class Potential:
 
 
 def weights(links: Links) -> list[tuple[float, PointPlace]]:
-    """Mass [kg] and centre of mass of every body of the MJCF."""
+    """Mass [kg] and centre of mass of every body of the MJCF except the world."""
     model, plane, found = links.model, links.plane, []
     for b in range(1, model.nbody):
         link, point = int(links.of_body[b]), links.data.xipos[b]
@@ -172,7 +178,7 @@ def weights(links: Links) -> list[tuple[float, PointPlace]]:
 
 
 def channel(links: Links, name: str) -> Sensor | str:
-    """Find what a channel name means.
+    """The sensor that the name of a channel stands for, or why pymunk does not deliver it.
 
     Parameters
     ----------
@@ -182,13 +188,13 @@ def channel(links: Links, name: str) -> Sensor | str:
 
     Returns
     -------
-    Channel, or str
-        The reason why pymunk cannot deliver it.
+    Sensor, or str
+        A str is the reason why pymunk cannot deliver the channel.
 
     Raises
     ------
     BadModel
-        No such sensor, or no such component of it.
+        There is no such sensor, or no such component of it.
     """
     model = links.model
     sensor, _, part = name.partition(".")
@@ -212,6 +218,7 @@ def channel(links: Links, name: str) -> Sensor | str:
 
 
 def _scalar(links: Links, s: int) -> Sensor | str:
+    """Sensor s of joints, tendons, energies or actuator forces, or why it is missing."""
     model, obj = links.model, links.model.sensor_objid[s]
     kind = S(int(model.sensor_type[s]))
     user = kind == S.mjSENS_USER and model.sensor_objtype[s] == OBJ.mjOBJ_JOINT
@@ -230,7 +237,7 @@ def _scalar(links: Links, s: int) -> Sensor | str:
 
 
 def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
-    """What a joint's drive must do, or the constant force of the motors on a joint without one."""
+    """The force of a joint's drive, or the constant force of motors on a joint without drive."""
     model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
     joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
@@ -251,7 +258,7 @@ def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
 
 
 def _interaction(links: Links, s: int, part: int) -> Sensor:
-    """Component `part` of a sensor of the force or moment between a site's body and its parent."""
+    """Component `part` of sensor s of the force or moment between a site's body and its parent."""
     link, local, _, turn = _frame_at(links, s)
     plane, axis = links.plane, turn[:, part]
     sensor = Interaction(
@@ -268,7 +275,7 @@ def _interaction(links: Links, s: int, part: int) -> Sensor:
 def force_curves(
     links: Links, channels: Mapping[str, Sensor], motion: SampledMotion
 ) -> dict[str, Array]:
-    """Curves of the channels that show forces or moments, in some motion of a motion."""
+    """Curves of those channels that show forces or moments, in a motion."""
     wanted = {name: c for name, c in channels.items() if c.order <= -2}
     if not wanted:
         return {}
@@ -283,6 +290,7 @@ def force_curves(
 
 
 def _frame(links: Links, s: int, part: str) -> PoseFunction:
+    """Component `part` of the position, direction or angle that belongs to frame sensor s."""
     link, local, height, turn = _frame_at(links, s)
     plane, kind = links.plane, S(int(links.model.sensor_type[s]))
     if part == "angle":
@@ -296,7 +304,7 @@ def _frame(links: Links, s: int, part: str) -> PoseFunction:
 
 
 def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
-    """Link, point on it, height over the plane and orientation of a sensor's object."""
+    """Link, point on it, height over the plane and orientation (3, 3) of the object of sensor s."""
     model, data, obj = links.model, links.data, links.model.sensor_objid[s]
     place = {
         OBJ.mjOBJ_SITE: (model.site_bodyid, data.site_xpos, data.site_xmat),
@@ -324,16 +332,17 @@ def kinetic(links: Links, velocity: Array) -> Array:
 def moving(
     function: PoseFunction, order: int, pose: Array, before: Array, after: Array, dt: float
 ) -> Array:
-    """A function of the pose, or its rate or acceleration, from velocities half a step away.
+    """A function of the pose, its rate or its acceleration, from velocities around a sample.
 
-    Second order in dt at every sample: Chipmunk's velocity belongs to the interval between two
-    poses, ``pose(t + dt) = pose(t) + dt after``.
+    The result is of second order in dt at every sample, since Chipmunk's velocity belongs to the
+    interval between two poses, ``pose(t + dt) = pose(t) + dt after``.
 
     Parameters
     ----------
     function : callable
-        Of poses (..., links + 1, 3).
+        Function of poses (..., links + 1, 3).
     order : {0, 1, 2}
+        Order of the time derivative.
     pose, before, after : ndarray (..., links + 1, 3)
         Pose at the sample [m, m, rad], velocity over the step before it and over the step after
         it [m/s, m/s, rad/s].
@@ -348,7 +357,7 @@ def moving(
 
 
 def unwrapped(name: str, curve: Array) -> Array:
-    """An angle shifted by whole turns so that it starts within (-pi, pi]."""
+    """The curve of an angle channel, shifted by whole turns to start in (-pi, pi]; others as is."""
     if not name.endswith(".angle"):
         return curve
     return curve - 2 * np.pi * np.ceil(curve[0] / (2 * np.pi) - 0.5)
