@@ -44,7 +44,7 @@ def design_balancer(
     moment: float,
     beside: list[Path] | None,
 ) -> None:
-    """What ``proofmass design balancer`` does; `proofmass.cli` says what it is given."""
+    """Run ``proofmass design balancer``; `proofmass.cli` describes the parameters."""
     with answering(f"{output} keeps the state"):
         grows = extended(extension) if extension else (0.0, 0.0)
         if extension and (table or target != "sine"):
@@ -82,7 +82,7 @@ def design_balancer(
 
 
 def named(name: str) -> Target:
-    """A target of the thesis."""
+    """The target of the thesis with a given name."""
     if name not in TARGETS:
         raise ValueError(
             f"--target {name}: no such target; there are {', '.join(TARGETS)}, or "
@@ -92,7 +92,10 @@ def named(name: str) -> Target:
 
 
 def read_target(file: Path) -> Target:
-    """A table of wanted moments: angles that rise from 1 degree at most to 90 at least."""
+    """A target from a table of wanted moments.
+
+    Its angles must rise from at most 1 degree to at least 90 degrees.
+    """
     data = read_recorded(file)
     if [*data.units.values()] != ["rad", "1"]:
         raise InputError(
@@ -114,20 +117,23 @@ def read_target(file: Path) -> Target:
 
 
 def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
-    """Parameters of the balancers that sidecars describe, by their titles."""
+    """Parameters of the balancers in sidecars, by the titles of their cases."""
     cases = [load_case(file) for file in files]
     for case in cases:
         if case.reference != "balancer":
             raise InputError(
                 case.file,
                 "reference",
-                f"{case.reference!r} is no balancer; beside a design stands reference = 'balancer'",
+                f"{case.reference!r} is no balancer; --beside takes reference = 'balancer' only",
             )
     return {case.title: case.parameters for case in cases}
 
 
 def extended(text: str) -> tuple[float, float]:
-    """An extension given as E1:E2; the pendulum keeps a positive length to 90 degrees."""
+    """The two coefficients of an extension written as E1:E2.
+
+    The length of the pendulum must be positive up to 90 degrees.
+    """
     try:
         first, second = map(float, text.split(":"))
     except ValueError:
@@ -142,7 +148,7 @@ def extended(text: str) -> tuple[float, float]:
 
 
 def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
-    """Bounds given as NAME=LOW:HIGH."""
+    """Bounds by parameter, from texts written as NAME=LOW:HIGH."""
     given = {}
     for text in bounds:
         name, _, pair = text.partition("=")
@@ -157,14 +163,14 @@ def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
 
 
 def times(effort: float, seed: int) -> Effort:
-    """The usual search with so many times as many descents."""
+    """The usual effort of a search with `effort` times as many descents, 4 in a heat at least."""
     return Effort(
         tuple((max(4, round(count * effort)), steps) for count, steps in Effort().heats), seed
     )
 
 
 def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
-    """The designs found (B, d), best first, with a progress bar on standard error."""
+    """Search for designs (B, d), best first, with a progress bar on standard error."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -183,7 +189,7 @@ def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
 
 
 def tell(record: dict[str, Any]) -> None:
-    """The design on standard output."""
+    """Print the design on standard output."""
     print(
         f"rmse {record['rmse']:.6f}, work reduction {record['work_reduction']:.3f} %, spread of "
         f"energy {record['spread']:.3f}"
@@ -208,17 +214,17 @@ def tell(record: dict[str, Any]) -> None:
 
 
 def trade(task: Synthesis, found: Array, folder: Path) -> None:
-    """The Pareto front, with its files named on standard output."""
+    """Find and write the Pareto front, and print the names of its files on standard output."""
     from proofmass.design.pareto import front, write_front  # matplotlib is slow to load
 
-    with errors.status("trading error for evenly shared energy"):
+    with errors.status("searching the Pareto front of error and spread of energy"):
         trades = front(task, found, folder)
     for file in write_front(trades, list(task.variant.usual), folder / "pareto"):
         print(file)
 
 
 def verified(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: Path) -> int:
-    """Write the case, run it in the engines and report; its exit code."""
+    """Write the case, check it in the engines, write a report, and return the exit code."""
     from proofmass.report import headline, write_report  # matplotlib is slow to load
 
     sidecar = write_case(

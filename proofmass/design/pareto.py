@@ -1,4 +1,4 @@
-"""The trade between a balancer's error and the spread of energy over its springs."""
+"""Pareto front of a balancer's error and the spread of energy over its springs."""
 
 import csv
 import json
@@ -17,20 +17,22 @@ from proofmass.design.search import Effort, SavedSearch
 from proofmass.front import nondominated
 from proofmass.report.style import RC
 
-LIMITS = 12  # of the spread
-SHORT = Effort(((64, 8), (16, 30)))  # for each limit
+LIMITS = 12  # number of limits of the spread
+SHORT = Effort(((64, 8), (16, 30)))  # effort of the search for each limit
 
 
 @dataclass(frozen=True)
 class Front:
-    """Designs of which none is better than another in both aims, the error rising.
+    """Pareto-optimal designs: none is better than another in both objectives.
+
+    They are sorted by increasing error.
 
     Attributes
     ----------
     vectors : ndarray (B, d)
         Designs [SI].
     rmse, spread, work_reduction : ndarray (B,)
-        Their error and spread [1], and work reduction [%].
+        Root mean square error and spread of energy [1], and work reduction [%].
     """
 
     vectors: Array
@@ -46,23 +48,24 @@ def front(
     limits: int = LIMITS,
     progress: Callable[[int, int, float], None] = lambda *_: None,
 ) -> Front:
-    """Pareto front of (f1, f2): the least error for one limit of the spread after the other.
+    """Pareto front of (f1, f2): the smallest error f1 for each limit of the spread f2.
 
-    The first limit is zero, where the least spread is found; the others divide the way from there
-    to the spread of the least error evenly, and are gone through up and down again.  Each search
-    begins where the last one ended, and in some random places.
+    The first limit is zero, with which the smallest spread is found.  The other limits lie at equal
+    distances between this spread and that of the smallest error; they are used in rising and then
+    in falling order.  Each search begins with the designs of the search before it, and with some
+    random designs.
 
     Parameters
     ----------
     task : Synthesis
     start : ndarray (B, d)
-        Designs of small error [SI], where the sweep begins.
+        Designs of small error [SI], with which the first search begins.
     folder : path, optional
-        Where the searches keep their states.
+        Folder in which the searches save their states.
     limits : int
-        How many.
+        Number of limits between the two spreads.
     progress : callable
-        Told the number of searches done, that of all, and the limit [1].
+        Called with the number of finished searches, the number of all searches and the limit [1].
 
     Returns
     -------
@@ -70,9 +73,9 @@ def front(
 
     Notes
     -----
-    A limit (epsilon constraint) leads to every part of a front, where a weighted sum of both aims
-    leads to its convex part alone.  Van Nes 2022 shows such fronts in figure 7, made by a genetic
-    algorithm.
+    Limits of one objective (the epsilon-constraint method) find all parts of a front, whereas
+    weighted sums of both objectives find its convex part only.  Van Nes 2022 shows such fronts,
+    found by a genetic algorithm, in figure 7.
     """
     found, ends = [start[:1]], [float(task.figures(start[:1]).spread[0])]
     for k in range(2 * limits):
@@ -101,9 +104,9 @@ def front(
 
 
 def on_hull(rmse: Array, spread: Array) -> NDArray[np.bool_]:
-    """Which points (B,) of a front, errors rising, a weighted sum of both aims could find.
+    """Which points (B,) of a front are corners of its lower convex hull.
 
-    They are the corners of the lower convex hull.
+    These are the points that a weighted sum of both objectives can find.  The errors must rise.
 
     >>> on_hull(np.array([0.0, 1.0, 2.0]), np.array([1.0, 0.9, 0.0]))
     array([ True, False,  True])
@@ -123,7 +126,7 @@ def on_hull(rmse: Array, spread: Array) -> NDArray[np.bool_]:
 
 
 def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:
-    """Write the front as CSV, JSON, SVG and PNG."""
+    """Write the front to CSV, JSON, SVG and PNG files, and return their paths."""
     header = ["rmse", "spread", "work_reduction", *names]
     rows = np.column_stack([found.rmse, found.spread, found.work_reduction, found.vectors]).tolist()
     with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as stream:

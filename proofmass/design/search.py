@@ -1,12 +1,12 @@
-"""Search for a design: bounded least squares in the unit cube, from many places side by side.
+"""Search for a design: bounded least squares in the unit cube, from many starting points at once.
 
-Descents begin at places that are spread over the cube and follow Levenberg's and Marquardt's
-method; the best of them are refined.  A descent moves along the faces of the cube, but not along
-the edge of a region that is not possible inside the cube: it stops there, and another descent has
-to find the way round.
+Descents begin at points that are spread over the cube and follow the Levenberg-Marquardt method;
+the best of them are refined.  A descent can move along the faces of the cube, but not along the
+boundary of an infeasible region inside the cube: it stops there, and only another descent can find
+the designs beyond.
 
-A search is a chain of steps, each of which makes a new state from the state before it alone.  A
-search that goes on from a saved state therefore gives the same as an uninterrupted one.
+A search is a sequence of steps, each of which computes a new state from the last state alone.  A
+search that continues from a saved state therefore gives the same result as an uninterrupted one.
 """
 
 import os
@@ -23,18 +23,23 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
 
-FACES = (0.1, 0.05)  # of all coordinates lie on their lower, on their upper bound
-APART = 0.05  # places nearer than that to a better one are not worth a descent of their own
+FACES = (0.1, 0.05)  # shares of random coordinates that are on their lower, on their upper bound
+APART = 0.05  # [1] places nearer than this to a better place get no descent of their own
 
 
 def scattered(count: int, d: int, rng: np.random.Generator) -> Array:
-    """Random places (count, d), some coordinates on a face of the cube: many optima lie on one."""
+    """Random places (count, d) in the unit cube, with a share of the coordinates on its faces.
+
+    Many optima lie on a face.
+    """
     places, face = rng.random((2, count, d))
     return np.where(face < FACES[0], 0.0, np.where(face > 1.0 - FACES[1], 1.0, places))
 
 
 def apart(places: Array, values: Array, most: int) -> Array:
-    """The best places of finite value, no two near each other: their numbers, best first.
+    """Indices of the best places with finite values, at most `most`, best first.
+
+    Any two of them differ by more than `APART` in a coordinate.
 
     >>> places = np.array([[0.0], [0.01], [0.5], [1.0]])
     >>> apart(places, np.array([3.0, 1.0, 2.0, np.inf]), most=3).tolist()
@@ -48,17 +53,17 @@ def apart(places: Array, values: Array, most: int) -> Array:
     return np.array(chosen, int)
 
 
-NUDGE = 1e-6  # for differences of terms that are exact to 1e-12
-FACTORS = np.array([0.1, 1.0, 10.0])  # of the damping, tried side by side
-BACK = 1e3  # factor of the damping when no trial is better
-STUCK = 1e8  # a damping at which no step goes down any more
-LEAST = 1e-9
-GAIN = 1e-7  # relative; less is not better
+NUDGE = 1e-6  # [1] displacement for finite differences of terms that are exact to 1e-12
+FACTORS = np.array([0.1, 1.0, 10.0])  # factors of the damping that are tried in each step
+BACK = 1e3  # factor of the damping if none of the trials is better
+STUCK = 1e8  # [1] damping beyond which a descent has ended: no step reduces the sum of squares
+LEAST = 1e-9  # [1] smallest damping
+GAIN = 1e-7  # smallest relative reduction that counts as better
 CostTerms = Callable[[Array], Array]
 
 
 def norms(terms: CostTerms, places: Array) -> Array:
-    """Roots of the sums of squares (B,); inf for what is not possible."""
+    """Square roots of the sums of squares (B,); inf for infeasible designs."""
     found = np.linalg.norm(terms(places), axis=-1)
     return np.where(np.isfinite(found), found, np.inf)
 
@@ -66,16 +71,16 @@ def norms(terms: CostTerms, places: Array) -> Array:
 def descend(
     places: Array, values: Array, damping: Array, terms: CostTerms
 ) -> tuple[Array, Array, Array]:
-    """One step from every place (B, d) that is not stuck, never up.
+    """One step of each descent that has not ended; the sums of squares never increase.
 
     Parameters
     ----------
     places, values : ndarray (B, d), (B,)
-        Where the descents stand, and the roots of their sums of squares [1].
+        Present places of the descents, and the square roots of their sums of squares [1].
     damping : ndarray (B,)
-        Of each descent [1]; above `STUCK` it is at its end.
+        Damping of each descent [1]; above `STUCK` the descent has ended.
     terms : callable
-        Terms (B, m) of the sums of squares at places (B, d); NaN for what is not possible.
+        Terms (B, m) of the sums of squares at places (B, d); NaN for infeasible designs.
     """
     left = np.flatnonzero((damping <= STUCK) & np.isfinite(values))
     places, values = places.copy(), values.copy()
@@ -93,19 +98,19 @@ def descend(
 
 
 def trials(places: Array, damping: Array, terms: CostTerms) -> Array:
-    """Where each damping leads to from each place: (B, F, d).
+    """Places (B, F, d) after a step from each place with each of the `FACTORS` of its damping.
 
     ::
 
         (J^T J + damping diag(J^T J)) step = -J^T r,    for the coordinates that are free to move
 
-    A coordinate on a face of the cube is not free if the sum of squares falls towards the outside.
+    A coordinate on a face of the cube is not free if the sum of squares decreases outwards.
     """
     r, slopes = linear(places, terms)
     pull, bend = (slopes @ r[..., None])[..., 0], slopes @ slopes.swapaxes(-1, -2)
     free = ~(((places <= 0.0) & (pull > 0.0)) | ((places >= 1.0) & (pull < 0.0)))
     bend = bend * (free[:, :, None] & free[:, None, :])
-    size = np.einsum("bii->bi", bend) + ~free + 1e-15  # a term that nothing changes stays solvable
+    size = np.einsum("bii->bi", bend) + ~free + 1e-15  # positive if J has a zero column
     added = damping[:, None, None] * FACTORS[:, None] * size[:, None] + ~free[:, None]
     matrix = bend[:, None] + added[..., None] * np.eye(places.shape[1])
     step = np.linalg.solve(matrix, -(pull * free)[:, None, :, None])[..., 0]
@@ -113,7 +118,7 @@ def trials(places: Array, damping: Array, terms: CostTerms) -> Array:
 
 
 def linear(places: Array, terms: CostTerms) -> tuple[Array, Array]:
-    """Terms (B, m) and their slopes (B, d, m), by differences that stay within the cube."""
+    """Terms (B, m) and their derivatives (B, d, m), by differences that stay within the cube."""
     count, d = places.shape
     nudge = np.where(places > 0.5, -NUDGE, NUDGE)
     near = places[:, None] + nudge[..., None] * np.eye(d)
@@ -122,14 +127,14 @@ def linear(places: Array, terms: CostTerms) -> tuple[Array, Array]:
     return found[:, 0], np.nan_to_num((found[:, 1:] - found[:, :1]) / nudge[..., None])
 
 
-SAVED_EVERY = 3.0  # [s]
-DAMPED = 1e-2  # the first damping of a descent
-DRAWS = 100  # as many starts each, until there are enough that are possible
+SAVED_EVERY = 3.0  # [s] interval between writes of the state
+DAMPED = 1e-2  # [1] damping at the beginning of a descent
+DRAWS = 100  # largest number of draws, each of as many random designs as there are descents
 SearchProgress = Callable[[int, int, float], None]
 
 
 class SearchProblem(Protocol):
-    """What is searched: vectors (B, d) between two bounds (d,)."""
+    """A least-squares problem for vectors (B, d) between two bounds (d,)."""
 
     @property
     def low(self) -> Array:
@@ -141,26 +146,27 @@ class SearchProblem(Protocol):
 
     @property
     def fingerprint(self) -> str:
-        """What tells it from any other."""
+        """A text that differs between any two problems."""
 
     def coarse(self, vectors: Array) -> Array:
-        """Some of the terms (B, m) of the sum of squares; NaN for what is not possible."""
+        """A subset of the terms (B, m) of the sum of squares; NaN for infeasible vectors."""
 
     def residuals(self, vectors: Array) -> Array:
-        """All of them."""
+        """All terms (B, m) of the sum of squares; NaN for infeasible vectors."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to search.
+    """The effort of a search: the numbers of its descents and steps.
 
     Attributes
     ----------
     heats : tuple of (int, int)
-        Of each heat: how many descents, those that were best in the heat before, and how many
-        steps.  The last heat takes all terms, those before it the coarse ones.
+        Number of descents and number of steps in each heat, a round of the search.  A heat
+        continues the best descents of the heat before it.  The last heat uses all terms, the others
+        use the coarse terms.
     seed : int
-        What the random places of the first heat start from.
+        Seed of the random places of the first heat.
     """
 
     heats: tuple[tuple[int, int], ...] = ((256, 6), (64, 24), (24, 60))
@@ -168,24 +174,24 @@ class Effort:
 
     @property
     def steps(self) -> int:
-        """Of all heats."""
+        """Number of steps of all heats."""
         return sum(steps for _, steps in self.heats)
 
 
 @dataclass(frozen=True)
 class SearchState:
-    """Where a search stands.
+    """The state of a search after a step.
 
     Attributes
     ----------
     step : int
-        How many steps were made.
+        Number of finished steps.
     places : ndarray (B, d)
-        Designs, as shares 0 .. 1 of the way between their bounds [1].
+        Designs, as shares from 0 to 1 of the distance between their bounds [1].
     values : ndarray (B,)
-        Roots of their sums of squares [1].
+        Square roots of their sums of squares [1].
     damping : ndarray (B,)
-        Of their descents [1].
+        Damping of their descents [1].
     """
 
     step: int
@@ -195,24 +201,24 @@ class SearchState:
 
 
 class SavedSearch:
-    """One search, saved every few seconds when it has a file.
+    """A search whose state is saved every few seconds if it has a file.
 
     Parameters
     ----------
     problem : SearchProblem
     effort : Effort
     file : path, optional
-        Where its state is kept; a search that finds one there goes on from it.
+        File of the saved state.  If it exists, the search continues from its state.
     start : ndarray (B, d), optional
-        Designs to begin with [SI], filled up with random ones; the first of them also begins the
-        last heat, so that what is found is no worse.
+        Designs to begin with [SI], completed by random ones.  The first of them is also added to
+        the last heat, so that the result is not worse.
 
     Raises
     ------
     InputError
-        The file holds the state of another search.
+        The file contains the state of another search.
     ValueError
-        None of the random designs is possible.
+        None of the random designs is feasible.
     """
 
     def __init__(
@@ -231,17 +237,17 @@ class SavedSearch:
 
     @property
     def found(self) -> Array:
-        """The designs so far (B, d), best first."""
+        """The designs (B, d) in the present state, best first."""
         return self.vectors(self.state.places[np.argsort(self.state.values, kind="stable")])
 
     @property
     def heat(self) -> int:
-        """The number of the heat that the next step belongs to."""
+        """Index of the heat that the next step belongs to."""
         return next(k for k, end in enumerate([*self.ends, np.inf]) if self.state.step < end)
 
     @property
     def done(self) -> bool:
-        """Whether all steps were made, or all descents of the last heat are stuck."""
+        """Whether all steps are finished, or all descents of the last heat have ended."""
         last = len(self.effort.heats) - 1
         return self.heat > last or (
             self.heat == last and self.stuck and self.state.step not in self.ends
@@ -249,13 +255,14 @@ class SavedSearch:
 
     @property
     def stuck(self) -> bool:
-        """Whether no descent moves any more."""
+        """Whether all descents have ended."""
         return bool((self.state.damping > STUCK).all())
 
     def run(self, progress: SearchProgress = lambda *_: None) -> Array:
-        """Search to the end; the best design (d,).  An interrupt leaves the state saved.
+        """Search to the end and return the best design (d,).
 
-        `progress` is called as ``progress(step, steps, best value)`` after each step.
+        An interrupted search saves its state.  `progress` is called as ``progress(step, steps, best
+        value)`` after each step.
         """
         try:
             while not self.done:
@@ -268,7 +275,7 @@ class SavedSearch:
         return self.found[0]
 
     def step(self) -> SearchState:
-        """The next state; the first step of a heat begins with the best of the one before."""
+        """The next state; the first step of a heat begins with the best places of the last heat."""
         now, terms = self.state, self.terms(self.heat)
         if now.step in self.ends:
             chosen = apart(now.places, now.values, self.effort.heats[self.heat][0])
@@ -279,7 +286,7 @@ class SavedSearch:
         return SearchState(now.step + 1, *descend(now.places, now.values, now.damping, terms))
 
     def begin(self, start: Array | None) -> SearchState:
-        """The designs given, and random ones that are possible."""
+        """The initial state: the designs given, completed by feasible random ones."""
         count, size = self.effort.heats[0][0], self.problem.low.size
         rng, terms = np.random.default_rng(self.effort.seed), self.terms(0)
         found = np.empty((0, size)) if start is None else self.shares(start)
@@ -293,27 +300,27 @@ class SavedSearch:
         return self.fresh(0, found[:count], terms)
 
     def fresh(self, step: int, places: Array, terms: CostTerms) -> SearchState:
-        """Descents at their beginning."""
+        """The state of descents that begin at given places."""
         return SearchState(step, places, norms(terms, places), np.full(len(places), DAMPED))
 
     def terms(self, heat: int) -> CostTerms:
-        """The terms of a heat, of places."""
+        """The terms that a heat uses, as a function of places."""
         last = heat == len(self.effort.heats) - 1
         of = self.problem.residuals if last else self.problem.coarse
         return lambda places: of(self.vectors(places))
 
     def shares(self, vectors: Array) -> Array:
-        """Where designs stand between their bounds."""
+        """Designs (B, d) as shares [1] of the distance between their bounds."""
         low, high = self.problem.low, self.problem.high
         return np.clip((vectors - low) / (high - low), 0.0, 1.0)
 
     def vectors(self, places: Array) -> Array:
-        """Designs between their bounds."""
+        """Designs (B, d) [SI] from places in the unit cube."""
         low, high = self.problem.low, self.problem.high
         return np.clip(low + places * (high - low), low, high)
 
     def save(self) -> None:
-        """Write the state; the file holds the old one until the new one is there."""
+        """Write the state to a second file, which then replaces the old one."""
         self.saved = time.monotonic()
         if self.file:
             half = self.file.with_suffix(".part")
@@ -322,7 +329,7 @@ class SavedSearch:
             os.replace(half, self.file)
 
     def load(self) -> SearchState:
-        """Read the state."""
+        """Read the state from the file."""
         assert self.file
         try:
             with np.load(self.file) as data:

@@ -1,16 +1,16 @@
-"""Springs that a design is built with, from a catalogue or wound from strips, and its record.
+"""Choose the springs of a design from a catalogue or as clock springs, and make its record.
 
 Springs of a catalogue fit if the ratios of their stiffnesses are those of the design.
-Clock springs are flat strips wound to spirals, of a length and a stress that a maker accepts::
+Clock springs are flat strips wound to spirals, with a length and a stress that a maker accepts::
 
       b  out of the plane          k = E b t^3/(12 L)
      +--+
      |  | t  in the plane          stress = 6 M/(b t^2),  at the faces of the strip
      +--+
-      L  along the strip           both for a strip that carries one moment all along, its ends held
+      L  along the strip           both for clamped ends, with the same moment in the whole strip
 
-A strip of the file `read_strips` is a section that a maker has, with the shortest and the longest
-piece of it, its modulus and the stress that it stands.
+A strip in the file of `read_strips` is a cross section that a maker offers, with the lengths of the
+shortest and the longest piece, Young's modulus and the largest stress.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,8 @@ from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
 from proofmass.recorded import named_rows
 
-# Of the prototype, [N m/rad]: van Nes 2022, table J.1 to six decimals, by the deviations in J.2.
+# Stiffnesses [N m/rad] of the prototype's springs: van Nes 2022, table J.1, with six decimals that
+# follow from the deviations in table J.2.
 CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
 HEADER = ("spring", "stiffness [N m/rad]")
 
@@ -42,23 +43,23 @@ STRIP_HEADER = (
     "modulus [GPa]",
     "stress [MPa]",
 )
-SCALES = (1e-3, 1e-3, 1e-3, 1e-3, 1e9, 1e6)  # of the columns after the name, to SI
-PARALLEL = (1, 2)  # springs at a joint; the thesis's prototype has two, wound against each other
+SCALES = (1e-3, 1e-3, 1e-3, 1e-3, 1e9, 1e6)  # factors of the columns after the name, to SI units
+PARALLEL = (1, 2)  # numbers of springs at a joint; the thesis's prototype has two, wound oppositely
 
 
 @dataclass(frozen=True)
 class SpringStrip:
-    """A strip that a maker has.
+    """A strip of spring steel that a maker offers.
 
     Attributes
     ----------
     name : str
     width, thickness : float
-        b out of the plane and t in the plane [m].
+        Width b out of the plane of bending and thickness t in it [m].
     shortest, longest : float
-        Between which a piece of it is cut and wound [m].
+        Lengths of the shortest and the longest piece that can be made [m].
     modulus, stress : float
-        E and the largest stress in bending [Pa].
+        Young's modulus E, and the largest bending stress [Pa].
     """
 
     name: str
@@ -72,20 +73,22 @@ class SpringStrip:
 
 @dataclass(frozen=True)
 class Selection:
-    """Springs for every joint.
+    """Catalogue springs chosen for every joint.
 
     Attributes
     ----------
     springs : tuple of tuple of str
-        One or two catalogue springs in parallel for each joint; none where the design has none.
+        Names of the catalogue springs in parallel at each joint, two at most; a joint may have
+        none.
     stiffness : tuple of float
-        What they amount to [N m/rad].
+        Total stiffness at each joint [N m/rad].
     ratios : tuple of float
-        Stiffnesses over that of joint 2 [1].
+        Stiffness of each joint over that of joint 2 [1].
     error : float
-        Root of the sum of the squared deviations of these ratios from the design's [1].
+        Square root of the sum of the squared deviations of these ratios from the design's [1].
     scale : float
-        m g r [N m] that they balance if the design is for 1 N m: least squares over the joints.
+        m g r [N m] that the springs balance, for a design that balances 1 N m; a least-squares
+        fit over the joints.
     """
 
     springs: tuple[tuple[str, ...], ...]
@@ -96,28 +99,29 @@ class Selection:
 
 
 def select(stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGUE) -> Selection:
-    r"""The best springs, two in parallel at each joint at most.
+    r"""Choose the catalogue springs whose ratios fit a design best, at most two at each joint.
 
     ::
 
-        minimise  sqrt(sum_i (K_i/K_2 - k_i/k_2)^2),    K_i = one or two of the catalogue
+        minimise  sqrt(sum_i (K_i/K_2 - k_i/k_2)^2),    K_i = sum of at most two of the catalogue
 
-    For a given K_2 every joint can choose for itself, so that all combinations are covered by as
-    many looks into a sorted list as there are pairs: exact for a catalogue of any size.
+    For a given K_2 the best springs of each joint do not depend on those of the others.  So one
+    search in a sorted list for each K_2, that is for each pair of springs, covers all combinations:
+    the result is exact for a catalogue of any size.
 
     Parameters
     ----------
-    stiffness : k_1, k_2, .. of the design [N m/rad]; the second must not be zero
+    stiffness : k_1, k_2, .. of the design [N m/rad]; the second must be positive
     catalogue : stiffness [N m/rad] by name
 
     Raises
     ------
     ValueError
-        A design without a spring in joint 2.
+        The design has no spring in joint 2.
 
     Notes
     -----
-    Van Nes 2022, listing N.1, does it by a genetic algorithm over 13^6 combinations.
+    Van Nes 2022, listing N.1, uses a genetic algorithm over 13^6 combinations.
 
     Examples
     --------
@@ -150,12 +154,15 @@ def select(stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGU
 
 
 def read_catalogue(file: Path) -> dict[str, float]:
-    """A catalogue: a CSV file with the header ``spring,stiffness [N m/rad]`` and a row a spring.
+    """Read a catalogue: stiffnesses [N m/rad] by name.
+
+    The CSV file has the header ``spring,stiffness [N m/rad]`` and a row for each spring.
 
     Raises
     ------
     InputError
-        No such file, another header, a stiffness that is not a positive number, a name twice.
+        There is no such file, its header differs, a stiffness is not a positive number, or a name
+        occurs twice.
     """
     return {name: value for name, (value,) in named_rows(file, HEADER, "spring").items()}
 
@@ -167,9 +174,11 @@ def described(
     strips: Sequence[SpringStrip] = (),
     moment: float = 1.0,
 ) -> dict[str, Any]:
-    """The first of the designs (B, d), best first, and the springs for one of them.
+    """The record of the first of the designs (B, d), which are sorted with the best first.
 
-    With `strips` also the clock springs that make the first one balance m g r = `moment` [N m].
+    For linear springs it includes springs of the catalogue `stock`, for that design with which they
+    give the smallest error.  With `strips` it includes the clock springs with which the first
+    design balances m g r = `moment` [N m].
     """
     variant = task.variant
     record = {
@@ -193,9 +202,10 @@ def described(
 def wound(
     task: Synthesis, vector: Array, strips: Sequence[SpringStrip], moment: float
 ) -> list[dict[str, Any]]:
-    """The clock spring of each joint of a design (d,) for m g r = `moment` [N m], or why none is.
+    """The clock spring of each joint of a design (d,) for m g r = `moment` [N m].
 
-    A joint without stiffness has none.
+    A joint for which no spring can be made has the reason instead, and a joint without stiffness
+    has no spring.
     """
     flat = task.variant.parameters(vector[None])
     chain = balancers(**flat)
@@ -222,7 +232,7 @@ def wound(
 
 
 def worth(task: Synthesis, vector: Array) -> dict[str, Any]:
-    """Figures and parameters of a design (d,)."""
+    """Error, work reduction, spread of energy and parameters of a design (d,)."""
     figures = task.figures(vector[None])
     return {
         "rmse": float(figures.rmse[0]),
@@ -233,10 +243,11 @@ def worth(task: Synthesis, vector: Array) -> dict[str, Any]:
 
 
 def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[str, Any]:
-    """Catalogue springs for the design that is best with them, and what it is then worth.
+    """Catalogue springs for the design that has the smallest error with them, and its figures.
 
-    Near the best design lie others that are nearly as good with other ratios of their stiffnesses:
-    each of them is tried.  Empty where joint 2 has no spring to compare with, or none can be built.
+    All designs are tried, since designs near the best one are nearly as good and have other ratios
+    of stiffnesses.  The result is empty if no design has a spring in joint 2, or if none can be
+    evaluated with catalogue springs.
     """
     places = [
         list(task.variant.usual).index(f"stiffness{i + 1}") for i in range(task.variant.segments)
@@ -261,7 +272,10 @@ def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[s
 
 
 def fitted(vector: Array, chosen: Selection, places: list[int]) -> Array:
-    """A design (d,) with the chosen stiffnesses instead, for m g r = 1 N m."""
+    """A design (d,) with its stiffnesses replaced by the chosen ones, scaled to m g r = 1 N m.
+
+    `places` are the indices of the stiffnesses in the vector.
+    """
     changed = vector.copy()
     changed[places] = np.array(chosen.stiffness) / chosen.scale
     return changed
@@ -269,17 +283,17 @@ def fitted(vector: Array, chosen: Selection, places: list[int]) -> Array:
 
 @dataclass(frozen=True)
 class ClockSpring:
-    """What is to be made for a joint.
+    """The clock springs to be made for a joint.
 
     Attributes
     ----------
-    strip : Strip
+    strip : SpringStrip
     count : int
-        How many equal ones in parallel.
+        Number of equal springs in parallel.
     length : float
-        Of each strip [m].
+        Length of the strip of each spring [m].
     stress : float
-        Of each at the largest moment of the joint [Pa].
+        Bending stress of each spring at the largest moment of the joint [Pa].
     """
 
     strip: SpringStrip
@@ -289,28 +303,33 @@ class ClockSpring:
 
     @property
     def volume(self) -> float:
-        """Of all strips of the joint [m^3]."""
+        """Volume of all strips of the joint [m^3]."""
         return self.count * self.length * self.strip.width * self.strip.thickness
 
     @property
     def faults(self) -> list[str]:
-        """What its maker would not accept; empty if it can be made."""
+        """Reasons why the maker would not accept the springs; empty if they can be made."""
         s, found = self.strip, []
         if not s.shortest <= self.length <= s.longest:
             found.append(
-                f"needs {1e3 * self.length:.4g} mm of {1e3 * s.shortest:g} to {1e3 * s.longest:g}"
+                f"has a length of {1e3 * self.length:.4g} mm "
+                f"({1e3 * s.shortest:g} to {1e3 * s.longest:g} mm can be made)"
             )
         if self.stress > s.stress:
-            found.append(f"is stressed by {1e-6 * self.stress:.4g} MPa of {1e-6 * s.stress:g}")
+            found.append(
+                f"has a stress of {1e-6 * self.stress:.4g} MPa "
+                f"(up to {1e-6 * s.stress:g} MPa is allowed)"
+            )
         return found
 
 
 def stiffness(strip: SpringStrip, length: float) -> float:
-    """k = E b t^3/(12 L) [N m/rad] of a strip of a length [m].
+    """Stiffness k = E b t^3/(12 L) [N m/rad] of a clock spring from a strip of a length [m].
 
-    Source: van Nes 2022, eq. I.1, line 1562; the bending of a straight strip, whose windings do
-    not touch.  The springs of its table J.1 are stiffer by a fifth to two fifths than the eq. gives
-    with the length of their windings, 2 pi n (r_in + r_out)/2: not all of it bends.
+    Source: van Nes 2022, eq. I.1, line 1562.  The equation is that of a straight strip in bending,
+    and holds for windings that do not touch.  The springs of table J.1 there are stiffer by a fifth
+    to two fifths than the equation gives with the length of their windings,
+    2 pi n (r_in + r_out)/2, since not the whole length bends.
 
     >>> steel = SpringStrip("907", 6e-3, 0.6e-3, 0.1, 2.0, 206e9, 1.4e9)
     >>> round(stiffness(steel, 0.597409), 6)
@@ -320,7 +339,9 @@ def stiffness(strip: SpringStrip, length: float) -> float:
 
 
 def clock_spring(k: float, moment: float, strip: SpringStrip, count: int = 1) -> ClockSpring:
-    """The spring of a strip that has a stiffness, and its stress; it may not be to be made.
+    """The clock spring from a strip with a given stiffness, and its stress.
+
+    Whether it can be made is not checked; see `ClockSpring.faults`.
 
     Parameters
     ----------
@@ -328,9 +349,9 @@ def clock_spring(k: float, moment: float, strip: SpringStrip, count: int = 1) ->
         Stiffness of the joint [N m/rad], positive.
     moment : float
         Largest moment of the joint's springs [N m].
-    strip : Strip
+    strip : SpringStrip
     count : int
-        Equal springs in parallel.
+        Number of equal springs in parallel.
     """
     length = stiffness(strip, 1.0) * count / k
     return ClockSpring(
@@ -339,12 +360,12 @@ def clock_spring(k: float, moment: float, strip: SpringStrip, count: int = 1) ->
 
 
 def choose(k: float, moment: float, strips: Sequence[SpringStrip]) -> ClockSpring:
-    """The spring of least volume that a maker accepts, one strip or two in parallel.
+    """The clock springs of least volume that a maker accepts, one or two in parallel.
 
     Raises
     ------
     ValueError
-        None can be made: what is wrong with that of each strip.
+        None can be made; the message lists the faults for each strip.
     """
     tried = [clock_spring(k, moment, strip, n) for strip, n in product(strips, PARALLEL)]
     made = [spring for spring in tried if not spring.faults]
@@ -355,13 +376,13 @@ def choose(k: float, moment: float, strips: Sequence[SpringStrip]) -> ClockSprin
 
 
 def read_strips(file: Path) -> list[SpringStrip]:
-    """The strips that a maker has, a CSV file with a row a strip.
+    """Read the strips that a maker offers from a CSV file with a row for each strip.
 
     Raises
     ------
     InputError
-        No such file, another header, a value that is not positive, a name twice, a longest piece
-        that is shorter than the shortest.
+        There is no such file, its header differs, a value is not positive, a name occurs twice, or
+        a longest piece is not longer than the shortest.
     """
     found = []
     for name, cells in named_rows(file, STRIP_HEADER, "strip").items():

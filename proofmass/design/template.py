@@ -1,4 +1,4 @@
-"""A balancer as a case: MJCF and sidecar written from its flat parameters."""
+"""Write a balancer as a case: its MJCF and sidecar, from its flat parameters."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,36 +16,35 @@ from proofmass.analytic.balancer.model import preloaded
 from proofmass.engines import default_engines
 from proofmass.files import write_whole
 
-GRAVITY = 9.81  # [m/s^2] gives the weight at the tip its mass; statics knows the weight alone
-LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum: statics knows none
-DEGREE = 0.017453292519943295  # [rad] where the drive of a chain begins whose rest is singular
-OPEN = 10.0  # [rad] where a joint has one stop, the engine wants another: no deflection gets so far
+GRAVITY = 9.81  # [m/s^2] to compute the mass at the tip from its weight; statics needs no mass
+LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum's length; has no effect in statics
+DEGREE = 0.017453292519943295  # [rad] one degree: start of the drive if the rest pose is singular
+OPEN = 10.0  # [rad] second stop, beyond all deflections, of a joint with only one: MJCF needs two
 SOLVERS = default_engines()
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A segment in the rest posture, and the joint that it hangs on.
+    """A segment in the rest posture, and the joint that connects it to the segment before.
 
     Attributes
     ----------
     number : int
-        Of the segment, from 1.
+        Number of the segment, from 1.
     place : tuple of float
-        Where its joint stands on the segment before [m].
+        Position of its joint on the segment before [m].
     angle, length : float
-        Clockwise from the upright [rad]; [m].
+        Angle clockwise from the upright [rad], and length [m].
     mass : float
-        [kg]
+        Mass [kg].
     carries : bool
-        Whether another segment hangs on it.
+        Whether another segment is attached to it.
     spring : tuple of float
-        Coefficients k, A of the slack spring [N m/rad, N m/rad^2], those after the last one that is
-        not zero left out.
+        Coefficients k, A of the slack spring [N m/rad, N m/rad^2], without zeros at the end.
     wound, load : float
-        Winding of the spring at rest [rad]; moment of one that has no stiffness [N m].
+        Winding of the spring at rest [rad]; constant moment of a spring without stiffness [N m].
     stops : tuple of float
-        [rad]; empty without any.
+        Lower and upper joint limit [rad]; empty without limits.
     friction : float
         Dry friction of the joint [N m].
     """
@@ -64,32 +63,36 @@ class Segment:
 
     @property
     def along(self) -> tuple[float, float]:
-        """Its direction."""
+        """Unit vector along the segment [1]."""
         return float(np.sin(self.angle)), float(np.cos(self.angle))
 
     @property
     def across(self) -> tuple[float, float]:
-        """Its direction turned by a quarter counter-clockwise."""
+        """Unit vector across the segment, a quarter turn counter-clockwise from `along` [1]."""
         return -self.along[1], self.along[0]
 
     @property
     def end(self) -> tuple[float, float]:
-        """Its far end [m]."""
+        """Far end of the segment, from its joint [m]."""
         return self.length * self.along[0], self.length * self.along[1]
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Centre of mass [m], where it balances all that hangs on the segment."""
+        """Centre of mass from the joint [m], which balances all segments after this one."""
         return (-self.end[0], -self.end[1]) if self.carries else (0.0, 0.0)
 
     @property
     def inertia(self) -> float:
-        """About any axis through the centre of mass [kg m^2]."""
+        """Moment of inertia about each axis through the centre of mass [kg m^2]."""
         return float(f"{self.mass * self.length**2:.3g}")
 
     @property
     def shift(self) -> float:
-        """From its angle to that of an x axis along it, which begins within half a turn [rad]."""
+        """Shift [rad] from `angle` to the angle of an x axis along the segment.
+
+        The latter is measured clockwise from the world's x axis, and lies within half a turn in the
+        start pose.
+        """
         return -np.pi / 2 - 2 * np.pi * round((self.angle - np.pi / 2) / (2 * np.pi))
 
 
@@ -109,28 +112,28 @@ def write_case(
 
     ::
 
-        joint values = deflections        every body stands in the rest posture, unturned:
+        joint values = deflections     all bodies have the rotation zero in the rest posture
         key "start"  = zeros           the start pose is closed to rounding
 
-    The segments carry no weight: each has its centre of mass where those after it leave the chain
-    statically balanced, so that gravity acts on the mass at the tip alone.
+    The weights of the segments have no effect: the centre of mass of each segment balances those
+    after it, so that the chain is statically balanced and only the weight at the tip acts.
 
     Parameters
     ----------
     folder : path
-        Made when it is not there; files of the same name are replaced.
+        Folder of the files, created if it does not exist; files of the same name are replaced.
     name : str
-        Of both files.
+        Name of both files.
     title, source : str
-        What the case is, and where its numbers come from.
+        Title of the case, and source of its numbers.
     parameters : mapping
-        Of `proofmass.analytic.balancer.solve` [SI].
+        Parameters of `proofmass.analytic.balancer.solve` [SI].
     target, target_moment : str, float
-        Wanted moment-angle characteristic, drawn beside the moment, and its scale [N m].
+        Wanted moment-angle characteristic, drawn together with the moment, and its scale [N m].
     solvers : sequence of str
-        What runs the sweep.
+        Solvers of the sweep.
     beside : mapping
-        Other balancers by name, each with its parameters [SI], drawn beside this one.
+        Parameters [SI] of other balancers by name, which are drawn for comparison.
 
     Returns
     -------
@@ -140,7 +143,7 @@ def write_case(
     Raises
     ------
     ValueError
-        A parameter is unknown, missing or out of its domain, or the lengths cannot reach the tip.
+        A parameter is unknown, missing or out of its domain, or the chain cannot reach the tip.
 
     Examples
     --------
@@ -186,10 +189,10 @@ def write_case(
 
 
 def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]:
-    """The segments of a single design from O outwards.
+    """The segments of a single design, from O outwards.
 
-    Each weighs as much as all that it carries, so that its centre of mass lies as far behind its
-    joint as the next one before it.
+    Each segment has the mass of all segments that it carries together, so that its centre of mass
+    is as far behind its joint as the next joint is in front of it.
     """
     found: list[Segment] = []
     for i in range(design.segments):
@@ -219,13 +222,13 @@ def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]
 
 
 def digits(numbers: Iterable[float]) -> str:
-    """Numbers as MJCF wants them, with all their digits."""
+    """Numbers as MJCF has them: with all their digits, separated by blanks."""
     return " ".join(repr(float(x) + 0.0) for x in numbers)  # no -0.0
 
 
 @cache
 def environment() -> Environment:
-    """The templates; an unknown name in them is an error."""
+    """The Jinja environment of the templates, in which unknown names are errors."""
     found = Environment(
         loader=PackageLoader("proofmass.design"),
         undefined=StrictUndefined,

@@ -90,8 +90,8 @@ def test_no_other_spring_that_can_be_made_is_smaller(seed):
 def test_what_no_maker_accepts_is_told():
     with pytest.raises(
         ValueError,
-        match=r"4 N m/rad and 0.9 N m: 1 x soft needs 5.562 mm of 200 to 1500 and is stressed by "
-        r"2500 MPa of 1200; 2 x soft",
+        match=r"4 N m/rad and 0.9 N m: 1 x soft has a length of 5.562 mm \(200 to 1500 mm can be "
+        r"made\) and has a stress of 2500 MPa \(up to 1200 MPa is allowed\); 2 x soft",
     ):
         choose(4.0, 0.9, STRIPS)
 

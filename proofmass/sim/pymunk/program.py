@@ -1,4 +1,4 @@
-"""A run of pymunk as a program of its own: it imports numpy and pymunk, and nothing of this."""
+"""Write a run of pymunk as a separate program that imports numpy and pymunk but not proofmass."""
 
 import ast
 import keyword
@@ -46,16 +46,16 @@ from proofmass.sim.pymunk.space import (
 )
 
 IMPOSED = Imposed("gear"), Imposed("motor")
-"""How a program may impose the motion of a hinge: by a gear whose phase is moved, or by a motor
-whose rate is set before each step.  Slides have a groove that is moved."""
+"""The ways in which a program can prescribe the motion of a hinge: a gear whose phase is moved, or
+a motor whose rate is set before each step.  For slides a groove is moved in both."""
 WIDE = 100
-"""Columns of the program; only what cannot be broken is wider."""
+"""Line length of the program; only lines that cannot be broken are longer."""
 ZERO = 1e-15
-"""Components of unit vectors that are rounding of 0, or of 1 if they are so near to it."""
+"""Components of unit vectors that differ by less from 0 or from 1 are printed as 0 or 1."""
 FORCE = -2
-"""Order of a `Sensor` of what a drive must do."""
+"""`Sensor.order` of the force of a drive."""
 UNIT = {True: ("rad", "N m"), False: ("m", "N")}
-"""Of the coordinate of a hinge or a slide, and of its force."""
+"""Units of the coordinate and of the force of a joint, by whether it is a hinge."""
 
 
 def write_program(
@@ -66,35 +66,35 @@ def write_program(
     drive: Imposed = IMPOSED[0],
     controls: str = "",
 ) -> str:
-    """Write a program that does in pymunk what `proofmass.sim.pymunk.engine.simulate` does.
+    """Write a program that runs the same steps as `proofmass.sim.pymunk.engine.simulate`.
 
     Parameters
     ----------
     model : Path
         The MJCF file.
     run : Run
-        A dynamics run; its settings hold ``timestep``, ``iterations`` and ``error_bias``.
+        A dynamics run; its settings must have ``iterations`` or ``defaults``.
     motion : str
         Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
         drives at times (n,) [s]; empty for a free motion.
     head : str
         Docstring of the program.
     drive : Imposed, optional
-        How it moves driven hinges, one of `IMPOSED`.
+        The way in which it moves driven hinges, one of `IMPOSED`.
     controls : str, optional
         Source of ``controls(t)``: controls (loads, n) of the loads of the run at times (n,) [s].
 
     Returns
     -------
     str
-        Python source.  ``python run.py [FILE]`` writes the channels that pymunk delivers at the
-        samples to a CSV file and prints the number of steps and their wall time [s].  Where the
-        run fails it says so and ends with exit code 1.
+        Python source.  ``python run.py [FILE]`` writes the channels that pymunk delivers, at the
+        samples, to a CSV file, and prints the number of steps and their wall time [s].  If the run
+        fails, it prints an error and ends with exit code 1.
 
     Raises
     ------
     Unsupported
-        The run is not of dynamics, or a slide is to be driven by a motor.
+        The run is not a dynamics run, or a slide is to be driven by a motor.
     BadSetting
         A setting is missing or out of range.
     BadModel
@@ -127,7 +127,7 @@ def write_program(
 
 
 def names_in(program: str) -> set[str]:
-    """All names that stand in a program."""
+    """All names of variables, functions, parameters and imports in a program."""
     tree = list(ast.walk(ast.parse(program)))
     return {
         *(node.id for node in tree if isinstance(node, ast.Name)),
@@ -138,9 +138,9 @@ def names_in(program: str) -> set[str]:
 
 
 def body_names(links: Links, taken: Iterable[str]) -> list[str]:
-    """Names of all links and of the ground that Python can have for variables, none of them taken.
+    """Names of variables for all links and the ground, all different and none of them in `taken`.
 
-    A body without a name has that of its joint.
+    A link has the name of its first body, or that of the body's joint if the body has no name.
     """
     found: list[str] = []
     for k in range(len(links.mass)):
@@ -154,7 +154,7 @@ def body_names(links: Links, taken: Iterable[str]) -> list[str]:
 
 
 def free_name(name: str, taken: set[str]) -> str:
-    """A name for a variable that is not taken.
+    """A valid name of a variable that is not in `taken`, from the name of a body.
 
     >>> free_name("left crank", set()), free_name("3rd", set()), free_name("time", {"time"})
     ('left_crank', 'body_3rd', 'time_body')
@@ -171,17 +171,17 @@ def free_name(name: str, taken: set[str]) -> str:
 
 
 def format_comment(name: str) -> str:
-    """A name in a comment."""
+    """A name as it is written in a comment: on one line, with special characters escaped."""
     return escaped(repr(name)[1:-1]).replace("\\\\", "\\").replace("\n", " ")
 
 
 def digits(number: float) -> str:
-    """A number with all its digits; no -0.0."""
+    """A number with all its digits, -0.0 as 0.0."""
     return repr(float(number) + 0.0)
 
 
 def format_numbers(numbers: Iterable[float]) -> str:
-    """Numbers as a list, infinity as NumPy's.
+    """Numbers as the source of a list, with infinity as ``np.inf``.
 
     >>> format_numbers([-np.inf, 2.5])
     '[-np.inf, 2.5]'
@@ -190,12 +190,14 @@ def format_numbers(numbers: Iterable[float]) -> str:
 
 
 def tupled(numbers: Iterable[float]) -> str:
-    """Numbers as a tuple."""
+    """Numbers as the source of a tuple."""
     return f"({', '.join(map(digits, numbers))})"
 
 
 def summed(terms: Iterable[tuple[float, str]], level: float = 0.0) -> str:
-    """A sum of some shares of terms, without those that are rounding.
+    """The source of a sum: `level` plus products of factors and terms.
+
+    Terms whose factor is at most `ZERO` are left out.
 
     >>> summed([(1.0, "x"), (0.0, "y")]), summed([(-0.5, "x"), (-1.0, "y")], 2.0)
     ('x', '2.0 - 0.5 * x - y')
@@ -211,7 +213,11 @@ def summed(terms: Iterable[tuple[float, str]], level: float = 0.0) -> str:
 
 
 def wrapped(text: str, first: int = 0, indent: int = 4) -> str:
-    """An expression in brackets, without strings in it, broken into lines; tuples remain whole."""
+    """Break an expression into lines at its blanks, but not within a tuple.
+
+    The expression must be in brackets and without strings.  `first` is the indentation of its first
+    line, which is not printed, and `indent` that of the other lines.
+    """
     whole = re.sub(r"(?<!\w)\([^()]*\)", lambda found: found[0].replace(" ", "\0"), text)
     return (
         fill(
@@ -228,14 +234,14 @@ def wrapped(text: str, first: int = 0, indent: int = 4) -> str:
 
 
 def changing(terms: list[tuple[float, str]], level: float) -> str:
-    """A sum that is an array over the poses, even where it does not change with them."""
+    """The source of a sum as in `summed` that is an array over the poses even if it is constant."""
     if all(abs(share) <= ZERO for share, _ in terms):
         return f"np.full(len(pose), {digits(level)})"
     return summed(terms, level)
 
 
 def comment(text: str, indent: int = 0) -> str:
-    """A comment in as many lines as it needs."""
+    """A text as the lines of a comment."""
     return fill(
         text,
         WIDE,
@@ -247,7 +253,7 @@ def comment(text: str, indent: int = 0) -> str:
 
 
 def less(text: str, number: float) -> str:
-    """A term less a number.
+    """The source of a term less a number.
 
     >>> less("x", 0.0), less("x", -1.8)
     ('x', 'x + 1.8')
@@ -265,13 +271,14 @@ def _rendered(
     names: Sequence[str],
     controls: str,
 ) -> str:
+    """The program with given names of variables for the links and the ground."""
     writer = Writer(links, tuple(names), levels_of(links, run))
     per, dt = run.steps(settings["timestep"])
     pose, velocity, _ = start_state(links, run, per, dt)
     space = build(links, settings["iterations"], settings["error_bias"])
     motors = add_drives(space, links)
     parts = list(writer.parts(space))
-    limited = any(joint.limits for joint in links.joints)  # whose stops push now and then
+    limited = any(joint.limits for joint in links.joints)  # then stops may exert forces too
     channels = {
         repr(name): writer.channel(name, channel)
         for name, channel in [*find_channels(links, run)[0].items(), *drive_channels(links)]
@@ -347,7 +354,7 @@ def _rendered(
 
 
 def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
-    """What channels that show forces of loads change by with a unit of each control."""
+    """Change of each channel of the force of a load by a unit of each control, by channel name."""
     found = dict[str, tuple[float, ...]]()
     if not run.loads:
         return found
@@ -355,7 +362,7 @@ def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
     values = np.clip(asked.T, *followed(links, run)).T
 
     def levels(name: str, k: int, curve: Array) -> list[float]:
-        """What a channel shows at the smallest and the largest value of control number k."""
+        """Values of a channel at the smallest and at the largest value of control k."""
         found = []
         for control in (curve.min(), curve.max()):
             controls = values[:, 0].copy()
@@ -386,7 +393,7 @@ def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
 
 
 def drive_channels(links: Links) -> Iterator[tuple[str, Sensor]]:
-    """Columns of the driven joints: value, rate and acceleration of each."""
+    """Names and sensors of the value, rate and acceleration of each driven joint."""
     for joint in links.drives:
         for order, name in enumerate(drive_columns(joint.name)):
             yield name, Sensor(order, Value(joint))
@@ -394,9 +401,9 @@ def drive_channels(links: Links) -> Iterator[tuple[str, Sensor]]:
 
 @dataclass(frozen=True)
 class Writer:
-    """Writes the parts of a program; `names` are the variables of all links and of the ground.
+    """Writes the parts of a program, as the template ``pymunk.py.jinja`` needs them.
 
-    `levels` are what channels change by with a unit of the control of each load.
+    `names` are the variables of all links and of the ground; `levels` are those of `levels_of`.
     """
 
     links: Links
@@ -421,7 +428,7 @@ class Writer:
         ]
 
     def _notes(self, k: int) -> Iterator[str]:
-        """What is not as the MJCF has it."""
+        """Comments on properties of link k that differ from those in the MJCF."""
         model, own = self.links.model, np.flatnonzero(self.links.of_body == k)
         mass = model.body_mass[own].sum()
         dofs = [model.body_dofadr[b] for b in own if model.body_dofnum[b]]
@@ -435,7 +442,7 @@ class Writer:
             )
 
     def pulls(self) -> list[str]:
-        """Loads on sites, by body; the last one of a body acts first."""
+        """Calls that add the constant loads of each body; the last load of a body comes first."""
         found: dict[str, list[str]] = {}
         for pull in self.links.pulls:
             if pull.follows:
@@ -446,7 +453,7 @@ class Writer:
         return [wrapped(f"pull({body}, {', '.join(loads)})") for body, loads in found.items()]
 
     def parts(self, space: pymunk.Space) -> Iterator[dict[str, Any]]:
-        """All constraints but those of drives, in the solver's order."""
+        """Comment and lines for each constraint except drives, in the solver's order."""
         bodies = [*space.bodies, space.static_body]
         name = dict(zip(bodies, self.names, strict=True))
         seen, together = None, ""
@@ -466,7 +473,7 @@ class Writer:
             elif isinstance(constraint, STOPS):
                 yield self._stop(owner, constraint, a, b)
             elif isinstance(constraint, pymunk.GearJoint):
-                together = f"add(pymunk.GearJoint({a}, {b}, 0.0, 1.0))"  # and then the groove
+                together = f"add(pymunk.GearJoint({a}, {b}, 0.0, 1.0))"  # the groove follows
             else:
                 yield self._hold(owner, constraint, a, b, [together] if together else [])
                 together = ""
@@ -479,6 +486,10 @@ class Writer:
         b: str,
         first: bool,
     ) -> dict[str, Any]:
+        """Comment and lines for the spring and damper of a joint, or for its constant load.
+
+        The first constraint of a joint is its spring, if it has one.
+        """
         k, square, cube = joint.acting
         unit, force = UNIT[joint.hold.axis is None]
         own = first and bool(any(joint.acting) or joint.damping)
@@ -524,6 +535,7 @@ class Writer:
     def _point_spring(
         self, spring: LinkSpring, made: pymunk.DampedSpring, a: str, b: str
     ) -> dict[str, Any]:
+        """Comment and lines for a spring between points."""
         (low, high), numbers = spring.slack, (made.rest_length, made.stiffness, made.damping)
         ends = f"{tupled(made.anchor_a)}, {tupled(made.anchor_b)}"
         text = f"add(pymunk.DampedSpring({a}, {b}, {ends}, {', '.join(map(digits, numbers))}))"
@@ -538,6 +550,7 @@ class Writer:
         return {"words": f"{named} between points: {' and '.join(texts)}", "lines": lines}
 
     def _gear(self, gear: LinkGear, a: str, b: str) -> dict[str, Any]:
+        """Comment and lines for a gear."""
         ratio, phase = digits(gear.ratio), digits(gear.phase)
         named = f'gear "{format_comment(gear.name)}"' if gear.name else "a gear"
         return {
@@ -546,7 +559,7 @@ class Writer:
         }
 
     def _length(self, spring: LinkSpring) -> str:
-        """The length of a spring between points as a function of ``pose``."""
+        """The source of the length of a spring between points, in terms of ``pose``."""
         places = [
             tupled(at(self.links, link, on))
             for link, on in ((spring.a, spring.on_a), (spring.b, spring.on_b))
@@ -554,7 +567,7 @@ class Writer:
         return f"apart(pose, {self.names[spring.a]}, {self.names[spring.b]}, {', '.join(places)})"
 
     def _beyond(self, length: str, spring: LinkSpring) -> str:
-        """How far a length is from those at which a spring is slack."""
+        """The source of the extension of a spring at a length: 0 where it is slack."""
         low, high = spring.slack
         return (
             less(length, low) if low == high else f"beyond({length}, {digits(low)}, {digits(high)})"
@@ -563,6 +576,7 @@ class Writer:
     def _stop(
         self, joint: LinkJoint | Hold, stop: pymunk.Constraint, a: str, b: str
     ) -> dict[str, Any]:
+        """Comment and lines for the stop of a joint."""
         if isinstance(stop, pymunk.RotaryLimitJoint):
             text = f"pymunk.RotaryLimitJoint({a}, {b}, {digits(stop.min)}, {digits(stop.max)})"
         else:
@@ -579,6 +593,7 @@ class Writer:
     def _hold(
         self, owner: LinkJoint | Hold, hold: pymunk.Constraint, a: str, b: str, before: list[str]
     ) -> dict[str, Any]:
+        """Comment and lines for a pin, or for a slide, whose gear is in the lines `before`."""
         if isinstance(hold, pymunk.PivotJoint):
             text = f"pymunk.PivotJoint({a}, {b}, {tupled(hold.anchor_a)}, {tupled(hold.anchor_b)})"
             words = f"a pin of {a} and {b}"
@@ -592,7 +607,7 @@ class Writer:
         return {"words": f"{called(owner)}: {words}", "lines": [*before, wrapped(f"add({text})")]}
 
     def drive(self, k: int, joint: LinkJoint, motor: Motor, kind: str) -> dict[str, Any]:
-        """How a drive is made, and how it is given the value after the next step."""
+        """Comment, constructor and lines that set the value of drive k after the next step."""
         a, b = self.names[joint.hold.a], self.names[joint.hold.b]
         if isinstance(motor, SlideDrive):
             aims = [f"move = {less(f'values[{k}]', motor.start)}"] + [
@@ -627,14 +642,14 @@ class Writer:
         return {"words": words, "aim": aims, "make": wrapped(f"pymunk.{make}", 4, 8)}
 
     def start(self, pose: np.ndarray, velocity: np.ndarray) -> list[dict[str, str]]:
-        """Pose and velocity of every link."""
+        """Name, start pose and start velocity of every link."""
         return [
             {"name": name, "pose": ", ".join(map(digits, p)), "velocity": ", ".join(map(digits, v))}
             for name, p, v in zip(self.names[:-1], pose[:-1], velocity[:-1], strict=True)
         ]
 
     def channel(self, name: str, channel: Sensor) -> str:
-        """The curve of a channel."""
+        """The source of the curve of a channel."""
         function = channel.function
         if channel.order == -1:
             return "kinetic(0.5 * (before + after))"
@@ -655,7 +670,7 @@ class Writer:
         return wrapped(text, 10 + len(repr(name)), 12)
 
     def _function(self, function: object) -> str:
-        """A function of ``pose``."""
+        """The source of a function of a `Sensor` in terms of ``pose``."""
         if isinstance(function, Value):
             return self._value(function.joint)
         if isinstance(function, LinkSpringLength):
@@ -676,6 +691,7 @@ class Writer:
         )
 
     def _value(self, joint: LinkJoint) -> str:
+        """The source of a joint's coordinate in terms of ``pose``."""
         hold, ground = joint.hold, len(self.names) - 1
         if hold.axis is None:
             turns = [
@@ -695,7 +711,7 @@ class Writer:
         return summed([(1.0, text)], joint.value)
 
     def _springs(self) -> Iterator[tuple[str, float, tuple[float, ...], float, float]]:
-        """Value, rest, stiffness, damping and load of each joint, and each spring of points."""
+        """Value, rest, stiffness, damping and load of each joint and each spring between points."""
         for joint in self.links.joints:
             yield self._value(joint), joint.rest, joint.acting, joint.damping, joint.load
         for spring in self.links.springs:
@@ -703,7 +719,7 @@ class Writer:
             yield beyond, 0.0, (spring.stiffness, 0.0, 0.0), spring.damping, 0.0
 
     def forces(self) -> dict[str, Any]:
-        """What the forces of drives follow from: their coordinates, springs, loads."""
+        """Data for the forces of drives: driven coordinates and their sizes, springs and loads."""
         springs = [
             {
                 "value": wrapped(f"lambda pose: {value}", 9, 9),
@@ -729,7 +745,7 @@ class Writer:
         }
 
     def changing(self, run: Run, source: str) -> dict[str, Any]:
-        """How controls change, and what they do."""
+        """Data of loads that change: source, limits and start of the controls, and effects."""
         lines, forces, pulls = list[str](), list[dict[str, Any]](), list[dict[str, Any]]()
         for k, one in enumerate(changing_forces(self.links, run)):
             if one.joint >= 0:
@@ -775,7 +791,7 @@ class Writer:
         }
 
     def contacts(self, settings: Settings) -> dict[str, Any]:
-        """Shapes, and the friction and restitution of their pairs."""
+        """Data of contacts: settings, shapes, and friction and restitution of the pairs."""
         own = self.links.contacts
         return {
             "slop": digits(settings["collision_slop"]),
@@ -790,6 +806,7 @@ class Writer:
         }
 
     def _shape(self, shape: ContactShape) -> str:
+        """The constructor of a shape."""
         points = [tupled(at(self.links, shape.link, point)) for point in shape.points]
         body, radius = self.names[shape.link], digits(shape.radius)
         if len(points) == 1:
@@ -799,7 +816,7 @@ class Writer:
         return f"pymunk.Poly({body}, [{', '.join(points)}], radius={radius})"
 
     def potential(self) -> dict[str, Any]:
-        """What the potential energy consists of."""
+        """Data of the potential energy: its parts in words, springs, weights and the constant."""
         model, plane = self.links.model, self.links.plane
         masses = [(mass, place) for mass, place in weights(self.links) if mass]
         up = float(plane.normal @ model.opt.gravity)
@@ -823,7 +840,7 @@ class Writer:
 
 
 def called(owner: LinkJoint | Hold) -> str:
-    """A joint or a loop in words."""
+    """The kind and name of a joint or loop in words, such as ``hinge "crank"``."""
     kind = "loop"
     if isinstance(owner, LinkJoint):
         kind = "hinge" if owner.hold.axis is None else "slide"

@@ -1,21 +1,22 @@
-"""Quasi-static sweep in pymunk: hold the drives at each sample until Chipmunk comes to rest.
+"""Quasi-static sweep in pymunk: fix the drives at each sample until Chipmunk comes to rest.
 
-**Stops.** Chipmunk's stops act only on a joint that is beyond them, and with an error bias of 0 put
-it back in one step; to the last digit, where they let go, and it falls in anew.  So a joint meets
-its stop a `HAIR` before the limit and is left on the limit, by a bias that may take it no further
-back.
+**Joint limits.** Chipmunk's stops act only on a joint that is beyond them.  With an error bias of 0
+they put the joint back exactly to the stop in one step, where they act no longer, so that the joint
+falls in again.  A stop is therefore placed a distance `HAIR` before the limit, and its bias is
+bounded so that a step leaves the joint on the limit.
 
-**Rest.** The engine alone says where the rest is: its velocity is zero there and nowhere else.  The
-energy of `proofmass.sim.pymunk.kinematics` says how far to go: by how much the velocity of each
-free motion would fall.
+**Rest.** A pose is at rest if a step of the engine from standstill gives it no velocity; nothing
+else decides this.  Only the length of the moves toward the rest is computed by proofmass, from the
+curvature of the energy in `proofmass.sim.pymunk.kinematics`.
 
-Every pose is at rest by the engine's own answer: a step from standstill gives it no velocity.
-With all velocity taken out in every step, a step of Chipmunk is one Newton step of the holds in
-the metric of the masses, so a linkage without free coordinates rests after a few of them.  Free
-coordinates (springs, hanging bodies) get a velocity down the slope of the engine's energy;
-`toward_rest` chooses how far they go along it, and so they fall into the next valley where theirs
-ends.  They begin beside the start pose: an engine that does nothing stays
-there, and is not at rest in the right pose by having been put into it.
+All velocities are removed before each step.  A step of Chipmunk is then one step of Newton's method
+for the constraints, in the metric of the masses, so a linkage without degrees of freedom is at rest
+after a few steps.  Degrees of freedom (springs, hanging bodies) get a velocity down the gradient of
+the engine's energy; `toward_rest` chooses how far they move along it.  Where their minimum of the
+energy ceases to exist they move to another one.
+
+Degrees of freedom begin at a distance from the start pose.  Otherwise an engine that computes
+nothing would pass a check whose right result is the start pose.
 """
 
 import time
@@ -82,24 +83,28 @@ from proofmass.sim.rods import Chain, RodPose, shapes
 
 Stops = list[tuple[LinkJoint, pymunk.Constraint]]
 Rest = tuple[list[float], Array]
-"""Values of the drives [rad or m], and the pose (links + 1, 3)."""
+"""Values of the drives [rad or m], and the pose (links + 1, 3) at rest."""
 STAY = 1e-30
-"""Way back in a step [rad or m] of a joint that rests on its stop: with none the stop lets go."""
+"""Smallest correction [rad or m] in a step of a joint that rests on its stop: with a bias of 0 the
+stop would exert no force."""
 
 
 def way_back(joint: LinkJoint, pose: Array) -> float:
-    """Way [rad or m] of a joint from beyond a stop back to it; zero between the stops."""
+    """Signed distance [rad or m] from a joint's value to its stop; zero if it is not beyond one."""
     value = float(joint_value(joint, pose))
     return float(np.clip(value, *joint.limits)) - value if joint.limits else 0.0
 
 
 def beyond(stops: Stops, pose: Array) -> list[LinkJoint]:
-    """The joints that are beyond a stop, and so held by it in the next step."""
+    """The joints that are beyond a stop, on which the stop acts in the next step."""
     return [joint for joint, _ in stops if way_back(joint, pose)]
 
 
 def find_stops(links: Links, space: pymunk.Space) -> Stops:
-    """The joints with limits and their stops in a space, made to put a joint back in one step."""
+    """The joints with limits and their stops in a space, with the bias of the stops set to 0.
+
+    Such a stop corrects its violation in one step, up to the bound of `ease`.
+    """
     stops = [constraint for constraint in space.constraints if isinstance(constraint, STOPS)]
     for stop in stops:
         stop.error_bias = 0.0
@@ -107,51 +112,58 @@ def find_stops(links: Links, space: pymunk.Space) -> Stops:
 
 
 def ease(stops: Stops, pose: Array, dt: float) -> None:
-    """Let the next step put no joint back further than to a hair beyond its stop."""
+    """Bound the correction of the next step, so that joints stay `HAIR` beyond their stops."""
     for joint, stop in stops:
         stop.max_bias = max(abs(way_back(joint, pose)) - HAIR, STAY) / dt
 
 
 SOFT = 1e-8
-"""Least stiffness that a mode is taken to have, as a share of what makes the usual step."""
+"""Smallest stiffness of a mode of unit mass that is assumed, as a share of 1 / dt^2."""
 SLIP = 0.1
-"""How far a joint may pass a stop, as a share of its way there: to be pressed on it thereafter."""
+"""Largest overshoot of a stop in a move, as a share of the distance to the stop; the stop acts on
+the joint afterwards."""
 PAST = 10 * HAIR
-"""The least that it may: to be put back to the limit, where a joint within a hair would stay."""
+"""Overshoot of a stop [rad or m] that is always allowed.  A joint further than `HAIR` beyond its
+stop is put back to the limit; one within `HAIR` would stay where it is."""
 MOVE = 0.1
-"""Largest move of a mode, in extents or radians: its stiffness is that of the pose it begins in."""
+"""Largest move of a mode [extents or radians]: its stiffness is that of the pose before it."""
 CLOSE = 0.3
-"""Largest move of all that is held, in extents or radians: light links turn far to close a gap."""
+"""Largest move that corrects constraints [extents or radians]: light links rotate far to reduce a
+constraint violation."""
 LEAVES = 1e-5
-"""Share of the fastest velocity with which a joint leaves its stop: less may be the solver's."""
+"""Smallest rate at which a joint counts as leaving its stop, as a share of the largest velocity:
+smaller rates may be errors of the solver."""
 NEAR = 1e-4
-"""Distance [extents or radians] over which the modes of a pose serve for another: the next move
-from there is wrong by that share of it, while what the engine calls rest stays what it is."""
+"""Largest distance [extents or radians] of a pose from that of earlier modes with which these are
+used again.  The next move is wrong by about this share; the rest is not affected, since the engine
+determines it."""
 
 
 def toward_rest(
     links: Links, pose: Array, velocity: Array, dt: float, last: Modes | None = None
 ) -> tuple[Array, Modes]:
-    """The move (links + 1, 3) that the engine's velocity asks for, and the modes behind it.
+    """The move (links + 1, 3) toward rest from the engine's velocity, and the modes that it uses.
 
-    From standstill a step gives each free motion of unit mass a velocity of dt times its force; a
-    move of that velocity over dt w^2 takes the force away.  All other velocity closes the holds,
-    brings the drives to their values or leaves a stop, in one step of dt.
+    A step from standstill gives each mode of unit mass a velocity of dt times its force.  With the
+    angular frequency w of the mode, a move by that velocity over dt w^2 makes the force zero.  The
+    rest of the velocity corrects constraints and drives, or moves a joint off its stop; this part
+    moves the pose as in a step of dt.
 
     Parameters
     ----------
     links : Links
     pose : ndarray (links + 1, 3) [m, m, rad]
     velocity : ndarray (links + 1, 3) [m/s, m/s, rad/s]
-        What a step of the engine gives to the pose.
+        Velocity after a step of the engine from standstill.
     dt : float
-        That step [s].
+        Length of the step [s].
     last : Modes, optional
-        Those of an earlier pose, used again if it is `NEAR` and holds the same joints on stops.
+        Modes of an earlier pose.  They are used again if that pose is closer than `NEAR` and has
+        the same joints on stops.
     """
     beyond = tuple(joint for joint in links.joints if way_back(joint, pose))
     fastest = float(sizes(links, velocity))
-    least = LEAVES * fastest if dt * fastest > STILL else np.inf  # at rest none leaves its stop
+    least = LEAVES * fastest if dt * fastest > STILL else np.inf  # no joint leaves at rest
     kept = ~_leaving(links, beyond, pose, velocity, dt, least)
     while True:
         stops = tuple(compress(beyond, kept))
@@ -161,13 +173,13 @@ def toward_rest(
         pressed = kept | ~_leaving(links, beyond, pose, move / dt, dt)
         if (pressed == kept).all():
             return move, last
-        kept = pressed  # what the engine lets go in its step falls back in a longer one
+        kept = pressed  # a joint that leaves in the engine's step may return in the longer move
 
 
 def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -> Array:
-    """The move if the joints that the modes hold stay on their stops."""
+    """The move of `toward_rest` if the joints `modes.stops` stay on their stops."""
     parts = modes.of(links.inertia * velocity)
-    stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive: it goes downhill
+    stiff = np.maximum(np.abs(modes.squares), SOFT / dt**2)  # positive, so that energy decreases
     closing = dt * (velocity - modes.sum(parts))
     closing /= max(1.0, float(sizes(links, closing)) / CLOSE)
     pushes = parts / dt - modes.rise(links, pose, closing)
@@ -176,7 +188,7 @@ def _move(links: Links, modes: Modes, pose: Array, velocity: Array, dt: float) -
         if modes.twist.any()
         else pushes / stiff
     )
-    most = MOVE / sizes(links, modes.shapes)  # of each: soft ones wait, stiff ones do not
+    most = MOVE / sizes(links, modes.shapes)  # for each mode: soft ones do not slow stiff ones
     fall = modes.sum(np.clip(ways, -most, most))
     return closing + fall / max(1.0, _excess(links, pose, fall))
 
@@ -189,7 +201,7 @@ def _leaving(
     dt: float,
     least: float = 0.0,
 ) -> NDArray[np.bool_]:
-    """Which joints beyond their stops move back faster than `sim.pymunk.stops.ease` asks."""
+    """Which joints beyond their stops move back faster, by `least`, than `ease` makes them."""
     back = np.array([way_back(joint, pose) for joint in beyond])
     rates = along(lambda p: values(beyond, p), pose, velocity)
     due = np.maximum(np.abs(back) - HAIR, 0.0) / dt
@@ -197,7 +209,10 @@ def _leaving(
 
 
 def _excess(links: Links, pose: Array, move: Array) -> float:
-    """How many times too long a move is: it is to end at the first stop."""
+    """Factor by which a move is too long, for the overshoot of the first stop that it reaches.
+
+    The allowed overshoot is given by `SLIP` and `PAST`; below 1 the move is not too long.
+    """
     joints = tuple(j for j in links.joints if j.limits and not way_back(j, pose))
     value, rate = values(joints, pose), along(lambda p: values(joints, p), pose, move)
     low, high = np.array([joint.limits for joint in joints]).reshape(-1, 2).T
@@ -207,55 +222,66 @@ def _excess(links: Links, pose: Array, move: Array) -> float:
 
 
 FAR = 3.0
-"""Longest way to begin ahead, in ways between the last two rests: noise must not be drawn out."""
+"""Longest way of the drives over which poses are extrapolated, in ways between the last two rests:
+over longer ways extrapolation amplifies noise."""
 BEFORE = 3
-"""Rests before the present one that tell the way ahead, by a polynomial of third degree."""
+"""Number of rests before the present one that are kept for extrapolation, by a polynomial of third
+degree at most."""
 STRAIGHT = 1e-3
-"""Most that a way of the drives may be off the direction of the one before it, as a share of it."""
+"""Largest deviation of a way of the drives from the direction of the way before, as a share of its
+largest component, with which both count as one straight way."""
 BENDS = 0.1
-"""Most that the polynomial may be off the line through the last two, as a share of the way."""
+"""Largest deviation of the polynomial from the line through the last two rests, as a share of the
+extrapolated move, with which the polynomial is used."""
 STILL = 1e-12
-"""Largest remaining move in a step, in extents or radians, that counts as rest at a sample."""
+"""Largest move in a step [extents or radians] with which a pose at a sample counts as at rest."""
 ROUGH = 1e-6
-"""The same between samples, where the pose only has to stay on its branch."""
+"""The same between samples, where the pose only has to stay on its branch.  It is also the largest
+constraint violation and error of a drive of a pose at rest."""
 SETTLED = 2
-"""Steps in turn that must leave so little at a sample; between samples one is enough.
+"""Number of successive steps with moves below `STILL` after which a pose at a sample is at rest;
+between samples one step with a move below `ROUGH` is sufficient.
 
-One that leaves 1e-14 is not: where the solver is slow a step may do so by chance, and the rates of
-the hacksaw with a slider of 0.45 kg were wrong by 1e-12 of their range."""
+A single step is not sufficient even if it moves the pose by 1e-14 only: where the solver converges
+slowly this may happen by chance, and the rates of the hacksaw with a slider of 0.45 kg were wrong
+by 1e-12 of their range."""
 DOUBT = 12
-"""Steps after which it is asked whether the loops can be closed at all."""
+"""Number of steps without rest after which Newton's method checks that the loops can be closed."""
 BESIDE = 1e-3
-"""How far beside the start pose free coordinates begin, in extents or radians."""
+"""Distance from the start pose at which degrees of freedom begin [extents or radians]."""
 MOST = {True: 1000, False: 200}
-"""Steps after which a pose that still moves is given up, with and without free coordinates."""
+"""Largest number of steps to a rest, by whether there are degrees of freedom."""
 ITERATIONS = 500
-"""Iterations of the solver in a step at first, where the run sets none."""
+"""Largest initial number of the solver's iterations in a step, if the run gives none."""
 SOLVED = 1e-12
-"""Share of an error that fewer of them may leave in the start pose, if the drives leave nothing
-free."""
+"""Share of an error that the iterations may leave in the start pose; it determines their initial
+number if there are no degrees of freedom."""
 LEFT = 1e-3
-"""Share of an error that a solver with more iterations may leave in a step."""
+"""Share of an error that the iterations of a step may leave, once their number is increased."""
 MOST_ITERATIONS = 10**6
-"""Iterations that it may have, in a step and its repetitions."""
+"""Largest number of iterations in a step together with its repetitions."""
 UNSOLVED = 10
-"""Steps on the way to a rest that may be left unsolved: beside a straight arm impulses approach
-their values by 1e-5 of the rest in 500 iterations, and the next pose is further from it."""
+"""Number of steps to a rest that may be left unsolved.  Near a stretched arm 500 iterations reduce
+the error of the impulses by a share of 1e-5 only, and the next pose is further from the stretched
+one."""
 CONVERGED = 1e-15
-"""Share by which impulses may still change in a repeated step."""
+"""Largest relative change of impulses in a repeated step with which they count as converged."""
 HELD = 1e-9
-"""Largest move in a step, in extents or radians, of joints that limited motors hold."""
+"""Largest move in a step [extents or radians] of joints that friction motors keep at rest."""
 LESS = 1e-7
-"""Share of the largest force that a drive holds less, to see which way it holds."""
+"""Reduction of a drive's force, as a share of the largest force, with which its sign is found."""
 ROUNDING = 1e-16
-"""What an iteration adds to the move in a step, in extents or radians."""
+"""Rounding error that an iteration adds to the move in a step [extents or radians]."""
 AGREED = 1e-6
-"""Share by which a step may differ from its repetition: stops and steps of all lengths ask more of
-the solver than it does at once."""
+"""Largest relative difference of a step from its repetition: with stops, and with moves that are
+longer than the step, the velocity must be more accurate than one step of the solver makes it."""
 
 
 def ways_along(way: list[float], before: list[float]) -> float:
-    """How many times as long a way of the drives is as the one before it; NaN if it turns."""
+    """Ratio of a way of the drives to the way before it; NaN if their directions differ.
+
+    The ratio is negative for opposite directions.
+    """
     length = sum(part * part for part in before)
     share = sum(a * b for a, b in zip(way, before, strict=True)) / (length or 1.0)
     off = max((abs(a - share * b) for a, b in zip(way, before, strict=True)), default=0.0)
@@ -263,8 +289,11 @@ def ways_along(way: list[float], before: list[float]) -> float:
 
 
 def nodes(past: Sequence[Rest], here: list[float]) -> tuple[list[float], list[Array]]:
-    """Places of rests on the straight way of the drives that comes `here`, in ways from the last of
-    them, which is at -1; and their poses.  They end where the way turns."""
+    """Places and poses of earlier rests on the straight way of the drives that leads `here`.
+
+    A place is counted from `here` in units of the way from the last rest, which is at -1.  Rests
+    before a change of direction are left out.
+    """
     before = apart(here, past[-1][0])
     places, poses = [-1.0], [past[-1][1]]
     for value, pose in past[-2::-1]:
@@ -277,12 +306,14 @@ def nodes(past: Sequence[Rest], here: list[float]) -> tuple[list[float], list[Ar
 
 
 def apart(one: list[float], other: list[float]) -> list[float]:
-    """Differences of values of the drives."""
+    """Differences of two lists of values of the drives."""
     return [a - b for a, b in zip(one, other, strict=True)]
 
 
 def lagrange(at: float, places: list[float]) -> list[float]:
-    """Parts of values in a polynomial that has them at these places, and 0 at 0.
+    """Weights of the values at `places` in the value at `at` of the interpolating polynomial.
+
+    The polynomial is 0 at 0.
 
     >>> lagrange(1.0, [-1.0, -2.0])
     [-3.0, 1.0]
@@ -299,15 +330,16 @@ def lagrange(at: float, places: list[float]) -> list[float]:
 
 @dataclass
 class HeldSpace:
-    """A space whose drives are held: the state of a sweep between its samples.
+    """The state of a sweep: a space whose drives are fixed at values, and the present pose.
 
-    ``velocity`` is what the last step of ``dt`` [s] gave to the pose, which stood still; ``usual``
-    and ``most`` are iterations of the solver in a step: at first, and used so far; ``past`` are the
-    drives' values and poses of up to `BEFORE` rests before this one; ``friction`` are the motors of
-    joints that rub, with what each has to give in ``rub`` [N m or N].  ``moving`` is a space of its
-    own for rates, if the drives leave nothing free: Chipmunk begins each step with the impulses of
-    the last one, and those of a motion are far from those of a rest.  ``largest`` is the largest
-    force [N m or N] until now.
+    ``free`` tells whether the drives leave degrees of freedom.  ``velocity`` is that after the last
+    step of ``dt`` [s] from standstill.  ``usual`` is the initial number of iterations in a step,
+    and ``most`` the largest number used so far.  ``past`` are the drives' values and poses of up to
+    `BEFORE` rests before the present pose.  ``friction`` are the motors of joints with dry
+    friction, and ``rub`` is the signed friction of each [N m or N].  ``moving`` is a separate space
+    for the computation of rates, if there are no degrees of freedom: Chipmunk begins each step with
+    the impulses of the last step, and the impulses of a motion differ much from those of a rest.
+    ``largest`` is the largest force of a drive so far [N m or N].
     """
 
     links: Links
@@ -328,32 +360,33 @@ class HeldSpace:
     largest: float = 0.0
 
     def carry(self, links: Links, error_bias: float) -> None:
-        """Go on in a space whose links have other loads, at the present pose."""
+        """Replace the space by one whose links have other loads, at the present pose."""
         self.links, self.space = links, space_of(links, self.usual, error_bias)
         self.bodies = StillBodies(self.space, links)
         self.drives, self.stops = add_drives(self.space, links), find_stops(links, self.space)
 
     @property
     def driving(self) -> int:
-        """How many drives are the run's own."""
+        """Number of the drives that the run prescribes."""
         return len(self.drives)
 
     @property
     def rounding(self) -> float:
-        """What the solver's iterations add to the move in a step, in extents or radians."""
+        """Rounding error of the move in a step [extents or radians], from all iterations."""
         return ROUNDING * self.space.iterations
 
     def step(self, target: Array) -> None:
-        """One engine step from rest with the drives aimed at their values: finds the velocity.
+        """Compute the velocity after a step of the engine from standstill with given drives.
 
-        With free coordinates it is repeated until the solver, which goes on from its last impulses,
-        agrees with itself: a step that is not solved throws joints off the stops that hold them,
-        and the next solution has to begin without the stops' impulses.
+        With degrees of freedom the step is repeated, and the solver goes on from its last impulses,
+        until the velocity agrees with that of the repetition before.  A step that is not solved
+        would move joints off their stops, and the next step would begin without the impulses of
+        these stops.
 
         Raises
         ------
         NotSolved
-            It does not agree.
+            The velocity does not converge.
         """
         aim(self.drives, target.tolist())
         ease(self.stops, self.pose, self.dt)
@@ -367,8 +400,8 @@ class HeldSpace:
             self._solve()
             change = float(sizes(self.links, self.velocity - last))
             error = AGREED * sizes(self.links, self.velocity) + noise
-            # changes in a geometric row add up to change before / (before - change); at last they
-            # do not fall any more, and are rounding
+            # The sum of the last change and all later ones, if these fall as a geometric series, is
+            # change before / (before - change).  Changes that no longer fall are rounding errors.
             small = change * before <= error * (before - change) or before <= change <= error
             if small:
                 return
@@ -378,20 +411,20 @@ class HeldSpace:
         )
 
     def _solve(self) -> None:
-        """Let the engine step: the velocity as far as its iterations find it."""
+        """Step the engine once from standstill, and keep the velocity, solved or not."""
         self.velocity = self.bodies.step(self.pose, self.dt)
 
     def settle(self, target: Array, still: float = STILL) -> None:
-        """Step until nothing moves and the drives have their values.
+        """Step until the pose is at rest with the drives at given values.
 
         Raises
         ------
         BadModel
-            The loops cannot be closed there, or stops are in the way.
+            The loops cannot be closed at these values, or joint limits are in the way.
         Diverged
-            They can, but Chipmunk does not close them.
+            The loops can be closed, but Chipmunk does not close them.
         NotSolved
-            It does not come to rest in the steps that there are.
+            The pose is not at rest after the largest number of steps.
         """
         last = drive_values(self.links, self.pose).tolist(), self.pose
         self.ahead(target, last[0])
@@ -414,7 +447,7 @@ class HeldSpace:
             moved = float(sizes(self.links, move))
             if not moved < np.inf:
                 break
-            # a step to a stop is as short as the way there, and small whatever the forces are
+            # A step that ends at a stop may be short although forces are large; it does not count.
             steady = moved < max(still, self.rounding) and beyond(self.stops, self.pose) == on
             settled = settled + 1 if steady and solved else 0
             if settled == SETTLED or (settled and still > STILL):
@@ -429,13 +462,13 @@ class HeldSpace:
         raise self._failed(target, f"not at rest after {count + 1} steps", kind)
 
     def ahead(self, target: Array, here: list[float]) -> None:
-        """Begin where the last rests point to, if the drives go `here` on in the same direction.
+        """Extrapolate the pose from the last rests, if the drives go on from `here` straight on.
 
-        Nearer to the next rest, and on the smooth branch where two of them cross; with free
-        coordinates only if it is closer to closed and to the drives' values than here, as it is not
-        after a snap to another equilibrium.  A polynomial through more
-        than two of them is taken where it bends little, and no joint is on its stop, which it would
-        leave or enter by less than a hair.
+        The extrapolated pose is nearer to the next rest, and lies on the smooth branch where two
+        branches cross.  With degrees of freedom it is taken only if it violates constraints and
+        drives less than the present pose, which is not the case after a snap to another
+        equilibrium.  A polynomial through more than two rests is used where it is nearly a line and
+        no joint is on its stop, which the polynomial would leave or enter by less than `HAIR`.
         """
         if not self.past:
             return
@@ -460,9 +493,10 @@ class HeldSpace:
         self.pose = there
 
     def _doubt(self, began: Array, target: Array) -> None:
-        """Ask whether the loops can be closed; if so, begin again with more iterations.
+        """Check that the loops can be closed; without degrees of freedom, restart more accurately.
 
-        Free coordinates go on from where they are, since each of their steps is solved.
+        The restart is from the pose `began`, with the iterations that the closed pose needs.  With
+        degrees of freedom the steps go on from the present pose, since each of them is solved.
         """
         there = close(self.links, began, target)
         if not self.free:
@@ -471,12 +505,16 @@ class HeldSpace:
             self.pose = began
 
     def _missed(self, target: Array) -> bool:
-        """Whether a loop is open or a drive not at its value by more than `ROUGH`."""
+        """Whether a constraint violation or an error of a drive is larger than `ROUGH`."""
         off = missing(self.links, self.pose, target) / self.links.bounds
         return bool(np.abs(off).max(initial=0.0) > ROUGH)
 
     def _failed(self, target: Array, how: str, kind: type[Diverged] = Diverged) -> Exception:
-        """The error of a pose that is not what it should be: stops are in the way, or nothing."""
+        """The error for a pose that does not come to rest at `target`.
+
+        It is a `BadModel` if joints are on their stops and constraints or drives are violated, and
+        otherwise of the type `kind`.
+        """
         names = [f"'{joint.name}'" for joint in beyond(self.stops, self.pose)]
         if names and self._missed(target):
             return BadModel(
@@ -489,7 +527,11 @@ class HeldSpace:
         )
 
     def rubs(self, rate: Array, fastest: float) -> None:
-        """Let joints rub against their motion at rates of the drives; see `senses`."""
+        """Apply dry friction against the motion of each joint at given rates of the drives.
+
+        A joint that is slower than a share `STANDS` of the fastest drive rate of the run keeps its
+        friction.
+        """
         if not self.friction:
             return
         joints = tuple(motor.joint for motor in self.friction)
@@ -502,18 +544,18 @@ class HeldSpace:
             self.settle(drive_values(self.links, self.pose))
 
     def push(self) -> None:
-        """Let the motors of friction push with what they have to give."""
+        """Set the friction motors to the signs of the friction `rub`."""
         for motor, rub in zip(self.friction, self.rub, strict=True):
             motor.slip(float(np.sign(rub)), float(joint_value(motor.joint, self.pose)))
 
     def drive_forces(self) -> Array:
         """Moments [N m] or forces [N] of the drives on their joints, in a pose at rest.
 
-        Chipmunk tells only the size of an impulse.  Its sign is found by letting one drive hold
-        less for a step: the joint falls the way that the drive held it back from.  It does so in
-        the first iteration already, which lessens the drive's impulse of the last step and leaves
-        others.  The drive holds less by `LESS` of the largest force, so that the next rest begins
-        with impulses that are nearly right, and nothing if its force is smaller than that.
+        Chipmunk gives only the size of an impulse.  Its sign is found by a step in which the force
+        of the drive is limited to slightly less: the joint then moves against the force of the
+        drive.  The first iteration shows this already, since it reduces the impulse of the drive
+        and leaves the others as they are.  The force is reduced by `LESS` of the largest force, or
+        to zero if it is smaller than that, so that the next rest begins with nearly right impulses.
         """
         here = drive_values(self.links, self.pose)
         self.step(here)
@@ -537,9 +579,10 @@ class HeldSpace:
 
     @cached_property
     def together(self) -> list[list[int]]:
-        """Drives that may hold less at a time: no two of them have a link in common that moves.
+        """Groups of drives whose forces may be reduced at the same time.
 
-        With free coordinates more than the first iteration is asked for, and each is let go alone.
+        No two drives of a group have a moving link in common.  With degrees of freedom each drive
+        is a group of its own, since more than the first iteration is needed.
         """
         turns, taken = list[list[int]](), list[set[int]]()
         for k, joint in enumerate(self.links.drives[: self.driving]):
@@ -555,7 +598,10 @@ class HeldSpace:
         return turns
 
     def impulses(self) -> Array:
-        """Impulses of the drives in the step, which motors of friction let converge slowly."""
+        """Sizes (drives,) of the impulses of the drives in the step [N s or N m s].
+
+        With friction motors, with which they converge slowly, the step is repeated until they do.
+        """
         size = np.array([drive.impulse for drive in self.drives[: self.driving]])
         for _ in range(MOST[False] if self.friction else 0):
             last = size
@@ -585,12 +631,12 @@ class HeldSpace:
 
 @dataclass
 class HeldRubbing(HeldSpace):
-    """A space whose free joints have dry friction: its rest depends on how it came there.
+    """The state of a sweep with degrees of freedom and dry friction in joints without drive.
 
-    Joints stick or slip, see `proofmass.analytic.friction`.  One that slips has Chipmunk's motor
-    with its limited moment against it.  One that sticks is held as a drive is; at each sample the
-    motor alone has to hold it, and a step to give it no velocity.  A sweep begins at rest without
-    friction.
+    The rest depends on the path that led to it: joints stick or slip, see
+    `proofmass.analytic.friction`.  Against a joint that slips acts a motor of Chipmunk with a
+    limited moment.  A joint that sticks is fixed like a drive; at each sample a step with its
+    friction motor instead must give it no velocity.  A sweep begins at rest without friction.
     """
 
     senses: Array = field(default_factory=lambda: np.zeros(0))
@@ -617,18 +663,18 @@ class HeldRubbing(HeldSpace):
         self.slipped = np.zeros(len(self.loose), bool)
 
     def check_slipped(self) -> None:
-        """Raise `BadModel` if dry friction held all joints that the drives leave."""
+        """Raise `BadModel` if no joint without drive slipped in the whole sweep."""
         if not self.slipped.any():
             names = [repr(self.own.joints[j].name) for j in self.loose]
             raise BadModel(HOLDS_ALL.format(", ".join(names)))
 
     @property
     def driving(self) -> int:
-        """How many drives are the run's own; the others hold joints that stick."""
+        """Number of the drives that the run prescribes; others fix joints that stick."""
         return len(self.real)
 
     def rubs(self, rate: Array, fastest: float) -> None:
-        """Let driven joints rub against their motion, and let motors hold what sticks."""
+        """Apply the friction of driven joints, and check that motors keep others from slipping."""
         for k, (j, motor) in enumerate(zip(self.own.rubbing, self.friction, strict=True)):
             if j in self.own.driven:
                 moved = rate[self.own.driven.index(j)]
@@ -643,12 +689,12 @@ class HeldRubbing(HeldSpace):
         self.settle(np.append(self.at(), self.fixed))
 
     def check_held(self) -> None:
-        """Ask the engine whether limited motors alone hold all joints that stick.
+        """Check by a step of the engine that friction motors alone keep sticking joints at rest.
 
         Raises
         ------
         NotSolved
-            They slip in its step.
+            A joint slips in the step.
         """
         for drive in self.drives[self.driving :]:
             drive.max_force = 0.0
@@ -666,23 +712,23 @@ class HeldRubbing(HeldSpace):
 
     @property
     def sticking(self) -> list[Friction]:
-        """The motors of joints that stick."""
+        """The friction motors of joints that stick."""
         return [motor for motor, sense in zip(self.motors, self.senses, strict=True) if sense == 0]
 
     def at(self) -> Array:
-        """Values of the run's drives."""
+        """Values [rad or m] of the drives that the run prescribes."""
         return drive_values(self.own, self.pose)
 
     def kept(self) -> tuple[Array, Array]:
-        """The pose, and the engine's last velocity."""
+        """The pose and the engine's last velocity, for `back`."""
         return self.pose, self.velocity
 
     def back(self, kept: tuple[Array, Array]) -> None:
-        """Come back to a pose."""
+        """Return to a pose of `kept`."""
         (self.pose, self.velocity), self.past = kept, ()
 
     def go(self, target: Array) -> None:
-        """Let the engine come to rest at values of the drives in the present state."""
+        """Come to rest at values of the drives, with the same joints sticking and slipping."""
         try:
             for stage in stages(self.own, self.at(), target):
                 self.settle(np.append(stage, self.fixed))
@@ -690,7 +736,7 @@ class HeldRubbing(HeldSpace):
             raise PathEnds(str(error)) from None
 
     def problem(self, way: Array) -> SlipProblem:
-        """The present rest in coordinates of its free motions, without its friction."""
+        """The `SlipProblem` of the present rest for drives that move along a way (drives,)."""
         self.way, own, pose = way, self.own, self.pose
         rows = jacobian(lambda p: bound(own, p), pose)
         free = free_directions(own, rows)
@@ -713,7 +759,7 @@ class HeldRubbing(HeldSpace):
         )
 
     def independent(self, stuck: NDArray[np.intp]) -> list[int]:
-        """Joints of those that stick which hold all of them, as few as can be."""
+        """Indices of sticking joints that are independent, and fix all joints that stick."""
         own, kept = self.own, list[int]()
         free = free_directions(own, jacobian(lambda p: bound(own, p), self.pose))
         joints = tuple(own.joints[j] for j in self.loose)
@@ -725,7 +771,7 @@ class HeldRubbing(HeldSpace):
         return kept
 
     def enter(self, senses: Array) -> None:
-        """Let joints stick where they are, or slip."""
+        """Set which joints stick and in which senses the others slip, and come to rest."""
         self.senses, self.past, self.begins = senses, (), False
         self.slipped |= senses != 0
         self.space.remove(*self.drives[self.driving :])
@@ -744,17 +790,18 @@ class HeldRubbing(HeldSpace):
 
 
 def hold(links: Links, settings: Settings) -> HeldSpace:
-    """The space in its start pose; with free coordinates beside it, see `BESIDE`.
+    """The state of a sweep in the start pose, or near it with degrees of freedom, see `BESIDE`.
 
-    Links of which the drives leave none free get the inertia of `quick`; with free coordinates the
-    modes of `toward_rest` are those of their own.
+    Without degrees of freedom the links get the masses of `quick`; otherwise they keep their own,
+    to which the modes of `toward_rest` belong.
 
-    It has no dampers: nothing moves at rest, and Chipmunk's steps to it would not be solved.
+    The space has no dampers: they have no effect at rest, and Chipmunk's steps toward the rest
+    would not be solved with them.
 
     Raises
     ------
     BadModel
-        The loops cannot be closed there.
+        The loops cannot be closed in the start pose.
     """
     pose = close(links, links.pose, drive_values(links, links.pose))
     moves = free_directions(links, jacobian(lambda p: bound(links, p), pose))
@@ -790,7 +837,7 @@ def hold(links: Links, settings: Settings) -> HeldSpace:
 
 
 def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
-    """The space of links without their dampers, their drives and gravity: `StillBodies` has it."""
+    """The space of links without dampers, drives and gravity; `StillBodies` applies the weights."""
     undamped = replace(
         links,
         joints=tuple(replace(joint, damping=0.0) for joint in links.joints),
@@ -802,19 +849,22 @@ def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
 
 
 HEAVY = 100.0
-"""Mass [kg] of links that drives hold against the ground; of all others it is 1 kg."""
+"""Mass [kg] of links that chains of drives connect to the ground; all others have 1 kg."""
 SPREAD = 0.5
-"""Square of the radius of gyration of a link, in mean squares of the distances of its holds."""
+"""Square of the radius of gyration of a link, as a share of the mean square distance of its
+constraints from its centre."""
 WIDE = 0.1
-"""Least distance of a hold from a centre of mass [extents] that is counted."""
+"""Smallest root mean square distance of a link's constraints from its centre that is used
+[extents]."""
 
 
 def quick(links: Links) -> Links:
-    """The links with masses and moments of inertia with which Chipmunk's solver converges sooner.
+    """The links with masses and moments of inertia with which Chipmunk's solver converges faster.
 
-    Nothing at rest depends on them, and the weights stay.  An iteration of the solver goes from
-    hold to hold; the less one of them moves what another holds, the fewer are needed.  So more of a
-    link's mass is near its holds than in a uniform bar, and links that a drive holds are heavy.
+    A rest does not depend on masses, and the weights are kept.  An iteration of the solver treats
+    one constraint after the other, and fewer iterations are needed the less the impulse of one
+    constraint moves the other constraints of a link.  So the mass of a link is nearer to its
+    constraints than in a uniform bar, and driven links are heavy.
     """
     ground = len(links.mass)
     mass, squares = np.ones(ground), [list[float]() for _ in range(ground + 1)]
@@ -832,16 +882,21 @@ def quick(links: Links) -> Links:
 
 
 def _beside(links: Links, moves: Array) -> Array:
-    """A move in all free directions (n, links + 1, 3), whatever basis they are given in."""
+    """A move (links + 1, 3) of size `BESIDE` with parts in all free directions.
+
+    `moves` (n, links + 1, 3) are a basis of these directions that is orthonormal with respect to
+    the masses; the result does not depend on the choice of the basis.
+    """
     shares = np.pad(np.cos(np.arange(links.sizes.size)) * links.sizes, (0, 3))
     way = np.tensordot(np.tensordot(moves, links.inertia * shares.reshape(-1, 3), 2), moves, 1)
     return np.asarray(BESIDE * way / (sizes(links, way) or 1.0))
 
 
 def _step(links: Links, pose: Array) -> float:
-    """The step [s] in which the loads' rounding and a gap of rounding size make equal noise.
+    """Choose the step [s], so that rounding of loads and of positions cause equal errors of a move.
 
-    Springs count as if wound by a radian or an extent: they may be slack where the sweep begins.
+    The force of a spring is taken at a deflection of a radian or an extent, since springs may be
+    slack where the sweep begins.
     """
     wound = [
         abs(joint.acting[0]) * (links.extent if joint.hold.axis is not None else 1.0)
@@ -867,9 +922,9 @@ NO_RATE = "Chipmunk gives no quasi-static rates of coordinates that springs or g
 
 
 def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
-    """Hold the drives at each sample until rest; see `proofmass.sim.pymunk.engine.simulate`.
+    """Do a quasi-static sweep; see `proofmass.sim.pymunk.engine.simulate`.
 
-    Where the loops cannot be closed any further the sweep stops and keeps what it has.
+    If the loops cannot be closed at a sample, the sweep ends and keeps the samples before it.
     """
     if not run.drives:
         raise Unsupported("a sweep without a driven joint")
@@ -920,7 +975,10 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
 def _follow(
     held: HeldSpace, laws: Array, orders: set[int], loaded: Loaded, settings: Settings
 ) -> tuple[list[tuple[Array, ...]], str]:
-    """Pose, velocity, forces and friction at each sample, and why the last were not reached."""
+    """Pose, velocity, drive forces and friction at each sample, and the reason of an early end.
+
+    The reason is empty if all samples were reached.
+    """
     read: list[tuple[Array, ...]] = []
     fastest = float(np.abs(laws[:, 1]).max())
     before = loaded.controls[0]
@@ -948,7 +1006,7 @@ def _drive_to(
     controls: Array,
     settings: Settings,
 ) -> None:
-    """Come to rest at values of the drives, in stages on which the loads change in proportion."""
+    """Come to rest at values of the drives, in stages in which the controls change uniformly."""
     if isinstance(held, HeldRubbing) and held.velocity.size > 1:
         try:
             advance(held, target)
@@ -964,6 +1022,7 @@ def _drive_to(
 
 
 def _curve(c: Sensor, links: Links, pose: Array, velocity: Array, force: Array) -> Array:
+    """The curve of a channel in a sweep, except of forces between bodies."""
     if c.order == -2:
         return force[:, c.drive] * c.factor
     if c.order == -1:
@@ -975,9 +1034,9 @@ NO_MOTION = "nothing moves: no rates, no accelerations"
 
 
 def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
-    """Let a mechanism come to rest with its drives held at their first values.
+    """Find the equilibrium of a mechanism with its drives fixed at their first values.
 
-    Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.
+    The shapes of rods are given at the arc lengths ``run.x``; sensors are constant along ``run.x``.
     """
     began, start = time.perf_counter(), run.motion(run.x[:1])[0][:, 0]
     held = hold(links, settings)
@@ -1007,7 +1066,7 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
 
 
 def shape(links: Links, pose: Array, one: Chain) -> RodPose:
-    """Vertices, angles and bends of a rod's links."""
+    """Vertices [m], angles [rad] and joint values [rad] of the links of a rod in a pose."""
     bodies = [links.model.body(name).id for name in one.names]
     tip = links.model.site(f"{one.rod.name}.tip")
     places = [place(links, pose, b, links.data.xpos[b]) for b in bodies]
@@ -1022,7 +1081,7 @@ def shape(links: Links, pose: Array, one: Chain) -> RodPose:
 
 
 def place(links: Links, pose: Array, body: int, start: Array) -> Array:
-    """Where a point of a body (3,), given in the start pose, is in another pose."""
+    """World position (3,) [m] in a pose of a point of a body, given by that in the start pose."""
     link, plane = links.of_body[body], links.plane
     local = plane.flat(start) - links.centre[link]
     return plane.world(pose[link, :2] + turned(pose[link, 2], local), float(start @ plane.normal))

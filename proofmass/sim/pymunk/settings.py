@@ -1,9 +1,10 @@
-"""What can be set in pymunk, and what a run has where its sidecar sets nothing.
+"""Settings of pymunk, their values where a sidecar gives none, and pymunk's accuracy.
 
-`ACCURACY` says how far pymunk may be off a driven linkage, and why, for cases without a tolerance
-of their own.  Its shares hold for steps of 1 ms with `error_bias` 0, proofmass's own settings.
+`ACCURACY` has the largest errors of pymunk in driven linkages, with reasons, for cases without a
+tolerance of their own.  Its shares apply to steps of 1 ms with `error_bias` 0, which is proofmass's
+choice.
 
-What `trade` and `choose` try of these is in `tried_settings.py`.
+`tried_settings.py` has the settings that `trade` and `choose` try.
 """
 
 from typing import Annotated
@@ -15,15 +16,19 @@ from proofmass.sim.protocol import AccuracyLimit, Count, EngineSettings, Run, St
 from proofmass.sim.pymunk.space import Settings
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
+"""Chipmunk's default share of a constraint violation that is left after a second."""
 SLOP = 1e-6
-"""Overlap of shapes [m] that is left to them, so that they stay in touch where they rest."""
+"""Overlap of shapes [m] that is not corrected, so that shapes at rest stay in contact."""
 
 
 class PymunkSettings(EngineSettings):
-    """What can be set in pymunk; see `simulate`."""
+    """Settings of pymunk with Chipmunk's default values.
+
+    See `proofmass.sim.pymunk.engine.simulate`.
+    """
 
     timestep: StrictNumber = Field(0.002, gt=0)
-    iterations: Annotated[Count, Field(lt=2**31 // 10)] = 10  # ten times as many in the first step
+    iterations: Annotated[Count, Field(lt=2**31 // 10)] = 10  # the first step takes ten times
     error_bias: StrictNumber = Field(CHIPMUNK_BIAS, ge=0, le=1)
     collision_slop: StrictNumber = Field(0.1, ge=0)
     collision_bias: StrictNumber = Field(CHIPMUNK_BIAS, ge=0, le=1)
@@ -31,9 +36,10 @@ class PymunkSettings(EngineSettings):
 
 
 def settings_of_run(run: Run, model: mujoco.MjModel, touching: bool) -> Settings:
-    """What a run sets; else Chipmunk's own with ``defaults``, and proofmass's choice without.
+    """All settings of a run: those given, completed by Chipmunk's defaults or proofmass's choice.
 
-    Only a model in which something may touch has settings of contacts.
+    Chipmunk's defaults are taken with the setting ``defaults``.  Settings of contacts are included
+    only if geoms of the model may touch, which `touching` tells.
     """
     given = PymunkSettings.read(run.settings).model_dump(exclude_unset=True)
     own = given.pop("defaults", False)

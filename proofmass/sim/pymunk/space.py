@@ -1,8 +1,8 @@
-"""A pymunk space built from links, and reading all its bodies at once.
+"""Build a pymunk space from links, and read or set the state of all its bodies at once.
 
 An ideal drive is a constraint between two links whose target is moved before each step.  With an
-error bias of 0 a step of Chipmunk makes up for all that lacks to the target, so drives do not
-drift, even where several of them pull at one link and only the last in order is met exactly.
+error bias of 0 a step of Chipmunk corrects the whole error to the target, so drives do not drift,
+even where several of them act on one link and only the last in order is satisfied exactly.
 """
 
 import threading
@@ -18,26 +18,27 @@ from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
 
 Settings = dict[str, Any]
-"""timestep [s], iterations, error_bias; of contacts collision_slop [m] and collision_bias."""
+"""Keys timestep [s], iterations, error_bias; for contacts collision_slop [m] and collision_bias."""
 RATES = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 FIELDS = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | RATES
 LOADED = FIELDS | batch.BodyFields.FORCE
 STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
-"""Kinds of constraints that stand for a joint's limits, in the order of the joints."""
+"""Types of the constraints that represent joint limits; those of a space are in joint order."""
 REACH = 100.0
-"""Half length of a groove, in extents of the mechanism."""
+"""Half length of the groove of a slide [extents]."""
 
 
 def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
-    """Build the space: a body for each link, in order, constraints for holds, springs and loads.
+    """Build the space: a body for each link, in their order, and all constraints except drives.
 
     Parameters
     ----------
     links : Links
     iterations : int
-        Sweeps of the engine's solver over the constraints in a step.
+        Number of passes of the engine's solver over the constraints in a step.
     error_bias : float
-        Share of a gap that is left after a second [1]; 0 closes it in the next step.
+        Share of a constraint violation that is left after a second [1]; with 0 it is corrected in
+        the next step.
 
     Returns
     -------
@@ -57,7 +58,7 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
         _pull(pull, bodies[pull.link])
     bodies.append(space.static_body)
     for _, constraint in constraints(links, bodies):
-        # a stop that threw a joint out of it in one step would make it bounce
+        # A stop that corrected its violation in a single step would make the joint bounce.
         if not isinstance(constraint, STOPS):
             constraint.error_bias = error_bias
         space.add(constraint)
@@ -67,10 +68,10 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
 def constraints(
     links: Links, bodies: list[pymunk.Body]
 ) -> Iterator[tuple[LinkSpring | LinkJoint | Hold | LinkGear, pymunk.Constraint]]:
-    """All constraints but those of drives, in the solver's order, with what each belongs to.
+    """All constraints except drives, in the solver's order, each with the element it belongs to.
 
-    Springs between points; springs, loads and stops of a joint, what holds it; then the loops and
-    the gears.
+    The order is: springs between points; for each joint its spring, load, stop and pin or slide;
+    loops; gears.
     """
     for spring in links.springs:
         if (spring.stiffness or spring.damping) and spring.a != spring.b:
@@ -89,7 +90,7 @@ def constraints(
 
 
 def _pull(pull: Pull, body: pymunk.Body) -> None:
-    """Let a load act on its body in every step, beside those that it has already."""
+    """Apply a load to its body in every step, in addition to the loads that the body has."""
     before = body.velocity_func
 
     def pulled(body: pymunk.Body, gravity: pymunk.Vec2d, damping: float, dt: float) -> None:
@@ -105,7 +106,7 @@ def _pull(pull: Pull, body: pymunk.Body) -> None:
 
 
 def add_changing_pull(space: pymunk.Space, unit: Pull, k: int, now: list[float]) -> None:
-    """Let a load act on its body in every step that is number k of `now` times a unit."""
+    """Apply a load to its body in every step: the load `unit` times ``now[k]``."""
     body = list(space.bodies)[unit.link]
     before, (x, y) = body.velocity_func, unit.force.tolist()
 
@@ -124,18 +125,21 @@ def add_changing_pull(space: pymunk.Space, unit: Pull, k: int, now: list[float])
 def add_changing_spring(
     space: pymunk.Space, links: Links, joint: LinkJoint, k: int, unit: float, now: list[float]
 ) -> None:
-    """Let a force or torque act on a joint in every step that is number k of `now` times a unit."""
+    """Apply a force or torque to a joint in every step: `unit` [N or N m] times ``now[k]``."""
     bodies = [*space.bodies, space.static_body]
     space.add(_spring(joint, links, bodies, lambda _: unit * now[k]))
 
 
 def at(links: Links, link: int, local: Array) -> tuple[float, float]:
-    """An anchor in the body's own coordinates; the static body's are the world's."""
+    """A point in the coordinates of a link's body, from one relative to the link's centre.
+
+    The coordinates of the ground's static body are those of the world.
+    """
     return tuple(local + (links.centre[link] if link == len(links.mass) else 0.0))
 
 
 def add_contacts(space: pymunk.Space, links: Links, settings: Settings) -> None:
-    """Give the bodies of a space from `build` their shapes, and each pair of shapes its law."""
+    """Add shapes to the bodies of a space from `build`, and apply the contact law of each pair."""
     contacts = links.contacts
     if not contacts:
         return
@@ -159,6 +163,7 @@ def add_contacts(space: pymunk.Space, links: Links, settings: Settings) -> None:
 
 
 def _shape(own: ContactShape, links: Links, body: pymunk.Body) -> pymunk.Shape:
+    """The circle, segment or polygon of a section."""
     points = [at(links, own.link, point) for point in own.points]
     if len(points) == 1:
         return pymunk.Circle(body, own.radius, points[0])
@@ -170,6 +175,7 @@ def _shape(own: ContactShape, links: Links, body: pymunk.Body) -> pymunk.Shape:
 def _hold(
     hold: Hold, links: Links, bodies: list[pymunk.Body], joint: LinkJoint | None = None
 ) -> list[pymunk.Constraint]:
+    """Chipmunk's constraints for a pin or slide, after the stop of its joint if that has limits."""
     a, b = bodies[hold.a], bodies[hold.b]
     limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
     if hold.axis is None:
@@ -193,9 +199,9 @@ def _hold(
             )
         ]
     start, end = (at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
-    # The groove's own solve is only right if neither anchor couples sliding with turning; the
-    # anchors of proofmass.sim.pymunk.links are chosen so.  A RotaryLimitJoint would lock one side a
-    # step.
+    # The groove's solution is correct only if neither anchor couples sliding with rotation;
+    # proofmass.sim.pymunk.model chooses the anchors so.  A RotaryLimitJoint instead of the gear
+    # would lock the rotation to one side only in each step.
     return [
         *stops,
         pymunk.GearJoint(a, b, 0.0, 1.0),
@@ -204,9 +210,9 @@ def _hold(
 
 
 def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
-    """The spring of a joint, and its load as a spring with a force that does not change.
+    """The spring of a joint, and its load as a spring with a constant force.
 
-    A linear spring is Chipmunk's own, which asks Python for nothing in a step.
+    A linear spring is computed by Chipmunk itself, which calls no Python function in a step.
     """
     springs: list[pymunk.Constraint] = []
     stiffness, *more = joint.acting
@@ -232,11 +238,11 @@ def _spring(
 def _unloaded_spring(
     joint: LinkJoint, links: Links, bodies: list[pymunk.Body], stiffness: float, damping: float
 ) -> pymunk.DampedRotarySpring | pymunk.DampedSpring:
-    """A linear spring between two links, slack at the rest value of the joint."""
+    """A linear spring and damper between two links, slack at the rest value of the joint."""
     hold, slack = joint.hold, joint.rest - joint.value if stiffness else 0.0
     a, b = bodies[hold.a], bodies[hold.b]
     if hold.axis is None:
-        # Chipmunk's angle is that of a against b, its torque that on b
+        # Chipmunk's angle is that of a relative to b, and its torque acts on b.
         return pymunk.DampedRotarySpring(a, b, -joint.sign * slack, stiffness, damping)
     far = REACH * links.extent
     return pymunk.DampedSpring(
@@ -256,7 +262,7 @@ def _set_force(
     links: Links,
     force: Callable[[float], float],
 ) -> None:
-    """Let the force of a spring be a function of its joint's value."""
+    """Set the force of a spring to a function of its joint's value."""
     if isinstance(spring, pymunk.DampedRotarySpring):
         spring.torque_func = lambda _, angle: joint.sign * force(joint.value - joint.sign * angle)
     else:
@@ -285,7 +291,7 @@ def _point_spring(
 
 def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:
     """Set the state of all bodies from arrays (links + 1, 3); the ground is the last row."""
-    buffer = batch.Buffer()  # all bodies at once, which takes half the time of their attributes
+    buffer = batch.Buffer()  # sets all bodies at once, in half the time of setting attributes
     buffer.set_float_buf(np.hstack([pose, velocity]))
     batch.set_space_bodies(space, FIELDS, buffer)
 
@@ -294,7 +300,10 @@ kept = threading.local()
 
 
 def empty_buffer() -> batch.Buffer:
-    """The buffer of this thread, for the reads of a run: pymunk never frees the memory of one."""
+    """The buffer of this thread, emptied, for reading states in a run.
+
+    It is used again in each run, since pymunk never frees the memory of a buffer.
+    """
     if not hasattr(kept, "buffer"):
         kept.buffer = batch.Buffer()
     buffer: batch.Buffer = kept.buffer
@@ -305,16 +314,17 @@ def empty_buffer() -> batch.Buffer:
 def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
     """Poses and velocities (reads, links + 1, 3) of all reads in a buffer.
 
-    Chipmunk lists the static body, to which every mechanism is jointed, after the moving ones.
+    Chipmunk lists the static body, to which every mechanism is connected, after the moving bodies.
     """
     states = np.frombuffer(bytes(buffer.float_buf())).reshape(-1, len(links.mass) + 1, 6)
     return states[..., :3], states[..., 3:]
 
 
 class StillBodies:
-    """All bodies of a space, put into a pose and read at once; the ground is the last of them.
+    """All bodies of a space, for steps from standstill; their states are set and read at once.
 
-    Their weights are set with the pose, so that the space has no gravity.
+    The ground is the last body.  The weights are set as forces together with the pose, so the space
+    must have no gravity.
     """
 
     def __init__(self, space: pymunk.Space, links: Links):
@@ -324,7 +334,7 @@ class StillBodies:
         self.given.set_float_buf(self.states)
 
     def step(self, pose: Array, dt: float) -> Array:
-        """The velocity (links + 1, 3) that a step of dt [s] gives to a pose that stands still."""
+        """The velocity (links + 1, 3) after a step of dt [s] from a pose at standstill."""
         self.states[:, :3] = pose
         batch.set_space_bodies(self.space, LOADED, self.given)
         self.space.step(dt)
@@ -334,7 +344,7 @@ class StillBodies:
 
 
 class HingeDrive(pymunk.GearJoint):
-    """Holds two links at an angle, as a gear of ratio 1 with a phase."""
+    """The drive of a hinge: a gear of ratio 1, whose phase is the angle between two links."""
 
     def __init__(self, joint: LinkJoint, bodies: Sequence[pymunk.Body]):
         super().__init__(bodies[joint.hold.a], bodies[joint.hold.b], 0.0, 1.0)
@@ -342,15 +352,16 @@ class HingeDrive(pymunk.GearJoint):
         self.error_bias = 0.0
 
     def aim(self, value: float) -> None:
-        """Set the value [rad] of the joint after the next step."""
+        """Set the value [rad] that the joint is to have after the next step."""
         self.phase = self.sign * (value - self.start)
 
 
 class SlideDrive(pymunk.GrooveJoint):
-    """Holds two links at a distance along a slide, by a groove across it on the first of them.
+    """The drive of a slide: a groove at right angles to the slide that is moved along it.
 
-    Chipmunk has no linear motor.  With the anchors of the guide this one carries only the force
-    along the slide, and the guide only what is across.
+    The groove belongs to the first link and guides the anchor of the second.
+    Chipmunk has no linear motor.  The drive has the anchors of the slide's own groove, so that it
+    carries only the force along the slide, and that groove only the force across.
     """
 
     def __init__(self, joint: LinkJoint, links: Links, bodies: Sequence[pymunk.Body]):
@@ -368,7 +379,7 @@ class SlideDrive(pymunk.GrooveJoint):
         self.error_bias = 0.0
 
     def aim(self, value: float) -> None:
-        """Set the value [m] of the joint after the next step."""
+        """Set the value [m] that the joint is to have after the next step."""
         move = value - self.start
         dx, dy = move * self.axis[0], move * self.axis[1]
         self.groove_a = (self.left[0] + dx, self.left[1] + dy)
@@ -379,14 +390,14 @@ Motor = HingeDrive | SlideDrive
 
 
 def add_drives(space: pymunk.Space, links: Links) -> list[Motor]:
-    """Add the drives of a mechanism, last in the solver's order, where they are met best."""
+    """Add the drives of a mechanism, last in the solver's order, where errors are smallest."""
     drives = [new_drive(joint, links, space) for joint in links.drives]
     space.add(*drives)
     return drives
 
 
 def new_drive(joint: LinkJoint, links: Links, space: pymunk.Space) -> Motor:
-    """What drives a joint, not yet in the space."""
+    """Make the drive of a joint, without adding it to the space."""
     bodies = [*space.bodies, space.static_body]
     if joint.hold.axis is None:
         return HingeDrive(joint, bodies)
@@ -394,22 +405,23 @@ def new_drive(joint: LinkJoint, links: Links, space: pymunk.Space) -> Motor:
 
 
 def aim(drives: Iterable[Motor], values: Iterable[float]) -> None:
-    """Set the values [rad or m] of all drives after the next step."""
+    """Set the values [rad or m] that all drives are to have after the next step."""
     for drive, value in zip(drives, values, strict=True):
         drive.aim(value)
 
 
 FAST = 1e9
-"""Rate [rad/s] that a motor of friction aims at, to push with all that it may."""
+"""Target rate [rad/s] of a friction motor, so large that the motor applies its largest moment."""
 FAR = 1e3
-"""Distance [extents] that the one of a slide aims at."""
+"""Distance [extents] to the target of the friction of a slide, so large that it applies its largest
+force."""
 
 
 class HingeFriction(pymunk.SimpleMotor):
     """Dry friction of a hinge: a motor of rate zero whose moment is limited.
 
-    The bodies of a sweep stand still, so that the motor of a joint that slips has a rate against
-    its motion, and the same limit.
+    The bodies of a sweep are at standstill, so the motor of a joint that slips has a rate against
+    the motion instead of zero, and the same limit of its moment.
     """
 
     def __init__(self, joint: LinkJoint, bodies: Sequence[pymunk.Body]):
@@ -427,7 +439,7 @@ class HingeFriction(pymunk.SimpleMotor):
 
 
 class SlideFriction(SlideDrive):
-    """Dry friction of a slide: a drive whose force is limited, Chipmunk having no linear motor."""
+    """Dry friction of a slide: a drive with a limited force, since Chipmunk has no linear motor."""
 
     def __init__(self, joint: LinkJoint, links: Links, bodies: Sequence[pymunk.Body]):
         super().__init__(joint, links, bodies)
@@ -448,7 +460,7 @@ Friction = HingeFriction | SlideFriction
 
 
 def add_friction(space: pymunk.Space, links: Links) -> list[Friction]:
-    """Add the dry friction of all joints that have it."""
+    """Add the motors of dry friction for all joints with dry friction."""
     bodies = [*space.bodies, space.static_body]
     found: list[Friction] = [
         HingeFriction(joint, bodies)

@@ -1,16 +1,17 @@
-"""What `trade` scans and `choose` tries in pymunk, the orders and limits that theory expects.
+"""Settings of pymunk that `trade` scans and `choose` tries, with their orders and stability limits.
 
-With the step h and the derivative j of the place:
+The errors fall with the step h as follows:
 
-    without bias                    h^2: positions advance with the old velocity, a leapfrog
-    with a bias of time constant T  h T; accelerations, differences of rates of which few iterations
-                                    leave an error of h, may keep an error of h^0.  The gap is late
-                                    by T, which brakes what is let go: energy falls by h T^2 t
-    contacts                        h at an impact, which is a step late; h^2 while one lasts
-    dampers, servos with a rate     h: they take the rate from before the step
+    no bias                         h^2: positions advance with the old velocity, as in a leapfrog
+    a bias of time constant T       h T.  Constraint violations are corrected with a delay of T,
+                                    which damps a free motion: energy falls by h T^2 t.
+                                    Accelerations are differences of rates; few iterations leave an
+                                    error of h in rates, and may leave h^0 in accelerations
+    contacts                        h at an impact, which is a step late; h^2 while a contact lasts
+    dampers, servos with a rate     h: they use the rate before the step
 
-Chipmunk steps a spring and a damper stably for z^2 up to 2 (1 + exp(2 zeta z)), with z = h omega
-and the damping ratio zeta.
+Chipmunk's step of a spring and a damper is stable for z^2 up to 2 (1 + exp(2 zeta z)), with
+z = h omega and the damping ratio zeta.
 """
 
 from collections.abc import Callable, Iterator
@@ -38,7 +39,8 @@ from proofmass.sim.pymunk.dynamics import MOST
 from proofmass.sim.pymunk.settings import CHIPMUNK_BIAS
 
 CLOSED = (0.003, 0.01, 0.03)
-"""Shares of a gap that a step closes: with more, 3 to 10 iterations diverge in many loops."""
+"""Shares of a constraint violation that a step corrects: with larger shares, 3 to 10 iterations
+diverge in many loops."""
 SIZES: dict[str, Callable[[ParameterValue], float]] = {
     "timestep": leading,
     "error_bias": lambda share: -1.0 / log(leading(share)),
@@ -47,7 +49,7 @@ LABELS = {"error_bias": "time constant of the bias [s]"}
 
 
 def scans(title: str, about: Studied) -> Iterator[Scan]:
-    """Over the step, tuned and as Chipmunk comes; and over what closes loops."""
+    """Scans over the step, with proofmass's settings and Chipmunk's, over iterations and bias."""
     own, steps = about.own_step, about.timesteps()
     at = f"{title} at {1e3 * own:g} ms"
     free: dict[str, ParameterValue] = {"timestep": own, "error_bias": 0.0}
@@ -66,7 +68,7 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
 
 
 def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
-    """Orders that a scan may show in the derivative j."""
+    """Orders that the errors of a scan may show; j as `derivative` in `Engine.orders`."""
     if scan.varied == "error_bias":
         braked = () if about.driven else (2.0,)
         return (1.0, *braked) if j < 2 else (1.0, *braked, 0.0)
@@ -80,7 +82,7 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
 
 
 def is_damped(model: MjModel) -> bool:
-    """Whether forces of dampers or servos go with rates, which Chipmunk takes at first order."""
+    """Whether dampers or servos depend on rates, for which Chipmunk is of first order."""
     servos = (a for a in range(model.nactuator) if follows_joint(model, a))
     return bool(
         model.dof_damping.any()
@@ -90,7 +92,7 @@ def is_damped(model: MjModel) -> bool:
 
 
 def perturbations(parameters: ParameterValues, about: Studied) -> Iterator[Perturbation]:
-    """Step, bias, iterations."""
+    """Settings with a change of the step, the bias or the iterations, one at a time."""
     known: dict[str, Any] = dict(parameters)
     step = known.get("timestep", about.model.opt.timestep)
     yield Perturbation(STEP, "halving the step", {**parameters, "timestep": step / 2})
@@ -113,11 +115,12 @@ def perturbations(parameters: ParameterValues, about: Studied) -> Iterator[Pertu
 
 
 def recipes(title: str) -> Iterator[Recipe]:
-    """Chipmunk's defaults, loops without bias, and with a share of their gap closed in a step.
+    """Chipmunk's defaults, no bias, and a bias that corrects a share of a violation in each step.
 
-    Few iterations diverge where a step closes all of it.  Chipmunk's `error_bias` is a share of a
-    second; with a share of a step the gap is closed faster with shorter steps, and the error falls
-    by more than in proportion to them.
+    With few iterations a run may diverge if a step corrects the whole constraint violation.
+    Chipmunk's `error_bias` is the share that is left after a second.  With a fixed share for each
+    step, shorter steps correct the violation faster, and the error falls by more than in proportion
+    to the step.
     """
     yield Recipe(f"{title}, defaults", lambda step: {"defaults": True}, True)
     yield Recipe(f"{title}, no bias", lambda step: {"error_bias": 0.0})
@@ -139,9 +142,10 @@ def recipes(title: str) -> Iterator[Recipe]:
 
 
 def left_after(share: float, step: float) -> float:
-    """Chipmunk's `error_bias`, the share of a gap left after 1 s, that closes one of it in a step.
+    """The `error_bias` with which a step [s] corrects a share of a constraint violation.
 
-    It is at least the least number that has all its digits.
+    Chipmunk's `error_bias` is the share of a violation that is left after 1 s.  The value is at
+    least the smallest normal floating-point number.
 
     >>> left_after(0.01, 1e-3), left_after(0.01, 1e-6)
     (4.317124741065786e-05, 2.2250738585072014e-308)
@@ -150,7 +154,11 @@ def left_after(share: float, step: float) -> float:
 
 
 def chipmunk(z: float, zeta: float) -> Array:
-    """The old velocity moves the position; then the spring acts, and the damper, exactly."""
+    """Matrix of a step of Chipmunk for a spring and a damper; see `proofmass.sim.protocol.StepMap`.
+
+    The position moves with the old velocity.  Then the spring acts with its force at the new
+    position, and the damper with its exact solution.
+    """
     left = np.exp(-2.0 * zeta * z)
     return np.array([[1.0, 1.0], [-left * z**2, left * (1.0 - z**2)]])
 
