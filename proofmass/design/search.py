@@ -98,7 +98,9 @@ def descend(
 
 
 def trials(places: Array, damping: Array, terms: CostTerms) -> Array:
-    """Places (B, F, d) after a step from each place with each of the `FACTORS` of its damping.
+    """Places (B, F, d) after a step from each place with each factor of `FACTORS`.
+
+    The damping of the place times the factor is the damping of the Levenberg-Marquardt method in
 
     ::
 

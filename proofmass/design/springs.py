@@ -49,7 +49,7 @@ PARALLEL = (1, 2)  # numbers of springs at a joint; the thesis's prototype has t
 
 @dataclass(frozen=True)
 class SpringStrip:
-    """A strip of spring steel that a maker offers.
+    """A strip that a maker offers.
 
     Attributes
     ----------
@@ -176,8 +176,8 @@ def described(
 ) -> dict[str, Any]:
     """The record of the first of the designs (B, d), which are sorted with the best first.
 
-    For linear springs it includes springs of the catalogue `stock`, for that design with which they
-    give the smallest error.  With `strips` it includes the clock springs with which the first
+    For linear springs it includes catalogue springs (from `stock`), for that design with which
+    they give the smallest error.  With `strips` it includes the clock springs with which the first
     design balances m g r = `moment` [N m].
     """
     variant = task.variant

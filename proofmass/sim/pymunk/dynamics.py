@@ -216,7 +216,10 @@ States = tuple[Array, Array, Array]
 
 
 def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
-    """Step through a run with `per` steps between samples, and return the states at the samples."""
+    """Step through a run, and return the states at its samples.
+
+    There are `per` steps from each sample to the next.
+    """
     space, drives, targets, back = prepared(links, run, per, settings)
     feed = None
     if run.loads:
@@ -315,9 +318,10 @@ def step_through(
 
 
 def at_samples(pose: Array, velocity: Array, record: Array, per: int, back: Array) -> States:
-    """The states at the samples, from the recorded steps and the velocity `back` before the first.
+    """The states at the samples, from the recorded steps.
 
-    `per` is the number of steps between samples, `record` marks the recorded steps.
+    `per` is the number of steps between samples, `record` marks the recorded steps,
+    and `back` is the velocity before the first step.
     """
     place = np.cumsum(record) - 1
     samples = np.arange(0, len(record), per)
@@ -339,8 +343,8 @@ LOOKED_AT = 40
 def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Step a mechanism through time; see `proofmass.sim.pymunk.engine.simulate`.
 
-    If the settings give no number of iterations and the poses of the run need more than `USUAL`,
-    the run is repeated with the number that they need.
+    If the settings give no number of iterations, a run is made with `USUAL` of them.
+    It is repeated with the number that its poses need, if that is larger.
     """
     began, links = time.perf_counter(), at_start(links, run)
     per, dt = run.steps(settings["timestep"])

@@ -4,8 +4,8 @@ Derivatives are computed by complex steps (the function at ``pose + i h directio
 rounding.  Only the gradient of the energy is written out as formulas, since chains of many links
 need it for each of their free motions.
 
-`close` moves a pose until its loops are closed; its error states the constraint violation that
-remains.  `find_modes` computes the free motions of a pose with fixed drives and with joints that
+`close` moves a pose until its loops are closed; its error states the remaining constraint
+violation.  `find_modes` computes the free motions of a pose with fixed drives and with joints that
 stay on their limits.
 """
 
@@ -234,9 +234,9 @@ radians] of a pose that counts as closed."""
 
 
 def stages(links: Links, now: Array, then: Array) -> Array:
-    """Values of the drives (stages, drives) from `now` to `then`, in moves of at most `MOVE`.
+    """Values of the drives (stages, drives) on the way from `now` to `then`.
 
-    The values `now` are not among them.
+    They differ by at most `MOVE`.  The values `now` are not among them.
     """
     scale = [1.0 if joint.hold.axis is None else links.extent for joint in links.drives]
     count = int(np.max(abs(then - now) / scale, initial=0.0) / MOVE) + 1
@@ -412,9 +412,10 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
 def _between(
     links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]
 ) -> tuple[Array, Array]:
-    """Force (..., holds, 2) [N] and moment (..., holds) [N m] of each constraint in `slope`.
+    """Force (..., holds, 2) [N] and moment (..., holds) [N m] of each constraint.
 
-    They contain the springs and loads of the joints as well as the forces `pull`.
+    They are those of `slope`, and contain the springs and loads of the joints as well as
+    the forces `pull`.
     """
     table, slides, rows = links.table, links.table.slides, links.rows
     forces = np.zeros((*pose.shape[:-2], len(links.holds)))
@@ -518,8 +519,8 @@ def _moves(links: Links, directions: Array) -> Array:
 def find_modes(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> Modes:
     """The modes of a pose (links + 1, 3) whose joints `stops` stay on their limits.
 
-    The curvature is that of ``V - pull . g``, see `slope`, so that it includes the curvature of the
-    paths on which the constraints g stay satisfied.
+    The curvature is that of ``V - pull . g``, see `slope`.  It includes the curvature of
+    the paths on which the constraints g stay satisfied.
     """
     moves, pull = _free_and_pull(links, pose, stops)
     rise, size = _rise(links, pose, moves, pull, stops)
@@ -552,7 +553,7 @@ def _free_and_pull(links: Links, pose: Array, stops: tuple[LinkJoint, ...]) -> t
 def _rise(
     links: Links, pose: Array, moves: Array, pull: Array, stops: tuple[LinkJoint, ...]
 ) -> tuple[Array, Array]:
-    """Differences of the gradient from `NUDGE` back to `NUDGE` ahead along moves.
+    """Differences of the gradient along moves, by `NUDGE` in each direction.
 
     Returns the differences (n, links + 1, 3) and the sizes (n,) of the moves.
     """

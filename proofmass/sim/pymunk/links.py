@@ -91,14 +91,14 @@ def columns(holds: Sequence[Hold]) -> dict[str, Any]:
 class LinkJoint:
     """A hinge or slide with its constraint, coordinate, spring, damper, load and limits.
 
-    ``hold`` is its constraint; ``holds`` is False for a coordinate of a body that is free in the
+    ``hold`` is its constraint; ``holds`` is False for a coordinate of a free body in the
     plane, which has no constraint.  ``value`` and ``rate`` are those of the start pose [rad or m,
     per s]; ``sign`` is 1 for slides and for hinges that are positive about the plane's normal, and
-    -1 for others.  ``stiffness`` are the coefficients (k, a, b) of the spring's moment or force
-    k x + a x^2 + b x^3, where x is the value less ``rest``.  ``servo`` is the stiffness of
-    actuators that follow the joint: it acts as that of the spring, but stores no energy.  ``load``
-    is a constant moment [N m] or force [N] on the second link, with its reaction on the first.
-    ``friction`` is the largest dry friction [N m or N].
+    -1 for others.  ``stiffness`` are the coefficients (k, a, b) of the spring, whose moment or
+    force is k x + a x^2 + b x^3 for the value less ``rest``, x.  ``servo`` is the stiffness of
+    actuators that follow the joint: it acts as that of the spring, but stores no energy.
+    ``load`` is a constant moment [N m] or force [N] on the second link, with its reaction on the
+    first.  ``friction`` is the largest dry friction [N m or N].
     """
 
     name: str

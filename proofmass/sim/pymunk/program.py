@@ -138,9 +138,10 @@ def names_in(program: str) -> set[str]:
 
 
 def body_names(links: Links, taken: Iterable[str]) -> list[str]:
-    """Names of variables for all links and the ground, all different and none of them in `taken`.
+    """Names of variables for all links and the ground, which are all different.
 
-    A link has the name of its first body, or that of the body's joint if the body has no name.
+    None of them is in `taken`.  A link has the name of its first body, or that of the body's
+    joint if the body has no name.
     """
     found: list[str] = []
     for k in range(len(links.mass)):
@@ -215,8 +216,8 @@ def summed(terms: Iterable[tuple[float, str]], level: float = 0.0) -> str:
 def wrapped(text: str, first: int = 0, indent: int = 4) -> str:
     """Break an expression into lines at its blanks, but not within a tuple.
 
-    The expression must be in brackets and without strings.  `first` is the indentation of its first
-    line, which is not printed, and `indent` that of the other lines.
+    The expression must be in brackets and without strings.  The first line is broken as if it were
+    indented by `first`; the other lines are indented by `indent`.
     """
     whole = re.sub(r"(?<!\w)\([^()]*\)", lambda found: found[0].replace(" ", "\0"), text)
     return (
@@ -234,7 +235,7 @@ def wrapped(text: str, first: int = 0, indent: int = 4) -> str:
 
 
 def changing(terms: list[tuple[float, str]], level: float) -> str:
-    """The source of a sum as in `summed` that is an array over the poses even if it is constant."""
+    """The source of a sum as in `summed`, but always an array over the poses."""
     if all(abs(share) <= ZERO for share, _ in terms):
         return f"np.full(len(pose), {digits(level)})"
     return summed(terms, level)
@@ -403,7 +404,8 @@ def drive_channels(links: Links) -> Iterator[tuple[str, Sensor]]:
 class Writer:
     """Writes the parts of a program, as the template ``pymunk.py.jinja`` needs them.
 
-    `names` are the variables of all links and of the ground; `levels` are those of `levels_of`.
+    `names` are the variables of all links and of the ground, and `levels` is from
+    `levels_of`.
     """
 
     links: Links

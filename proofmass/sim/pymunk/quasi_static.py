@@ -2,8 +2,8 @@
 
 **Joint limits.** Chipmunk's stops act only on a joint that is beyond them.  With an error bias of 0
 they put the joint back exactly to the stop in one step, where they act no longer, so that the joint
-falls in again.  A stop is therefore placed a distance `HAIR` before the limit, and its bias is
-bounded so that a step leaves the joint on the limit.
+falls in again.  Therefore a stop is placed a distance `HAIR` before the limit, and its bias
+has a bound so that a step leaves the joint on the limit.
 
 **Rest.** A pose is at rest if a step of the engine from standstill gives it no velocity; nothing
 else decides this.  Only the length of the moves toward the rest is computed by proofmass, from the
@@ -12,7 +12,7 @@ curvature of the energy in `proofmass.sim.pymunk.kinematics`.
 All velocities are removed before each step.  A step of Chipmunk is then one step of Newton's method
 for the constraints, in the metric of the masses, so a linkage without degrees of freedom is at rest
 after a few steps.  Degrees of freedom (springs, hanging bodies) get a velocity down the gradient of
-the engine's energy; `toward_rest` chooses how far they move along it.  Where their minimum of the
+the engine's energy; `toward_rest` chooses how far they move along it.  Where their minimum of
 energy ceases to exist they move to another one.
 
 Degrees of freedom begin at a distance from the start pose.  Otherwise an engine that computes
@@ -112,7 +112,7 @@ def find_stops(links: Links, space: pymunk.Space) -> Stops:
 
 
 def ease(stops: Stops, pose: Array, dt: float) -> None:
-    """Bound the correction of the next step, so that joints stay `HAIR` beyond their stops."""
+    """Bound the correction of the next step, so that joints stay `HAIR` beyond stops."""
     for joint, stop in stops:
         stop.max_bias = max(abs(way_back(joint, pose)) - HAIR, STAY) / dt
 
@@ -123,8 +123,8 @@ SLIP = 0.1
 """Largest overshoot of a stop in a move, as a share of the distance to the stop; the stop acts on
 the joint afterwards."""
 PAST = 10 * HAIR
-"""Overshoot of a stop [rad or m] that is always allowed.  A joint further than `HAIR` beyond its
-stop is put back to the limit; one within `HAIR` would stay where it is."""
+"""Overshoot of a stop [rad or m] that is always allowed.  A joint more than `HAIR` beyond
+its stop is put back to the limit; one within `HAIR` would stay where it is."""
 MOVE = 0.1
 """Largest move of a mode [extents or radians]: its stiffness is that of the pose before it."""
 CLOSE = 0.3
@@ -158,8 +158,8 @@ def toward_rest(
     dt : float
         Length of the step [s].
     last : Modes, optional
-        Modes of an earlier pose.  They are used again if that pose is closer than `NEAR` and has
-        the same joints on stops.
+        Modes of an earlier pose.  They are used again if that pose is within `NEAR`
+        and has the same joints on stops.
     """
     beyond = tuple(joint for joint in links.joints if way_back(joint, pose))
     fastest = float(sizes(links, velocity))
@@ -201,7 +201,10 @@ def _leaving(
     dt: float,
     least: float = 0.0,
 ) -> NDArray[np.bool_]:
-    """Which joints beyond their stops move back faster, by `least`, than `ease` makes them."""
+    """Which joints beyond their stops move back faster than `ease` makes them.
+
+    The difference of the rates must be larger than `least` [rad/s or m/s].
+    """
     back = np.array([way_back(joint, pose) for joint in beyond])
     rates = along(lambda p: values(beyond, p), pose, velocity)
     due = np.maximum(np.abs(back) - HAIR, 0.0) / dt
@@ -211,7 +214,8 @@ def _leaving(
 def _excess(links: Links, pose: Array, move: Array) -> float:
     """Factor by which a move is too long, for the overshoot of the first stop that it reaches.
 
-    The allowed overshoot is given by `SLIP` and `PAST`; below 1 the move is not too long.
+    `SLIP` and `PAST` give the overshoot that is allowed.  The move is too
+    long if the factor is larger than 1.
     """
     joints = tuple(j for j in links.joints if j.limits and not way_back(j, pose))
     value, rate = values(joints, pose), along(lambda p: values(joints, p), pose, move)
@@ -239,8 +243,8 @@ ROUGH = 1e-6
 """The same between samples, where the pose only has to stay on its branch.  It is also the largest
 constraint violation and error of a drive of a pose at rest."""
 SETTLED = 2
-"""Number of successive steps with moves below `STILL` after which a pose at a sample is at rest;
-between samples one step with a move below `ROUGH` is sufficient.
+"""Number of successive steps with moves below `STILL` after which a pose at a sample is at
+rest; between samples one step with a move below `ROUGH` is sufficient.
 
 A single step is not sufficient even if it moves the pose by 1e-14 only: where the solver converges
 slowly this may happen by chance, and the rates of the hacksaw with a slider of 0.45 kg were wrong
@@ -334,12 +338,12 @@ class HeldSpace:
 
     ``free`` tells whether the drives leave degrees of freedom.  ``velocity`` is that after the last
     step of ``dt`` [s] from standstill.  ``usual`` is the initial number of iterations in a step,
-    and ``most`` the largest number used so far.  ``past`` are the drives' values and poses of up to
-    `BEFORE` rests before the present pose.  ``friction`` are the motors of joints with dry
-    friction, and ``rub`` is the signed friction of each [N m or N].  ``moving`` is a separate space
-    for the computation of rates, if there are no degrees of freedom: Chipmunk begins each step with
-    the impulses of the last step, and the impulses of a motion differ much from those of a rest.
-    ``largest`` is the largest force of a drive so far [N m or N].
+    and ``most`` the largest number used so far.  ``past`` are the drives' values and poses of
+    up to `BEFORE` rests before the present pose.  ``friction`` are the motors of joints with
+    dry friction, and ``rub`` is the signed friction of each [N m or N].  ``moving`` is a separate
+    space for the computation of rates, if there are no degrees of freedom: Chipmunk begins each
+    step with the impulses of the last step, and the impulses of a motion differ much from those of
+    a rest.  ``largest`` is the largest force of a drive so far [N m or N].
     """
 
     links: Links
@@ -468,7 +472,7 @@ class HeldSpace:
         branches cross.  With degrees of freedom it is taken only if it violates constraints and
         drives less than the present pose, which is not the case after a snap to another
         equilibrium.  A polynomial through more than two rests is used where it is nearly a line and
-        no joint is on its stop, which the polynomial would leave or enter by less than `HAIR`.
+        no joint is on its stop: it would leave or enter the stop by less than `HAIR`.
         """
         if not self.past:
             return
@@ -505,7 +509,7 @@ class HeldSpace:
             self.pose = began
 
     def _missed(self, target: Array) -> bool:
-        """Whether a constraint violation or an error of a drive is larger than `ROUGH`."""
+        """Whether a constraint violation or a drive's error is larger than `ROUGH`."""
         off = missing(self.links, self.pose, target) / self.links.bounds
         return bool(np.abs(off).max(initial=0.0) > ROUGH)
 
@@ -554,8 +558,9 @@ class HeldSpace:
         Chipmunk gives only the size of an impulse.  Its sign is found by a step in which the force
         of the drive is limited to slightly less: the joint then moves against the force of the
         drive.  The first iteration shows this already, since it reduces the impulse of the drive
-        and leaves the others as they are.  The force is reduced by `LESS` of the largest force, or
-        to zero if it is smaller than that, so that the next rest begins with nearly right impulses.
+        and leaves the others as they are.  The force is reduced by `LESS` times the
+        largest force, or to zero if it is smaller than that, so that the next rest begins with
+        nearly right impulses.
         """
         here = drive_values(self.links, self.pose)
         self.step(here)
@@ -790,10 +795,11 @@ class HeldRubbing(HeldSpace):
 
 
 def hold(links: Links, settings: Settings) -> HeldSpace:
-    """The state of a sweep in the start pose, or near it with degrees of freedom, see `BESIDE`.
+    """The state of a sweep at its beginning, in the start pose or near it.
 
-    Without degrees of freedom the links get the masses of `quick`; otherwise they keep their own,
-    to which the modes of `toward_rest` belong.
+    With degrees of freedom the pose is at the distance `BESIDE` from the start pose.
+    Without them the links get the masses of `quick`; otherwise they keep their own, to
+    which the modes of `toward_rest` belong.
 
     The space has no dampers: they have no effect at rest, and Chipmunk's steps toward the rest
     would not be solved with them.
@@ -837,7 +843,7 @@ def hold(links: Links, settings: Settings) -> HeldSpace:
 
 
 def space_of(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
-    """The space of links without dampers, drives and gravity; `StillBodies` applies the weights."""
+    """The space of links without dampers, drives and gravity; `StillBodies` adds the weights."""
     undamped = replace(
         links,
         joints=tuple(replace(joint, damping=0.0) for joint in links.joints),

@@ -39,9 +39,9 @@ class Sensor:
     """One channel: a function of the pose, and how often it is differentiated with respect to time.
 
     ``order`` is 0, 1 or 2 for a function and its derivatives, -1 for the kinetic energy, -2 for the
-    force of a drive and -3 for a force or moment between two bodies, the sensor `transmitted`.  For
-    order -2, ``drive`` is the index of the drive, and ``factor`` the ratio of the channel to the
-    drive's force.
+    force of a drive, and -3 for a force or moment between two bodies, given by an `Interaction`.
+    For order -2, ``drive`` is the index of the drive, and ``factor`` the ratio of the channel to
+    the drive's force.
     """
 
     order: int

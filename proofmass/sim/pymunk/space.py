@@ -139,7 +139,7 @@ def at(links: Links, link: int, local: Array) -> tuple[float, float]:
 
 
 def add_contacts(space: pymunk.Space, links: Links, settings: Settings) -> None:
-    """Add shapes to the bodies of a space from `build`, and apply the contact law of each pair."""
+    """Add shapes to the bodies of a space from `build`, with the contact law of each pair."""
     contacts = links.contacts
     if not contacts:
         return
