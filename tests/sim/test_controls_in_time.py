@@ -584,7 +584,7 @@ def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
     wanted = in_pymunk(file, given)
     given = replace(given, settings=wanted.settings)
     source = controls_source([polyline(tmp_path)], T)
-    with pytest.raises(Unsupported, match="sensor 'push', which shows more of a force than the"):
+    with pytest.raises(Unsupported, match="sensor 'push', which shows a force beyond the"):
         pymunk_program.write_program(file, given, "", "", controls=source)
     given = replace(given, channels=("x", "rate", "on_x"))
     text = pymunk_program.write_program(file, given, "", "", controls=source)

@@ -66,7 +66,7 @@ def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, 
     found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
     if links.contacts:
         found |= {
-            name: "pymunk does not tell forces of constraints and drives from those of contacts"
+            name: "pymunk does not separate forces of constraints and drives from those of contacts"
             for name, c in found.items()
             if isinstance(c, Sensor) and c.order <= -2
         }

@@ -713,7 +713,7 @@ class HeldRubbing(HeldSpace):
             motor.slip(0.0, 0.0)
         if moved > HELD:
             names = ", ".join(f"'{motor.joint.name}'" for motor in self.sticking)
-            raise NotSolved(f"joints {names} slip by {moved:.2g} of the mechanism where they stick")
+            raise NotSolved(f"joints {names} should stick, but slip by {moved:.2g} of the extent")
 
     @property
     def sticking(self) -> list[Friction]:
@@ -924,7 +924,7 @@ def _step(links: Links, pose: Array) -> float:
 
 NO_ACC = "Chipmunk has no inverse dynamics: no accelerations in a sweep"
 NO_INERTIA = "Chipmunk has no inverse dynamics: moments and forces of a sweep are those at rest"
-NO_RATE = "Chipmunk gives no quasi-static rates of coordinates that springs or gravity hold"
+NO_RATE = "Chipmunk gives no quasi-static rates where the drives leave degrees of freedom"
 
 
 def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:

@@ -69,6 +69,6 @@ ACCURACY = {
     ),
     "acceleration": AccuracyLimit(1e-4, "second order: central difference of those velocities"),
     "force": AccuracyLimit(
-        3e-4, "second order: what the impulses of a step do to the velocities before and after it"
+        3e-4, "second order: from the change of velocities by the impulses of a step"
     ),
 }
