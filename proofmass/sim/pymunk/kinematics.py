@@ -368,7 +368,8 @@ def slope(links: Links, pose: Array, pull: Array, stops: tuple[LinkJoint, ...]) 
         d/dp_b = u                              d/dp_a = -u
         d/da_b = t + u . R'(a_b) on_b           d/da_a = -t - u . R'(a_a) on_a + u' . apart
 
-    The term with u' is present for a slide only, whose u rotates with the first link.
+    Here apart is the vector from the anchor on a to that on b.  The term with u' is present for a
+    slide only, whose u rotates with the first link.
 
     Parameters
     ----------

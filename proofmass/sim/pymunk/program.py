@@ -384,8 +384,8 @@ def levels_of(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
             clipped = (curve != asked[k]).any()
             if clipped and not np.allclose(ends, levels(name, k, asked[k]), rtol=1e-12, atol=0.0):
                 raise Unsupported(
-                    f"a program with sensor '{name}', which shows a force beyond the range of forces "
-                    "of its joint"
+                    f"a program with sensor '{name}', which shows a force beyond the range of "
+                    f"forces of its joint"
                 )
             width = float(np.ptp(curve))
             shares.append((most - least) / width if width else 0.0)
