@@ -99,7 +99,7 @@ def at_start(links: Links, run: Run) -> Links:
 
 
 def followed(links: Links, run: Run) -> tuple[Array, Array]:
-    """Smallest and largest controls (loads,) up to which the forces are proportional to them.
+    """Smallest and largest controls (loads,) between which the forces are proportional to them.
 
     The limits follow from the range of forces of each motor, and from the part of the range of its
     joint that the motors with constant controls leave.  They are infinite without a range.

@@ -472,7 +472,7 @@ class HeldSpace:
         branches cross.  With degrees of freedom it is taken only if it violates constraints and
         drives less than the present pose, which is not the case after a snap to another
         equilibrium.  A polynomial through more than two rests is used where it is nearly a line and
-        no joint is on its stop: it would leave or enter the stop by less than `HAIR`.
+        no joint is on its stop: the polynomial would leave or enter it by less than `HAIR`.
         """
         if not self.past:
             return
