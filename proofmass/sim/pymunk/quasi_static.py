@@ -713,7 +713,7 @@ class HeldRubbing(HeldSpace):
             motor.slip(0.0, 0.0)
         if moved > HELD:
             names = ", ".join(f"'{motor.joint.name}'" for motor in self.sticking)
-            raise NotSolved(f"joints {names} should stick, but slip by {moved:.2g} of the extent")
+            raise NotSolved(f"joints {names} should stick, but slip by {moved:.2g} extents or rad")
 
     @property
     def sticking(self) -> list[Friction]:
