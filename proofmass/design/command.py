@@ -124,7 +124,7 @@ def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
             raise InputError(
                 case.file,
                 "reference",
-                f"{case.reference!r} is no balancer; --beside takes cases with reference = 'balancer'",
+                f"{case.reference!r} is no balancer; --beside takes cases of reference 'balancer'",
             )
     return {case.title: case.parameters for case in cases}
 
