@@ -163,7 +163,6 @@ def _swing(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> Non
 
 
 JOINT, EQ = mujoco.mjtJoint, mujoco.mjtEq
-OFF = mujoco.mjtDisableBit
 
 
 def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
@@ -205,11 +204,6 @@ def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: Mo
     if np.abs(across).max() > PARALLEL * np.abs(wrench).max():
         name = model.actuator(actuator).name
         raise Unsupported(f"the load of actuator '{name}' leaves the plane of motion")
-
-
-def off(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
-    """Whether a disable flag is set."""
-    return bool(model.opt.disableflags & int(bit))
 
 
 def _joints(model: mujoco.MjModel) -> Iterator[str]:
