@@ -1,8 +1,8 @@
-"""Charts: what a closed form knows beside the curves of a run, as data that a report can draw.
+"""Charts: what a reference knows in addition to the curves of a run, as data that a report draws.
 
-A reference's module may have functions that make one of its parameters: all equilibria of a
-mechanism, its workspace, its buckling loads.  A sidecar's ``[[chart]]`` names such a function; it
-takes parameters by name and says ``-> Chart``.
+A chart shows, for example, all equilibria of a mechanism, its workspace or its buckling loads.  It
+is made by a function of the reference's module, which takes the parameters of the reference by
+name and whose return annotation is ``-> Chart``.  A sidecar's ``[[chart]]`` names that function.
 """
 
 from dataclasses import dataclass
@@ -11,28 +11,28 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, Index
 
-MOST = 12  # panels that a page has room for
+MOST = 12  # largest number of panels of a chart: a page has room for no more
 GAP = complex(np.nan, np.nan)
-"""Breaks a line of places x + iy."""
+"""A point x + iy that interrupts a line."""
 
 
 @dataclass(frozen=True)
 class ChartLine:
-    """A line through points, or the points alone; NaN breaks it.
+    """A line through points, or the points alone; NaN interrupts the line.
 
     Attributes
     ----------
     x, y : ndarray (n,)
-        Places [SI].
+        Coordinates of the points [SI].
     label : str
-        What it is, for the legend; lines of one label are drawn alike.
+        Name of the line in the legend; lines with the same label are drawn in the same way.
     stable : bool
-        Drawn bold; what is unstable thin and dashed.
+        True: the line is drawn bold. False: thin and dashed, as for unstable equilibria.
     points : bool
-        Markers instead of a line: filled, or hollow if unstable.
+        Whether markers are drawn instead of a line: filled ones, or hollow ones if not `stable`.
     bars : bool
-        Links of a mechanism: thick, with a pin at every point; thin and dashed if unstable, as
-        for another pose of the same links.
+        Whether the line shows links of a mechanism: it is drawn thick, with a pin at every point;
+        thin and dashed if not `stable`, as for another pose of the same links.
     """
 
     x: Array
@@ -57,7 +57,7 @@ def line_through(
     points: bool = False,
     bars: bool = False,
 ) -> ChartLine:
-    """A line through places x + iy (n,) [SI], drawn as `ChartLine` says; `GAP` breaks it.
+    """A line through points x + iy (n,) [SI], see `ChartLine`; `GAP` interrupts the line.
 
     >>> line_through(np.array([1.0, 2.0j]), "way").y.tolist()
     [0.0, 2.0]
@@ -67,21 +67,22 @@ def line_through(
 
 @dataclass(frozen=True)
 class Field:
-    """Values over a grid, or over triangles, drawn as filled contours; NaN stays white.
+    """Values over a grid or over triangles, drawn as filled contours; NaN stays white.
 
     Attributes
     ----------
     x, y : ndarray (m,), (n,)
-        The grid [SI]; with triangles, the places of all values, (k,) each.
+        Coordinates of the grid [SI]; with triangles, the coordinates of all values, (k,) each.
     values : ndarray (m, n), or (k,)
-        [its unit]; those that pass through infinity are drawn as a singularity of zero unless NaN
-        is between.
+        Values of the field [its unit]. Where values change their sign through infinity, the
+        drawing shows a zero, unless there is NaN between them.
     label, unit : str
-        What they are, for the colour bar.
+        Name and unit of the values, for the colour bar.
     signed : bool
-        Zero is a singularity: two colours that part there, and a line on it.
+        Whether zero is a singularity: the two signs have two colours, and a line marks the zero.
     triangles : ndarray (t, 3) or None
-        Numbers of the places at their corners: a field of any outline, which a grid would jag.
+        Indices of the points at the corners of each triangle. Triangles give the field a smooth
+        outline of any shape, where a grid would give a jagged one.
     """
 
     x: Array
@@ -107,7 +108,7 @@ class Field:
 
     @property
     def places(self) -> tuple[Array, Array]:
-        """Where it has finite values [SI]."""
+        """Coordinates of the points with finite values; with triangles, of all corners [SI]."""
         if self.triangles is None:
             i, j = np.nonzero(np.isfinite(self.values))
             return self.x[i], self.y[j]
@@ -117,16 +118,16 @@ class Field:
 
 @dataclass(frozen=True)
 class ChartRegion:
-    """An area that closed outlines bound; those within others are its holes.
+    """An area that is bounded by closed outlines; an outline within another one is a hole.
 
     Attributes
     ----------
     outlines : tuple of ndarray (n, 2)
-        Points on each of them [SI].
+        Points on each outline [SI].
     label : str
-        What it is, for the legend; regions of one label are filled alike.
+        Name of the region in the legend; regions with the same label are filled in the same way.
     area : float
-        Its size [its unit], written into it where there is room; NaN is not.
+        Area of the region [its unit], written into it where there is room; NaN is not written.
     """
 
     outlines: tuple[Array, ...]
@@ -141,7 +142,7 @@ class ChartRegion:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes: lines on regions or on a field, under a title of a few words."""
+    """One pair of axes with lines, drawn over regions or over a field, and a short title."""
 
     lines: tuple[ChartLine, ...] = ()
     field: Field | None = None
@@ -156,15 +157,16 @@ class Chart:
     Attributes
     ----------
     x, y : tuple of str
-        Name and SI unit of both axes, such as ("x", "m"); "rad" is drawn in degrees, "" not at all.
+        Name and SI unit of each axis, such as ("x", "m"); "rad" is drawn in degrees, and for "" no
+        unit is drawn.
     panels : tuple of Panel
-        One to twelve.
+        One to twelve panels.
     caption : str
-        What to see, in a sentence or two.
+        What the chart shows, in a sentence or two.
     alike : bool
-        One scale across and up, as for shapes.
+        Whether both axes have the same scale, as shapes need it.
     logarithmic : bool
-        A logarithmic axis up, on which values that are not positive are left out.
+        Whether the vertical axis is logarithmic; values that are not positive are left out.
 
     Examples
     --------
@@ -190,10 +192,10 @@ class Chart:
 
     @property
     def lines(self) -> tuple[ChartLine, ...]:
-        """Those of all panels."""
+        """The lines of all panels."""
         return tuple(line for panel in self.panels for line in panel.lines)
 
     @property
     def regions(self) -> tuple[ChartRegion, ...]:
-        """Those of all panels."""
+        """The regions of all panels."""
         return tuple(region for panel in self.panels for region in panel.regions)

@@ -1,8 +1,9 @@
 """Actuators whose force is linear in control, length and rate, and controls that change in time.
 
-The laws of controls, and of drives, may have ``breaks``: times at which a derivative of theirs
-jumps, such as the rows of a table.  A motion is integrated from break to break, where it is smooth.
-A law may also make a function of one time, by ``scalar()``, that is faster than the law itself.
+The profiles of controls and of drives (`Law`) are functions of time.  A profile may have
+``breaks``: times at which one of its derivatives jumps, such as the rows of a table.  A motion is
+integrated from break to break, since it is smooth in between.  A profile may also have a method
+``scalar()``, which returns a function of one time that is faster than the profile itself.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,12 +21,12 @@ Law = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""
 UNLIMITED = (-np.inf, np.inf)
 TOGETHER = 1e-13
-"""Times that differ by less [s, or a share of them] count as one."""
+"""Times count as equal if they differ by less: in s, or relative to times longer than 1 s."""
 
 
 @dataclass(frozen=True)
 class AffineActuator:
-    """An actuator whose force is linear in control, length and rate of what it acts on.
+    """Actuator whose force is linear in its control, its length and the rate of its length.
 
     Attributes
     ----------
@@ -33,17 +34,17 @@ class AffineActuator:
     tendon : int
         Number of its tendon; -1 if it acts on a joint.
     pose, rate : int
-        Where its joint stands in a pose and in the rates.
+        Indices of its joint in a pose and in the rates.
     gear : float
-        Length of the actuator for a unit of what it acts on [SI].
+        Length of the actuator per unit of its joint's value or of its tendon's length [SI].
     place : int
-        Where its control stands among all controls.
+        Index of its control among all controls.
     gain : float
-        Force for a unit of the control [SI].
+        Force per unit of the control [SI].
     offset : float
-        Part of the force that never changes [N or N m].
+        Constant part of the force [N or N m].
     by_length, by_rate : float
-        Force for a unit of length, and of its rate [SI].
+        Force per unit of length, and per unit of the length's rate [SI].
     range : tuple of float
         Smallest and largest force [N or N m].
     controls : tuple of float
@@ -65,11 +66,11 @@ class AffineActuator:
 
     @property
     def limited(self) -> bool:
-        """Whether its force has a range."""
+        """Whether its force has a lower or upper limit."""
         return bool(np.isfinite(self.range).any())
 
     def asked(self, control: Array) -> Array:
-        """The part of the force that controls (n,) ask for [N or N m]."""
+        """Part of the force (n,) due to controls (n,), which are clipped first [N or N m]."""
         if self.controls != UNLIMITED:
             control = np.clip(control, *self.controls)
         return np.asarray(self.gain * control)
@@ -77,24 +78,26 @@ class AffineActuator:
     def force(
         self, control: Array, length: Array | float = 0.0, rate: Array | float = 0.0
     ) -> Array:
-        """Forces (n,) with some controls at some lengths and rates [N or N m]."""
+        """Forces (n,) for given controls, lengths and rates, clipped to their range [N or N m]."""
         own = self.asked(control) + self.offset + self.by_length * length + self.by_rate * rate
         return np.asarray(np.clip(own, *self.range))
 
 
 @dataclass(frozen=True, eq=False)
 class SiteLoad:
-    """A force and a moment that an actuator on a site gives its body, however the body moves.
+    """Force and moment that an actuator on a site applies to its body; only the control sets them.
 
     Attributes
     ----------
     actuator : AffineActuator
-        Its force depends on its control alone.
+        An actuator whose force depends on its control alone.
     body : int
+        Number of the body.
     at : ndarray (3,)
-        The site, in the frame of the body [m].
+        Position of the site in the frame of the body [m].
     force, moment : ndarray (3,)
-        Of a unit of the actuator's force [1, m], in the frame of the body, or of the ground.
+        Force and moment per unit of the actuator's force [1, m]: in the frame of the body if the
+        load `follows` it, otherwise in the frame of the ground.
     follows : bool
         Whether the load turns with the body; otherwise it is a dead load.
     """
@@ -109,14 +112,14 @@ class SiteLoad:
 
 @dataclass(frozen=True, eq=False)
 class ControlsInTime:
-    """All controls of a model, of which some follow laws.
+    """All controls of a model, of which some change in time.
 
     Attributes
     ----------
     fixed : ndarray (controls,)
-        Those of the key [SI].
+        Controls of the start key [SI].
     laws : mapping of int to callable
-        By the place among all controls.
+        Profiles of the controls that change, by their indices among all controls.
     """
 
     fixed: Array
@@ -126,7 +129,7 @@ class ControlsInTime:
     def of(
         cls, model: Any, fixed: Array, named: Mapping[str, Law] | None
     ) -> "ControlsInTime | None":
-        """Those of a compiled MJCF, by actuators' names; None if all are those of the key."""
+        """Controls of a compiled MJCF, profiles by actuators' names; None if no control changes."""
         return cls(fixed, controls_by_place(model, named)) if named else None
 
     def at(self, time: float) -> Array:
@@ -138,7 +141,7 @@ class ControlsInTime:
 
     @cached_property
     def scalars(self) -> tuple[tuple[int, Callable[[float], float]], ...]:
-        """Places of the controls that follow laws, and these as functions of one time [s]."""
+        """Indices of the controls that change, with their profiles as functions of one time [s]."""
 
         def plain(law: Law) -> Callable[[float], float]:
             return lambda time: float(law(np.array([time]))[0][0])
@@ -161,15 +164,16 @@ class ControlsInTime:
 def controls_at_samples(
     model: Any, fixed: Array, named: Mapping[str, ArrayLike] | None
 ) -> Array | None:
-    """All controls (n, controls) of a compiled MJCF, some of them curves (n,), by actuators' names.
+    """All controls (n, controls) of a compiled MJCF at n samples; None if no control changes.
 
-    None if all are those of the key.
+    `named` has curves (n,) by the names of actuators; `fixed` (controls,) are the controls of the
+    start key.
     """
     return with_controls(fixed, controls_by_place(model, named)) if named else None
 
 
 def with_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:
-    """All controls (n, controls), some of them curves (n,), by their places."""
+    """All controls (n, controls): `fixed`, except the curves (n,) in `changed`, by index."""
     n = max((np.size(curve) for curve in changed.values()), default=1)
     found = np.tile(np.asarray(fixed, float), (n, 1))
     for place, curve in changed.items():
@@ -178,7 +182,7 @@ def with_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:
 
 
 def controls_by_place(model: Any, named: Mapping[str, Any]) -> dict[int, Any]:
-    """What is given by the names of actuators of a compiled MJCF, by the places of their controls.
+    """Entries given by names of actuators of a compiled MJCF, by the indices of their controls.
 
     Raises
     ------
@@ -201,11 +205,11 @@ class Prescribed:
     Attributes
     ----------
     poses, rates : ndarray (drives,) of int
-        Where they stand in a pose and in the rates.
+        Indices of the joints in a pose and in the rates.
     law : callable
-        Values, rates and accelerations as a function of one time [SI].
+        Function of one time that returns values, rates and accelerations [SI].
     breaks : tuple of float
-        Times at which a derivative of these jumps [s].
+        Times at which a derivative of the motion jumps [s].
     """
 
     poses: Index
@@ -215,7 +219,7 @@ class Prescribed:
 
     @classmethod
     def of(cls, poses: Index, rates: Index, laws: Sequence[Law]) -> "Prescribed":
-        """Joints that follow laws."""
+        """Joints with a motion profile each."""
 
         def law(t: float) -> tuple[Array, Array, Array]:
             parts = [[float(part) for part in one(np.asarray(t, float))] for one in laws]
@@ -227,11 +231,11 @@ class Prescribed:
 
 NONE, NOTHING = np.zeros(0, np.intp), np.zeros(0)
 UNDRIVEN = Prescribed(NONE, NONE, lambda t: (NOTHING, NOTHING, NOTHING))
-"""No joints."""
+"""A prescribed motion of no joints."""
 
 
 def breaks_of(laws: Any) -> tuple[float, ...]:
-    """Times at which a derivative of one of some laws jumps [s], rising."""
+    """Times at which a derivative of any of the profiles jumps [s], in rising order."""
     times = [np.asarray(getattr(law, "breaks", ()), float) for law in laws]
     return tuple(np.unique(np.concatenate([np.zeros(0), *times])).tolist())
 
@@ -239,10 +243,11 @@ def breaks_of(laws: Any) -> tuple[float, ...]:
 def smooth_pieces(
     start: float, end: float, breaks: tuple[float, ...]
 ) -> Iterator[tuple[float, float, float]]:
-    """The parts of a motion between breaks: start, end, and the last time that is of the part.
+    """Parts of a motion between breaks: start, end, and last time at which profiles are evaluated.
 
-    A law whose derivative jumps at a break has that of the next part there, so that within a part
-    it is asked no later than just before its end.
+    At a break a profile has the derivatives of the next part.  Within a part that ends at a break,
+    profiles are therefore evaluated no later than one rounding step before its end.  For a part
+    that does not end at a break the last time is infinite.
 
     >>> [(a, b) for a, b, _ in smooth_pieces(0.0, 2.0, (0.0, 0.5, 3.0))]
     [(0.0, 0.5), (0.5, 2.0)]

@@ -1,4 +1,4 @@
-"""Newton-Raphson iteration that keeps a log of every step, as it is taught."""
+"""Newton-Raphson iteration with a log of every step, as textbooks show it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,27 +10,27 @@ from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.numerics import Array
 
 System = Callable[[Array], tuple[Array, Array]]
-"""Unknowns x (unknowns,) -> F (equations,) and its Jacobian (equations, unknowns)."""
-RANK_MARGIN = 1e-5  # singular values below it count as zero, as in the documents
-DRAWN = 1e-17  # of steps and residuals; smaller ones are rounding of nothing
+"""Function of the unknowns (unknowns,) that returns F (equations,) and its Jacobian."""
+RANK_MARGIN = 1e-5  # smaller singular values count as zero, as in the documents
+DRAWN = 1e-17  # smallest step or residual that a chart shows; smaller ones are rounding errors
 
 
 @dataclass(frozen=True)
 class NewtonLog:
-    """Last iterate and log: row i tells of iterate i before its step, and of that step.
+    """Log of a Newton-Raphson iteration: row i has iterate i, and F and its Jacobian there.
 
     ``print(log)`` writes q, Phi, J, rank and error of each iteration.
 
     Attributes
     ----------
     iterates : ndarray (iterations + 1, unknowns)
-        The first guess, and what each step led to [SI].
+        The first guess, then the iterate after each step [SI].
     values : ndarray (iterations, equations)
-        F of each iterate [SI].
+        F at each iterate before its step [SI].
     jacobians : ndarray (iterations, equations, unknowns)
-        Its derivatives [SI].
+        Jacobian of F at each iterate before its step [SI].
     names : tuple of str
-        The unknowns, for prints and charts; may be empty.
+        Names of the unknowns, for prints and charts; may be empty.
     """
 
     iterates: Array
@@ -50,7 +50,7 @@ class NewtonLog:
 
     @property
     def steps(self) -> Array:
-        """Norm of each step (iterations,) [SI], units mixed: the documents' error."""
+        """Norm of each step (iterations,) [SI], which the documents call error; units are mixed."""
         return np.asarray(np.linalg.norm(np.diff(self.iterates, axis=0), axis=1))
 
     @property
@@ -60,7 +60,7 @@ class NewtonLog:
 
     @property
     def ranks(self) -> NDArray[np.intp]:
-        """Rank of each Jacobian (iterations,): its singular values above `RANK_MARGIN`."""
+        """Rank of each Jacobian (iterations,): number of singular values above `RANK_MARGIN`."""
         return np.asarray(np.sum(self._sizes > RANK_MARGIN, axis=1))
 
     @property
@@ -99,7 +99,7 @@ class NewtonLog:
 
 
 class NotConverged(ValueError):
-    """No root within the iterations allowed; `log` is as far as it came."""
+    """No root was found within the allowed iterations; `log` has the iterations that were made."""
 
     def __init__(self, message: str, log: NewtonLog) -> None:
         super().__init__(message)
@@ -107,7 +107,7 @@ class NotConverged(ValueError):
 
 
 class SingularJacobian(NotConverged):
-    """The Jacobian of an iterate has no inverse, or is not finite."""
+    """The Jacobian at an iterate has no inverse or is not finite."""
 
 
 def newton_raphson(
@@ -132,7 +132,7 @@ def newton_raphson(
     most : int
         Number of iterations allowed.
     names : tuple of str
-        The unknowns, for prints.
+        Names of the unknowns, for prints.
 
     Returns
     -------
@@ -142,16 +142,16 @@ def newton_raphson(
     Raises
     ------
     NotConverged
-        After `most` iterations, or once an iterate is not finite.
+        There is no root after `most` iterations, or an iterate is not finite.
     SingularJacobian
-        A square Jacobian has no inverse, or any is not finite.
+        A square Jacobian has no inverse, or a Jacobian is not finite.
 
     Notes
     -----
-    The test is on the step, not on the residual, as in the two documents solved by it: B. Díaz
-    Lozano, TFG, Universidad de Almería 2019, text lines 1417-1469 (1e-10, 101 iterations) and the
-    power hacksaw report, Universidad Nacional de Colombia, text lines 196, 345 (1e-6). It does not
-    know which root it meets: check the branch.
+    The iteration stops by the size of the step, not of the residual, as in the two documents that
+    use it: B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines 1417-1469 (1e-10, 101
+    iterations) and the power hacksaw report, Universidad Nacional de Colombia, text lines 196, 345
+    (1e-6). The first guess decides which root is found: the caller checks the branch.
 
     Examples
     --------
@@ -207,19 +207,19 @@ def _step(jacobian: Array, right: Array) -> Array:
 
 
 def convergence(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
-    """Error of each unknown, of all, and the residual, over the iterations.
+    """Steps of each unknown, norm of the whole step and residual, over the iterations.
 
     Parameters
     ----------
     logs : dict of NewtonLog
-        By the titles of their panels.
+        Logs by the titles of their panels.
     caption : str
-        What to see.
+        Caption of the chart.
 
     Returns
     -------
     Chart
-        Lines over the number of the iteration; sizes below `DRAWN` are left out.
+        Lines over the number of the iteration; sizes of at most `DRAWN` are left out.
     """
 
     def lines(log: NewtonLog) -> tuple[ChartLine, ...]:
@@ -244,14 +244,14 @@ def convergence(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
 
 
 def course(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
-    """Values of the unknowns over the iterations, from the first guess on.
+    """Values of the unknowns over the iterations, from the first guess to the root.
 
     Parameters
     ----------
     logs : dict of NewtonLog
-        By the titles of their panels; with names of the unknowns.
+        Logs by the titles of their panels; a log needs the names of its unknowns.
     caption : str
-        What to see.
+        Caption of the chart.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What every closed form needs: parameters within their domain, and angles without jumps."""
+"""Helpers of all closed forms: checks of parameters, vectors in the plane, angles without jumps."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,15 +10,15 @@ TURN = 2.0 * np.pi
 
 
 class NotCovered(ValueError):
-    """A model holds what a reference that reads it does not cover; the message names it."""
+    """The model has something that its reference does not cover; the message names it."""
 
 
 class CannotMove(ValueError):
-    """The mechanism cannot do what is asked; the subclass says in which way."""
+    """The mechanism cannot take the requested pose or motion; subclasses give the reason."""
 
 
 class CannotAssemble(CannotMove):
-    """No pose closes the loops, or none was found from this start."""
+    """No pose closes the loops, or none was found from the given start."""
 
 
 class SingularHere(CannotMove):
@@ -26,7 +26,7 @@ class SingularHere(CannotMove):
 
 
 def positive(unit: str = "m", /, **values: float) -> None:
-    """ValueError that names the first value that is not positive and finite, with its unit.
+    """Raise a ValueError that names the first value that is not positive and finite, and its unit.
 
     >>> positive(crank=1.0, coupler=-2.0)
     Traceback (most recent call last):
@@ -42,7 +42,7 @@ def positive(unit: str = "m", /, **values: float) -> None:
 
 
 def not_negative(unit: str = "kg", /, **values: float) -> None:
-    """ValueError that names the first value that is negative or not finite, with its unit.
+    """Raise a ValueError that names the first value that is negative or not finite, and its unit.
 
     >>> not_negative("N m", friction=-0.1)
     Traceback (most recent call last):
@@ -54,21 +54,21 @@ def not_negative(unit: str = "kg", /, **values: float) -> None:
 
 
 def finite(**values: ArrayLike) -> None:
-    """ValueError that names the first value that is not finite, or not all of it."""
+    """Raise a ValueError that names the first value with an entry that is not finite."""
     for name, value in values.items():
         if not np.all(np.isfinite(np.asarray(value, float))):
             raise ValueError(f"{name} must be finite, got {value!s}")
 
 
 def one_of(modes: tuple[int, ...], **mode: float) -> None:
-    """ValueError for an assembly mode that there is not."""
+    """Raise a ValueError for an assembly mode that is not one of `modes`."""
     for name, value in mode.items():
         if value not in modes:
             raise ValueError(f"{name} must be one of {modes}, got {value}")
 
 
 def rounding_of_sum(*lengths: float) -> float:
-    """Rounding of sums and differences of lengths [m]."""
+    """Bound of the rounding errors of sums and differences of lengths [m]."""
     return 4.0 * float(np.finfo(float).eps) * sum(map(abs, lengths))
 
 
@@ -83,7 +83,11 @@ def cross(a: Complex | complex, b: Complex | complex) -> Array:
 
 
 def normal_of_slides(slides: Array, parallel: float) -> Array:
-    """A unit vector normal to slides (n, 3): of two that differ, else near a world axis, z first.
+    """Unit vector normal to the directions of slides (n, 3), which are unit vectors.
+
+    It is normal to the first slide and to the first one whose sine of the angle to it exceeds
+    `parallel`.  If all slides are parallel, it is the part normal to them of the world axis that is
+    nearest to being normal to them; of axes that are equally near, z precedes y, and y precedes x.
 
     >>> normal_of_slides(np.array([[1.0, 0.0, 0.0]]), 1e-9)
     array([0., 0., 1.])
@@ -100,13 +104,13 @@ def normal_of_slides(slides: Array, parallel: float) -> Array:
 
 
 def in_frame(name: str, force: Complex, direction: Complex | complex) -> dict[str, Array]:
-    """A force as ``name_x`` along a direction, and ``name_y`` across it, to the left [N]."""
+    """Components of a force [N]: ``name_x`` along a direction, ``name_y`` to the left of it."""
     own = np.asarray(force * np.conj(direction) / np.abs(direction))
     return {f"{name}_x": own.real, f"{name}_y": own.imag}
 
 
 def unwrapped(angle: Array) -> Array:
-    """Angles [rad] made continuous along the last axis by whole turns; the first stays.
+    """Angles [rad] made continuous along the last axis by whole turns; the first angle is kept.
 
     >>> unwrapped(np.array([3.0, -3.0])).round(3)
     array([3.   , 3.283])
@@ -116,9 +120,9 @@ def unwrapped(angle: Array) -> Array:
 
 
 def unwrapped_quaternion(quaternion: Array) -> Array:
-    """Quaternions (n, 4) [1], of which q and -q are the same turn, with signs that do not jump.
+    """Quaternions (n, 4) [1] of the same rotations, with signs chosen so that there are no jumps.
 
-    The largest part of the first is positive.
+    q and -q describe the same rotation.  The largest component of the first quaternion is positive.
 
     >>> unwrapped_quaternion(np.array([[-0.8, 0.0, 0.6, 0.0], [0.6, 0.0, -0.8, 0.0]])) + 0.0
     array([[ 0.8,  0. , -0.6,  0. ],
@@ -130,14 +134,14 @@ def unwrapped_quaternion(quaternion: Array) -> Array:
     return np.asarray(quaternion * signs[:, None])
 
 
-STANDS = 1e-9  # of the fastest drive: a joint that is slower stands, to rounding
+STANDS = 1e-9  # share of the fastest drive: a slower joint is at rest, but for rounding
 
 
 def senses(rate: Array, fastest: float) -> Array:
-    """Senses (..., n) in which joints move at the samples of a motion: -1, +1, or 0 before any.
+    """Senses (..., n) in which joints move at samples of a motion: -1, +1, or 0 before they move.
 
-    A joint that stands at a sample has the sense of the sample before: dry friction is what it was
-    when the joint came there.
+    A joint that is at rest at a sample has the sense of the sample before: its dry friction stays
+    as it was when the joint came to rest.
 
     Parameters
     ----------

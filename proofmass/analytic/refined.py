@@ -1,16 +1,17 @@
-"""The model's own equations, solved closely: the reference of the motion of any MJCF.
+"""Reference of the motion of any MJCF: the model's own equations, integrated with small errors.
 
     sidecar:  reference = "refined"
 
-The quantities are the model's own sensors, by their channel names.  The equations are those of
-MuJoCo, with soft contacts, soft loops, friction and limits as the file has them: the reference
-holds an engine's *time stepping* to account, and nothing else.  A wrong length is wrong in both,
-and a contact that is too soft is too soft in both.
+The quantities are the sensors of the model, by their channel names.  The equations are those of
+MuJoCo, with soft contacts, soft loops, friction and joint limits as the file has them.  The
+reference therefore checks the *time stepping* of an engine and nothing else: a wrong length, or a
+contact that is too soft, is the same in the engine and in the reference.
 
 Joints may be driven.  A prescribed motion is the limit of ever heavier flywheels on the driven
-joints, with the torques that give these the accelerations of the laws; the equations here have the
-flywheels of the engine's runs, 1e9 times what a drive feels at the start, and are off by a share of
-1e-9, as much as the integrator is allowed.
+joints, with the torques that give the flywheels the accelerations of the motion profiles.  The
+equations here have the flywheels of the engine's runs, whose inertia is 1e9 times the inertia that
+a drive moves at the start.  Their relative error is therefore 1e-9, as much as the tolerance of the
+integrator.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,20 +34,23 @@ def solve(
     closely: Callable[[Array], dict[str, Array]],
     in_time: tuple[Array, Sequence[Any]] | None = None,
 ) -> dict[str, Array]:
-    """Motion of a model from its start key, by itself or with drives and controls that change.
+    """Motion of a model from its start key, free or with drives, and with controls that may change.
 
     Parameters
     ----------
     times : array_like (n,)
-        Rising, from 0 [s]; of a driven model, what the drives did [SI], which is not used.
+        Rising times from 0 [s]; for a driven model the values of its drives [SI], which are not
+        used.
     rate, acceleration : array_like
-        Of drives, which are where their laws have them [SI].
+        Rates and accelerations of the drives [SI], which are not used: the drives follow their
+        motion profiles.
     model : mujoco.MjModel
         The compiled MJCF, whose numbers are read.
     closely : callable
-        Gives all sensors at some times (n,) [s]; see `proofmass.reference.solve_closely`.
+        Function of times (n,) [s] that returns the curves of all sensors; see
+        `proofmass.reference.solve_closely`.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
-        Of a driven model the times [s], and the laws of its drives.
+        For a driven model the times [s] and the motion profiles of its drives.
 
     Returns
     -------
@@ -56,13 +60,13 @@ def solve(
     Raises
     ------
     NotCovered
-        The motion is not known until the last time: two ways of solving it part before.
+        The motion is not known until the last time: two ways of solving it differ before that.
 
     Notes
     -----
     Domain: motions that are self-consistent until their end, see `proofmass.self_consistency`.
-    Accuracy: the allowance of DOP853 is 1e-9; what it leaves grows as a disturbance of the start
-    does.
+    Accuracy: the tolerance of DOP853 is 1e-9; errors within it grow in time as a disturbance of the
+    initial state grows.
 
     Examples
     --------
@@ -73,7 +77,7 @@ def solve(
 
 
 def properties(*, evidence: str, **_: float) -> dict[str, str]:
-    """What shows that the motion is known, in words for a report."""
+    """The kind of equations, and the evidence that the motion is known, in words for a report."""
     return {
         "equations of motion": "MuJoCo's own, with soft contacts, loops and limits as they are",
         "self-consistent": evidence,

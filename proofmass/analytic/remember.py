@@ -1,7 +1,8 @@
-"""Results of long searches, from which searches for problems near them begin.
+"""Results of long searches, kept so that searches for problems near them can begin from them.
 
-Sensitivities ask for many problems that differ in the sixth digit.  Newton's method gets from the
-equilibrium of one to that of another in a step; a search begins at nothing every time.
+Sensitivities need the equilibria of many problems whose parameters differ in the sixth digit.
+Newton's method gets from the equilibrium of one such problem to that of another in one step,
+whereas a search would start from no known equilibrium every time.
 """
 
 import pickle
@@ -15,9 +16,9 @@ from typing import Any, TypeVar, cast
 Answer = TypeVar("Answer")
 KEPT = 64
 CLOSE = 1e-5
-"""Share of a number by which another may differ that is near it."""
+"""Largest relative difference of two numbers that count as near each other."""
 ANSWERS = 16
-"""Evaluations of references that are kept."""
+"""Number of evaluations of references that are kept."""
 Memory = dict[Any, Any]
 in_use: ContextVar[tuple[Memory, bool]] = ContextVar("in_use")
 answers: dict[tuple[Callable[..., Any], bytes], Any] = {}
@@ -25,10 +26,11 @@ answers: dict[tuple[Callable[..., Any], bytes], Any] = {}
 
 @contextmanager
 def memory_in_use(memory: Memory, more: bool) -> Iterator[None]:
-    """Let `nearby` functions take results from a memory, and add theirs to it if `more` may come.
+    """Let `nearby` functions take results from a memory, and store results in it if `more` is true.
 
-    Last digits depend on where a search began.  So a memory holds what one evaluation found and no
-    more, or they would depend on what a process had evaluated before.
+    The last digits of a result depend on where its search began.  A memory therefore holds the
+    results of one evaluation only.  Otherwise last digits would depend on what the process had
+    evaluated before.
     """
     token = in_use.set((memory, more))
     try:
@@ -38,8 +40,11 @@ def memory_in_use(memory: Memory, more: bool) -> Iterator[None]:
 
 
 def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Let a function give the result for arguments `near` others, if the memory in use has one; its
-    results for equal arguments are remembered in any case.
+    """Decorator: the function takes a stored result whose arguments are `near` the given ones.
+
+    Stored results are those of the memory in use (`memory_in_use`).  Where it has none that is
+    near, or no memory is in use, the function is called; the results of its last `KEPT` calls are
+    kept, so that it is not called again for equal arguments.
 
     >>> @nearby
     ... def square(x):
@@ -72,10 +77,10 @@ def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
 
 
 def answered(function: Callable[..., Answer], *given: Any, **named: Any) -> Answer:
-    """What a function returns, called once for the same arguments, which may hold arrays.
+    """Result of a function that is called only once for equal arguments, which may hold arrays.
 
-    The last `ANSWERS` answers are kept.  Where a memory is in use the function is called: last
-    digits depend on the memory.
+    The last `ANSWERS` results are kept.  Where a memory is in use the function is always called,
+    since the last digits of its result depend on the memory.
 
     >>> answered(dict, [("x", 1.0)]) is answered(dict, [("x", 1.0)])
     True
@@ -93,9 +98,10 @@ def answered(function: Callable[..., Answer], *given: Any, **named: Any) -> Answ
 
 
 def near(one: Any, other: Any, nothing: float) -> bool:
-    """Whether numbers, in tuples of tuples, are `CLOSE` to those of `one`, and all else is equal.
+    """Whether numbers in nested tuples are near each other, and all other entries are equal.
 
-    Beside a zero, what is no larger than `nothing` is close.
+    A number is near that of `one` if they differ by at most `CLOSE` times that of `one`, or by at
+    most `nothing` where that of `one` is zero.
 
     >>> near((0.0, (3.0, "a")), (1e-6, (3.00001, "a")), nothing=3e-5)
     True
@@ -110,7 +116,7 @@ def near(one: Any, other: Any, nothing: float) -> bool:
 
 
 def largest(value: Any) -> float:
-    """The largest size of the finite numbers in tuples of tuples.
+    """Largest absolute value of the finite numbers in nested tuples.
 
     >>> largest((1.0, (-3.0, "a", float("inf"))))
     3.0

@@ -1,4 +1,4 @@
-"""References of rigid bodies that touch: blocks and balls with dry friction and impacts."""
+"""References of rigid bodies in contact: blocks and balls with dry friction and impacts."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,7 +7,7 @@ from proofmass.analytic.numerics import Array
 
 
 def check_restitution(restitution: float) -> None:
-    """ValueError where a coefficient of restitution is none.
+    """Raise a ValueError if a coefficient of restitution is not within [0, 1].
 
     >>> check_restitution(1.5)
     Traceback (most recent call last):
@@ -18,7 +18,7 @@ def check_restitution(restitution: float) -> None:
 
 
 def since_start(time: ArrayLike) -> Array:
-    """Times [s] of a motion that is known from its start on, as an array.
+    """Times [s] as an array, or a ValueError if one is before the start of the motion.
 
     >>> since_start([0.0, -1.0])
     Traceback (most recent call last):
@@ -33,10 +33,11 @@ def since_start(time: ArrayLike) -> Array:
 
 
 def restitution(damping_ratio: float) -> float:
-    """Speed after an impact over that before it [1], of a damped spring that can only push.
+    """Coefficient of restitution [1] of an impact on a damped spring that can only push.
 
-    With the damping ratio z, and without other forces, the spring lets go where its force has
-    fallen to zero, before it has its length again, and the body keeps the speed it has then:
+    It is the speed after the impact over that before it.  With the damping ratio z, and without
+    other forces, contact ends when the force of spring and damper has fallen to zero, which is
+    before the spring has its free length again. The body keeps the speed that it has then:
 
         e = exp(-2 z acos(z) / (1 - z^2)^(1/2))        z < 1
         e = exp(-2)                                    z = 1, MuJoCo's default
@@ -58,16 +59,17 @@ def restitution(damping_ratio: float) -> float:
     [1.0, 0.744079, 0.135335, 0.002438]
     """
     z = damping_ratio
-    if abs(z - 1.0) < 1e-6:  # the limit, to rounding of the quotient
+    if abs(z - 1.0) < 1e-6:  # the limit z = 1: nearer to it the quotient loses its digits
         return float(np.exp(-2.0))
     angle = np.arccos(z) if z < 1.0 else np.arccosh(z)
     return float(np.exp(-2.0 * z * angle / np.sqrt(abs(1.0 - z * z))))
 
 
 def damping_ratio(solref: ArrayLike) -> float:
-    """The damping ratio [1] of MuJoCo's soft contacts and limits; NaN if they have none.
+    """Damping ratio [1] of MuJoCo's soft contacts and joint limits; NaN if `solref` has none.
 
-    `solref` is a time constant and the ratio itself, or, both negative, a stiffness and a damping.
+    `solref` is a time constant and the damping ratio, or, with negative signs, a stiffness and a
+    damping coefficient.
 
     >>> damping_ratio([0.02, 1.0]), damping_ratio([-100.0, -10.0])
     (1.0, 0.5)

@@ -7,7 +7,7 @@ from proofmass.analytic.contacts import check_restitution, since_start
 from proofmass.analytic.numerics import Array, finite, not_negative, positive
 
 MOST = 10_000
-"""Impacts that are followed at most."""
+"""Largest number of impacts that are computed."""
 
 
 def solve(
@@ -31,36 +31,37 @@ def solve(
 
     In an impact of two neighbours with the velocities v and w::
 
-        v' = ((1 - e) v + (1 + e) w) / 2          their sum is kept,
-        w' = ((1 + e) v + (1 - e) w) / 2          and e of their difference is given back
+        v' = ((1 - e) v + (1 + e) w) / 2          v' + w' = v + w: momentum is conserved
+        w' = ((1 + e) v + (1 - e) w) / 2          w' - v' = e (v - w): restitution
 
-    and between impacts each ball keeps its velocity. Elastic balls swap their velocities, so that
-    the last one takes all of the first one's speed. Balls that touch are the limit of small gaps:
-    of elastic ones the order of the impacts makes no difference.
+    and between impacts each ball keeps its velocity. Elastic balls exchange their velocities, so
+    that the last ball gets the whole speed of the first one. Balls that touch are the limit of
+    small gaps; if they are elastic, the order of the impacts makes no difference.
 
     Parameters
     ----------
     time : [s], (...), not negative
-    balls : how many [1], 2 or more
-    radius : of all of them [m]
-    gap : between neighbours at time 0 [m]; 0 for elastic balls only
+    balls : number of balls [1], 2 or more
+    radius : radius of each ball [m]
+    gap : distance between the surfaces of neighbours at time 0 [m]; 0 for elastic balls only
     speed : of the first ball at time 0 [m/s], positive
     restitution : e [1], 0 <= e <= 1
 
     Returns
     -------
-    dict of (...) arrays: x1, x2, ... [m], places of the centres from the first one's at time 0; v1,
-    v2, ... [m/s], their velocities, after the impacts of that instant; impacts [1] until then.
+    dict of (...) arrays: x1, x2, ... [m], positions of the centres, measured from that of the first
+    ball at time 0; v1, v2, ... [m/s], their velocities, at the instant of an impact those after it;
+    impacts [1], number of impacts until then.
 
     Raises
     ------
     ValueError
-        A parameter out of its domain, a negative time, or inelastic balls that hit each other
-        without end within a finite time.
+        A parameter out of its domain, a negative time, or more than `MOST` impacts, as for inelastic
+        balls that hit each other infinitely often within a finite time.
 
     Notes
     -----
-    Rounding. The floor has no friction and the balls do not turn. Source: textbook mechanics.
+    Accuracy: rounding. The floor has no friction and the balls do not turn. Source: textbook mechanics.
 
     Examples
     --------
@@ -86,7 +87,7 @@ def solve(
 def _events(
     balls: int, radius: float, gap: float, speed: float, e: float, until: float
 ) -> tuple[Array, Array, Array]:
-    """Times [s] of the start and of all impacts, places and velocities (n, balls) from then."""
+    """Times (n,) [s] of start and impacts, and positions and velocities (n, balls) after them."""
     if not (balls >= 2 and balls == int(balls)):
         raise ValueError(f"balls must be a whole number of 2 or more, got {balls}")
     positive(radius=radius)
@@ -103,7 +104,7 @@ def _events(
     now, at = 0.0, (2.0 * radius + gap) * np.arange(count)
     v = np.zeros(count)
     v[0] = speed
-    room = np.full(count - 1, gap)  # between neighbours
+    room = np.full(count - 1, gap)  # distances between the surfaces of neighbours
     found = [(now, at, v)]
     while len(found) <= MOST:
         closing = v[:-1] - v[1:]
@@ -125,7 +126,7 @@ def _events(
 def properties(
     *, balls: int, radius: float, gap: float, speed: float, restitution: float = 1.0
 ) -> dict[str, str]:
-    """How often the balls hit each other in all, and how fast they are afterwards, in words.
+    """Number of impacts, time of the last one, and velocities after it, in words.
 
     >>> properties(balls=3, radius=0.1, gap=0.05, speed=2.0)["at last"]
     '0, 0, 2 m/s'

@@ -15,7 +15,7 @@ def solve(
     speed: float = 0.0,
     gravity: float = 9.81,
 ) -> dict[str, Array]:
-    r"""Vertical motion of a ball over a floor, through all its bounces.
+    r"""Vertical motion of a ball over a floor, with all its bounces until it rests.
 
     ::
 
@@ -32,9 +32,9 @@ def solve(
         t0 = (speed + w) / g                          first impact
         e^n w                                         speed after impact n = 1, 2, ...
         t_n = t0 + (2 w / g) (e + ... + e^n)          impact n + 1
-        t_end = t0 + (2 w / g) e / (1 - e)            where they accumulate, e < 1
+        t_end = t0 + (2 w / g) e / (1 - e)            limit of the times of impact, e < 1
 
-    and a parabola between two impacts. From t_end on the ball rests.
+    and the height is a parabola between two impacts. From t_end on the ball rests.
 
     Parameters
     ----------
@@ -56,9 +56,10 @@ def solve(
 
     Notes
     -----
-    Rounding, of the time of an impact: 1e-16 of the time. The number of impacts is found by a
-    logarithm and corrected by one where rounding wants it; from the last 1e-15 of the way to t_end
-    on the ball counts as resting, with as many bounces as then. Source: textbook mechanics.
+    Accuracy: rounding; the relative error of the time of an impact is 1e-16. The number of impacts
+    is computed by a logarithm and corrected by one where rounding makes it wrong. The ball counts
+    as resting once 1e-15 of the time from t0 to t_end is left, and its number of bounces does not
+    grow any more. Source: textbook mechanics.
 
     Examples
     --------
@@ -82,7 +83,7 @@ def solve(
             left = 1.0 - late * (1.0 - e) / (flight * e)
             count = np.floor(np.log(np.maximum(left, 1e-300)) / np.log(e))
         count = np.clip(np.nan_to_num(count), 0.0, most)
-        for _ in range(2):  # rounding of the logarithm
+        for _ in range(2):  # corrects the rounding of the logarithm
             count = count + (late >= _since_first(count + 1.0, e, flight)) * (count < most)
             count = count - (late < _since_first(count, e, flight)) * (count > 0.0)
     up = hit * e ** (count + 1.0)
@@ -103,7 +104,7 @@ def solve(
 
 
 def _since_first(count: Array, e: float, flight: float) -> Array:
-    """Time [s] from the first impact to that after `count` flights."""
+    """Time [s] from the first impact to the impact after `count` more flights."""
     return flight * (count if e == 1.0 else e * (1.0 - e**count) / (1.0 - e))
 
 
@@ -116,7 +117,7 @@ def _first_impact(
     positive("m/s^2", gravity=gravity)
     check_restitution(restitution)
     hit = float(np.sqrt(speed**2 + 2.0 * gravity * height))
-    if speed < 0.0:  # without a difference of numbers that are nearly equal
+    if speed < 0.0:  # this form has no difference of nearly equal numbers
         return 2.0 * height / (hit - speed), hit
     return (speed + hit) / gravity, hit
 
@@ -138,7 +139,7 @@ def rest_time(
 def properties(
     *, height: float, restitution: float, speed: float = 0.0, gravity: float = 9.81
 ) -> dict[str, str]:
-    """When the ball hits the floor, how high it comes, and when it rests, in words.
+    """First impact, greatest height after it, and the time when the ball rests, in words.
 
     >>> properties(height=5.0, restitution=0.5, gravity=10.0)["rests"]
     'from 3 s on'

@@ -9,15 +9,15 @@ from proofmass.analytic.linkages import pendulum
 from proofmass.analytic.numerics import Array, positive
 
 SMALLEST = 1e-9
-"""Amplitude [1], as a share of the block's own angle, below which the block counts as resting."""
+"""Smallest amplitude of a rocking block, as a share of its angle alpha; below it the block rests."""
 MOST = 100_000
-"""Impacts that are followed at most."""
+"""Largest number of impacts that are computed."""
 
 
 def solve(
     time: ArrayLike, *, width: float, height: float, tilt: float, gravity: float = 9.81
 ) -> dict[str, Array]:
-    r"""Motion of a block that is let go, tilted on one of its lower corners.
+    r"""Motion of a block that is released at rest, tilted on one of its lower corners.
 
     ::
 
@@ -29,32 +29,34 @@ def solve(
         /________/ theta               theta < 0: on its right one
         --------------------> x
 
-    It turns about the corner, is hit when the other one meets the floor, and goes on about that::
+    The block turns about one corner until the other one hits the floor; then it turns about that
+    one. The angular momentum about the new corner is the same before and after the impact::
 
         theta'' = -p^2 sin(alpha - theta)  for theta > 0,      p^2 = 3 g / (4 R)
-        rate after / rate before = r = 1 - 3/2 sin^2(alpha)    moment about the new corner is kept
+        rate after / rate before = r = 1 - 3/2 sin^2(alpha)
 
-    alpha - theta is the angle from the upright of an upside-down pendulum, whose motion is known by
+    alpha - theta is the angle of an inverted pendulum from the vertical, whose motion is given by
     elliptic functions. With the amplitude A of a half cycle, from impact to impact::
 
         rate^2 = 2 p^2 (cos(alpha - A) - cos(alpha))           at the impact
         cos(alpha - A') = cos(alpha) + r^2 (cos(alpha - A) - cos(alpha))
         T(A) = F(arccos(tan((alpha - A)/2) / tan(alpha/2)), cos((alpha - A)/2)) / p
 
-    is the time from the amplitude to the impact. The impacts accumulate, and the block rests.
+    T(A) is the time from the amplitude to the impact. The times of the impacts have a limit, from
+    which on the block rests.
 
     Parameters
     ----------
     time : [s], (...), not negative
-    width, height : of the block [m]; r must be positive: width < 2^(1/2) height
-    tilt : angle at time 0, at rest [rad], 0 < |tilt| < alpha
+    width, height : dimensions of the block [m]; r must be positive: width < 2^(1/2) height
+    tilt : angle theta at time 0, at rest [rad], 0 < |tilt| < alpha
     gravity : [m/s^2]
 
     Returns
     -------
     dict of (...) arrays: angle [rad], rate [rad/s], acceleration [rad/s^2] between impacts;
-    centre_x, centre_height [m] of the block, which rests with its centre at x = 0; impacts [1]
-    until then.
+    centre_x, centre_height [m] of the block, which rests with its centre at x = 0; impacts [1],
+    number of impacts until then.
 
     Raises
     ------
@@ -63,8 +65,8 @@ def solve(
 
     Notes
     -----
-    Accurate to 1e-12 of the largest angle and rate between impacts; times of impacts to 1e-13 of
-    the whole. A block whose amplitude is less than 1e-9 of alpha rests. The floor is rigid and
+    Accuracy: 1e-12 of the largest angle and rate between impacts; 1e-13 of the whole time for times
+    of impacts. A block whose amplitude is less than 1e-9 of alpha rests. The floor is rigid and
     rough enough for the corner not to slip; an impact hits the new corner alone. Source: G. W.
     Housner, The behavior of inverted pendulum structures during earthquakes, Bull. Seism. Soc. Am.
     53 (1963) 403-417.
@@ -111,7 +113,7 @@ def solve(
 
 
 def _block(width: float, height: float, tilt: float, gravity: float) -> tuple[float, float]:
-    """The block's own angle alpha [rad], and p^2 [1/s^2], after a check of the inputs."""
+    """Angle alpha of the block [rad] and p^2 [1/s^2], after a check of the inputs."""
     positive(width=width, height=height)
     positive("m/s^2", gravity=gravity)
     alpha = float(np.arctan2(width, height))
@@ -129,7 +131,7 @@ def _block(width: float, height: float, tilt: float, gravity: float) -> tuple[fl
 
 
 def ratio(*, width: float, height: float) -> float:
-    """Rate after an impact over that before it [1], 1 - 3/2 sin^2(alpha).
+    """Rate after an impact over the rate before it [1], 1 - 3/2 sin^2(alpha).
 
     >>> round(ratio(width=0.1, height=0.4), 6)
     0.911765
@@ -148,11 +150,11 @@ def quarter(*, width: float, height: float, tilt: float, gravity: float = 9.81) 
 
 
 def _quarter(alpha: float, amplitude: float, squared: float) -> float:
-    """Time [s] from an amplitude to the impact."""
+    """Time [s] from an amplitude to the next impact; `squared` is p^2 [1/s^2]."""
     upright = alpha - amplitude
     # F(phi, k) = sin(phi) R_F(cos^2 phi, 1 - k^2 sin^2 phi, 1), without the cancellation of 1 - k^2
     slope, edge = np.tan(0.5 * upright), np.tan(0.5 * alpha)
-    # edge^2 - slope^2, of which small amplitudes keep all digits
+    # edge^2 - slope^2 in a form that keeps all digits at small amplitudes
     apart = np.sin(0.5 * amplitude) / (np.cos(0.5 * upright) * np.cos(0.5 * alpha)) * (edge + slope)
     cos2, sin2 = (slope / edge) ** 2, apart / edge**2
     inner = cos2 + np.sin(0.5 * upright) ** 2 * sin2
@@ -162,16 +164,16 @@ def _quarter(alpha: float, amplitude: float, squared: float) -> float:
 def _half_cycles(
     alpha: float, squared: float, tilt: float, r: float, until: float
 ) -> tuple[Array, Array, Array]:
-    """Amplitudes [rad] of the half cycles, times [s] of their peaks, of impacts after them."""
+    """Amplitudes [rad] of the half cycles, times [s] of the amplitudes and of the impacts after."""
     amplitudes, peaks, ends = [abs(tilt)], [0.0], [_quarter(alpha, abs(tilt), squared)]
     while ends[-1] <= until:
         if len(ends) > MOST:
             raise ValueError(f"the block hits the floor more than {MOST} times until {until:.6g} s")
         before = amplitudes[-1]
-        # cos(alpha - A) - cos(alpha) = 2 sin(alpha - A/2) sin(A/2), of which r^2 is left
+        # cos(alpha - A) - cos(alpha) = 2 sin(alpha - A/2) sin(A/2), times r^2 after the impact
         lift = 2.0 * r**2 * np.sin(alpha - 0.5 * before) * np.sin(0.5 * before)
         # 2 sin(alpha - A/2) sin(A/2) = lift: with x = tan(A/2), (2 cos(alpha) + lift) x^2
-        # - 2 sin(alpha) x + lift = 0, the smaller root
+        # - 2 sin(alpha) x + lift = 0, of which the smaller root is taken
         sine, cosine = np.sin(alpha), np.cos(alpha)
         root = np.sqrt(sine**2 - lift * (2.0 * cosine + lift))
         after = 2.0 * float(np.arctan2(lift, sine + root))
@@ -187,7 +189,7 @@ def _half_cycles(
 def properties(
     *, width: float, height: float, tilt: float, gravity: float = 9.81
 ) -> dict[str, str]:
-    """When the first impact is, and what is left after it, in words.
+    """Time of the first impact, ratio of rates at an impact, and angle of tipping over, in words.
 
     >>> properties(width=0.1, height=0.4, tilt=0.1)["rate after an impact"]
     '91.18 % of that before it'

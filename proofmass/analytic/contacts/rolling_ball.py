@@ -1,4 +1,4 @@
-"""Ball on a level floor with dry friction: it slides until it rolls."""
+"""Ball on a level floor with dry friction, which slides until it rolls."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,7 +7,7 @@ from proofmass.analytic.contacts import since_start
 from proofmass.analytic.numerics import Array, finite, not_negative, positive
 
 SPHERE = 0.4
-"""Moment of inertia of a solid sphere over m r^2 [1]; a solid disc has 0.5, a hoop 1."""
+"""Moment of inertia of a solid sphere divided by m r^2 [1]; a solid disc has 0.5, a hoop 1."""
 
 
 def solve(
@@ -20,7 +20,7 @@ def solve(
     inertia_ratio: float = SPHERE,
     gravity: float = 9.81,
 ) -> dict[str, Array]:
-    r"""Motion of a ball or a disc that is thrown onto a level floor with any spin.
+    r"""Motion of a ball or a disc on a level floor, from any speed and spin.
 
     ::
 
@@ -41,9 +41,9 @@ def solve(
     time : [s], (...), not negative
     radius : [m]
     friction : the coefficient mu [1]
-    speed : of the centre at time 0, along x [m/s], of either sign
-    spin : at time 0 [rad/s]; negative is backspin of a ball that moves along x
-    inertia_ratio : k [1], 2/5 of a solid sphere, 1/2 of a disc, 1 of a hoop
+    speed : speed of the centre at time 0, along x [m/s], of either sign
+    spin : spin at time 0 [rad/s]; a negative one is backspin of a ball that moves along x
+    inertia_ratio : k [1]: 2/5 for a solid sphere, 1/2 for a disc, 1 for a hoop
     gravity : [m/s^2]
 
     Returns
@@ -59,8 +59,8 @@ def solve(
 
     Notes
     -----
-    Rounding. Source: textbook mechanics; a sphere without spin rolls at 5/7 of its speed, at any
-    friction.
+    Accuracy: rounding. Source: textbook mechanics; a sphere that starts without spin rolls at 5/7
+    of its initial speed, for any friction that is not zero.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def solve(
 def _sliding(
     radius: float, friction: float, speed: float, spin: float, ratio: float, gravity: float
 ) -> tuple[float, float, float]:
-    """When the ball begins to roll [s], its acceleration before [m/s^2], its speed after [m/s]."""
+    """Time when rolling begins [s], acceleration before it [m/s^2], speed after it [m/s]."""
     positive(radius=radius)
     positive("1", inertia_ratio=ratio)
     not_negative("1", friction=friction)
@@ -128,7 +128,7 @@ def properties(
     inertia_ratio: float = SPHERE,
     gravity: float = 9.81,
 ) -> dict[str, str]:
-    """When the ball begins to roll and how fast, in words.
+    """Time when the ball begins to roll, and its speed then, in words.
 
     >>> properties(radius=0.1, friction=0.3, speed=7.0, gravity=10.0)
     {'rolls': 'from 0.66667 s on, at 5 m/s'}

@@ -1,4 +1,4 @@
-"""Block on a slope with dry friction: it slides, stops, and sticks or slides back."""
+"""Block on a slope with dry friction, which slides, stops, and then sticks or slides back."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ def solve(
     mass: float = 1.0,
     gravity: float = 9.81,
 ) -> dict[str, Array]:
-    r"""Motion of a block along a slope, from a speed up or down the slope.
+    r"""Motion of a block along a slope, from an initial speed up or down the slope.
 
     ::
 
@@ -32,19 +32,19 @@ def solve(
     Coulomb's law with one coefficient mu for sticking and sliding::
 
         a = -g sin(angle) - sense mu g cos(angle)      while it slides, sense = sign(velocity)
-        t1 = speed / (-a)                              it stops, if a is against the speed
-        a = 0                     afterwards if mu >= tan(angle): it sticks
-        a = -g sin(angle) + mu g cos(angle)            else: it slides back down
+        t1 = speed / (-a)                              it stops, if a is opposite to the speed
+        a = 0                                          after t1 if mu >= tan(angle): it sticks
+        a = -g sin(angle) + mu g cos(angle)            after t1 otherwise: it slides back down
 
-    On level ground it stops after a distance of speed^2 / (2 mu g).
+    On level ground the block stops after a distance of speed^2 / (2 mu g).
 
     Parameters
     ----------
     time : [s], (...), not negative
     friction : the coefficient mu [1]
-    angle : of the slope [rad], 0 <= angle < pi/2
-    speed : at time 0, up the slope [m/s], of either sign
-    mass : of the block [kg]
+    angle : inclination of the slope [rad], 0 <= angle < pi/2
+    speed : speed at time 0, up the slope [m/s], of either sign
+    mass : mass of the block [kg]
     gravity : [m/s^2]
 
     Returns
@@ -59,8 +59,9 @@ def solve(
 
     Notes
     -----
-    Rounding. The block does not tip over: its corners are far enough apart. At the instant at which
-    it stops the acceleration is that of the motion afterwards. Source: textbook mechanics.
+    Accuracy: rounding. The block does not tip over: its corners are far enough apart. At the
+    instant when it stops, the acceleration is that of the motion afterwards. Source: textbook
+    mechanics.
 
     Examples
     --------
@@ -86,7 +87,7 @@ def solve(
 def _phases(
     *, friction: float, angle: float, speed: float, gravity: float
 ) -> tuple[float, float, float]:
-    """Accelerations [m/s^2] before and after the block stops, and when it does [s]."""
+    """Accelerations [m/s^2] before and after the block stops, and the time when it stops [s]."""
     not_negative("1", friction=friction)
     not_negative("m/s^2", gravity=gravity)
     finite(speed=speed)
@@ -119,7 +120,7 @@ def properties(
     gravity: float = 9.81,
     **_: float,
 ) -> dict[str, str]:
-    """Where the block stops, and what it does then, in words.
+    """Time and distance until the block stops, and whether it sticks then, in words.
 
     >>> properties(friction=0.5, speed=2.0, gravity=10.0)
     {'stops': 'after 0.4 s and 0.4 m', 'at rest': 'sticks: tan(angle) is 0 % of the friction'}
