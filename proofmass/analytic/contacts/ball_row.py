@@ -56,12 +56,13 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter out of its domain, a negative time, or more than `MOST` impacts, as for inelastic
-        balls that hit each other infinitely often within a finite time.
+        A parameter out of its domain, a negative time, or more than `MOST` impacts, as inelastic
+        balls may have within a finite time.
 
     Notes
     -----
-    Accuracy: rounding. The floor has no friction and the balls do not turn. Source: textbook mechanics.
+    Accuracy: rounding. The floor has no friction and the balls do not turn. Source: textbook
+    mechanics.
 
     Examples
     --------

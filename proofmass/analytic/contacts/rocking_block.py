@@ -9,7 +9,7 @@ from proofmass.analytic.linkages import pendulum
 from proofmass.analytic.numerics import Array, positive
 
 SMALLEST = 1e-9
-"""Smallest amplitude of a rocking block, as a share of its angle alpha; below it the block rests."""
+"""Smallest amplitude, as a share of the block's angle alpha; below it the block rests."""
 MOST = 100_000
 """Largest number of impacts that are computed."""
 

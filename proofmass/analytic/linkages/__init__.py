@@ -1,1 +1,1 @@
-"""Closed forms of linkages, one file each."""
+"""Closed forms of linkages: a file or folder for each linkage."""

@@ -1,16 +1,16 @@
-"""Uniform bars: what their weight and inertia ask of drives and pins, by the motion of the ends.
+"""Uniform bars: moments of drives and forces of pins due to weight and inertia.
 
-Every point of a bar moves between its ends P and Q as the share s of its length, so that with mass
-m all sums over it are those of two ends::
+Position, velocity and acceleration of a point of a bar are linear between those of its ends P and
+Q.  With the mass m, all sums over the bar therefore follow from the motion of the ends::
 
     sum a . v        =  m (2 aP . vP + aP . vQ + aQ . vP + 2 aQ . vQ) / 6
     sum a            =  m (aP + aQ) / 2
     sum (r - P) x a  =  (Q - P) x m (aP + 2 aQ) / 6
 
-By virtual work, the first one is the moment that inertia asks of a drive, if v are the velocities
-for a unit rate of that drive alone, and a the accelerations; of one drive it is Eksergian's
-equation, I dw + I' w^2 / 2.  The others are the force that the pins of the bar must give it, and
-its moment about P.
+By virtual work, the first sum is the moment that a drive needs for the inertia of the bar, if v
+are the velocities for a unit rate of that drive alone, and a the accelerations.  For one drive it
+is Eksergian's equation, I dw + I' w^2 / 2.  The other two sums are the force that the pins of the
+bar apply to it, and the moment of that force about P.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -20,18 +20,18 @@ import numpy as np
 from proofmass.analytic.numerics import Array, Complex, cross, dot
 
 NamedCurves = dict[str, Array]
-"""Quantities by their names."""
+"""Curves of quantities by their names."""
 Ends = tuple[Complex | complex, Complex | complex]
-"""A vector at each end of a bar, as complex numbers."""
+"""A vector at each of the two ends of a bar, as complex numbers."""
 
 
 FORCES = "_force_x", "_force_y"
 LOADS = "_moment", *FORCES
-"""How the names of forces of pins end, and those of all that motion and weight ask for."""
+"""Endings of the names of pin forces, and of all quantities due to weight, inertia and loads."""
 
 
 def asks(only: Collection[str] | None, *endings: str) -> bool:
-    """Whether quantities whose names end so are asked for: all of them are if `only` is None.
+    """Whether a quantity is requested whose name has one of the endings; None requests all.
 
     >>> asks(None, "_moment"), asks({"slide"}, "_moment"), asks({"holding_moment"}, "_moment")
     (True, False, True)
@@ -42,7 +42,7 @@ def asks(only: Collection[str] | None, *endings: str) -> bool:
 def picked(
     only: Collection[str] | None, places: Mapping[str, Callable[[], Array]]
 ) -> NamedCurves | None:
-    """The curves of places and angles that are asked for; None if anything else is asked for.
+    """The requested curves of places and angles; None if any other quantity is requested.
 
     >>> list(picked({"y"}, {"x": lambda: np.zeros(1), "y": lambda: np.ones(1)}))
     ['y']
@@ -54,16 +54,16 @@ def picked(
 
 
 def asked_of_drive(mass: float, acceleration: Ends, moved: Ends) -> Array:
-    """Moment [N m], or force [N], that the inertia of a bar asks of a drive.
+    """Moment [N m], or force [N], that a drive needs for the inertia of a bar.
 
     Parameters
     ----------
     mass : float
-        [kg]
+        Mass of the bar [kg].
     acceleration : two complex arrays
-        Of the ends [m/s^2].
+        Accelerations of the ends [m/s^2].
     moved : two complex arrays
-        Velocities of the ends for a unit rate of the drive [m, or 1 of a slide].
+        Velocities of the ends for a unit rate of the drive [m, or 1 for a slide].
 
     Examples
     --------
@@ -75,16 +75,16 @@ def asked_of_drive(mass: float, acceleration: Ends, moved: Ends) -> Array:
 
 
 def asked_of_pins(mass: float, bar: Complex, acceleration: Ends) -> tuple[Complex, Array]:
-    """Force [N], and moment about the first end [N m], that move a bar so.
+    """Force [N], and moment about the first end [N m], that give a bar its accelerations.
 
     Parameters
     ----------
     mass : float
-        [kg]
+        Mass of the bar [kg].
     bar : complex array
-        From the first end to the second [m].
+        Vector from the first end to the second [m].
     acceleration : two complex arrays
-        Of the ends, less that of gravity [m/s^2].
+        Accelerations of the ends, less that of gravity [m/s^2].
     """
     a, b = acceleration
     return np.asarray(mass * (a + b) / 2.0), mass / 6.0 * cross(bar, a + 2.0 * b)

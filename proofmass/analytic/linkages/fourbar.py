@@ -1,7 +1,7 @@
-"""Planar four-bar linkage: position, velocity, acceleration, coupler curve and static moments.
+"""Planar four-bar linkage: motion, coupler curve, moments and forces.
 
-Beside the motion stands what its lengths allow: Grashof class, crank range, dead centres and
-transmission angles.
+Further functions give what follows from the lengths alone: Grashof class, crank range, dead centres
+and range of the transmission angle.
 """
 
 from collections.abc import Collection
@@ -32,7 +32,7 @@ from proofmass.analytic.numerics import (
     unwrapped,
 )
 
-Triple = tuple[Array, Array, Array]  # a value with its first and second derivative by the angle
+Triple = tuple[Array, Array, Array]  # a value and its first two derivatives by the crank angle
 MODES = (1, -1)
 
 
@@ -72,27 +72,28 @@ def solve(
         C = mode/2 sqrt((c + r)^2 - D) sqrt(D - (c - r)^2)
         a = (x d + C J d)/D, x = (D + c^2 - r^2)/2;  b = (y d + C J d)/D, y = x - D
 
-    and, with ' the derivative by the crank angle and d x d' = (D + crank^2 - ground^2)/2, the
-    coupler and rocker angle turn by::
+    With ' the derivative by the crank angle and d x d' = (D + crank^2 - ground^2)/2, the first and
+    second derivatives of the coupler angle, a1 and a2, and of the rocker angle, b1 and b2, are::
 
         a1 = ((x C' - C x')/c^2 + d x d')/D,  a2 = ((x C'' - C x'')/c^2 + D'/2 - a1 D')/D
         b1 = ((y C' - C y')/r^2 + d x d')/D,  b2 = ((y C'' - C y'')/r^2 + D'/2 - b1 D')/D
 
-    The moment that holds the crank still is gravity * sum(mass * dy/dangle) over the three
-    mid-lengths (uniform bars, gravity along -y), less rocker_load * b1; with inertia, plus what
-    the bars' accelerations do along the motion of a unit crank rate. The pin at Q gives the
-    coupler, whose weight and inertia need the moment m1 about P, and the rocker, m2 about B, the
-    force R, -R with a x R = m1, -b x R + rocker_load = m2::
+    The moment that holds the crank at rest is gravity * sum(mass * dy/dangle) over the three
+    mid-lengths (uniform bars, gravity along -y), less rocker_load * b1. With inertia, the virtual
+    work of the bars' inertia for a unit crank rate is added. Weight and inertia of the coupler need
+    the moment m1 about P, those of the rocker m2 about B. The pin at Q applies the force R to the
+    coupler and -R to the rocker, with a x R = m1 and -b x R + rocker_load = m2::
 
         R = (m1 b + (m2 - rocker_load) a)/C
 
-    and the balance of forces the other three pins.
+    The forces of the other three pins follow from the balance of forces.
 
-    A linkage with s + l = p + q has a **change point**, where all four bars are in line and the
-    two modes meet. One of the roots, sqrt(k^2 cos^2(angle/2)) at crank + ground = coupler + rocker
-    or sqrt(k^2 sin^2(angle/2)) at |crank - ground| = |coupler - rocker|, k^2 = 4 crank ground, is
-    there taken without the absolute value: the motion goes straight on, as inertia makes it. Its
-    period may be two turns, and C changes sign at each change point.
+    A linkage whose shortest and longest lengths have the same sum as the other two has a **change
+    point**, where all four bars are in line and the two modes meet. One of the roots,
+    sqrt(k^2 cos^2(angle/2)) for crank + ground = coupler + rocker or sqrt(k^2 sin^2(angle/2)) for
+    |crank - ground| = |coupler - rocker|, k^2 = 4 crank ground, is then taken without the absolute
+    value: the motion continues smoothly through the change point, as inertia makes it. Its period
+    may be two turns, and C changes its sign at each change point.
 
     Parameters
     ----------
@@ -104,39 +105,40 @@ def solve(
         With a change point: the sign of C where 0 < angle < pi.
     point_along, point_across : X in the coupler's frame [m]: from P towards Q, and left of that
     crank_mass, coupler_mass, rocker_mass : masses of the bars [kg]
-    rocker_load : moment on the rocker, counter-clockwise positive [N m], or along the motion
-    gravity : [m/s^2]
-    inertia : whether moment and forces are those of the motion, and not those at rest
-    only : names of all quantities that are asked for: moment and forces, which take longer than the
-        motion, are left out if they are not among them; of places and angles alone nothing else is
-        computed; None asks for all
+    rocker_load : moment on the rocker, counter-clockwise positive [N m], a constant or (...)
+    gravity : along -y [m/s^2]
+    inertia : whether moment and forces include those of the accelerations
+    only : names of all requested quantities; None requests all. Moment and forces, which take
+        longer than the motion, are computed only if one of them is requested; if only positions and
+        angles are requested, nothing else is computed
 
     Returns
     -------
-    dict of (...) arrays: coupler_angle, rocker_angle [rad], each with _rate and _acceleration;
-    pin_x, pin_y [m], pin_vx, pin_vy, pin_ax, pin_ay of Q and the same of X, point_x ...;
+    dict of (...) arrays: coupler_angle, rocker_angle [rad], coupler_rate, coupler_acceleration,
+    rocker_rate, rocker_acceleration; pin_x, pin_y [m], pin_vx, pin_vy, pin_ax, pin_ay of Q, and
+    point_x, ... of X;
     transmission_angle [rad], between coupler and rocker, in [0, pi]; holding_moment [N m] of the
     crank's drive; forces of pins [N] in the frame of a bar, _x along it towards its second letter
     above and _y to the left of that: crank_force_x, crank_force_y of the ground on the crank,
     coupler_force_.. of the crank on the coupler, rocker_force_.. of the ground on the rocker, and
     pin_force_.. of the coupler on the rocker, in the coupler's frame;
-    mechanical_advantage 1/b1, the moment that a rocker without masses gives out over the moment
-    put into the crank. Angles start in [-pi, pi] and are unwrapped along the last axis, which
+    mechanical_advantage 1/b1, the output moment of the rocker over the input moment of the crank,
+    without masses. Angles start in [-pi, pi] and are unwrapped along the last axis, which
     needs steps below pi between samples.
 
     Raises
     ------
     ValueError
         A length not positive, a mass negative, a point or load not finite, a mode unknown, or a
-        pose that cannot be assembled: the message gives the first such angle and by how much the
-        circles miss.
+        pose that cannot be assembled: the message gives the first such angle and the distance
+        between the circles.
 
     Notes
     -----
-    Loop residual below 1e-14 of the lengths. At a limit of the crank, where coupler and rocker are
-    in line, the rates are not finite, nor are the forces at a change point; next to it they lose
-    digits like 1/C^2, and like 1/D where P
-    comes near B. Lengths make a change point to within 4 eps of their sum. Source: loop and example
+    Loop residual below 1e-14 of the lengths. At a limit position of the crank, where coupler and
+    rocker are in line, the rates are not finite; at a change point the forces are not. Next to such
+    a pose they lose digits like 1/C^2, and where P comes near B like 1/D. Lengths count as those of
+    a change point if their sums differ by at most 4 eps of the sum of all. Source: loop and example
     of B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines 1142-2288, solved there by
     Newton-Raphson. Its accelerations (text line 2054), labelled +1 rad/s^2, are those of -1.
 
@@ -226,7 +228,7 @@ def _pin_forces(
     rocker_load: Array,
     gravity: float,
 ) -> dict[str, Array]:
-    """Forces of the pins, of bars A-P, P-Q, B-Q whose ends accelerate; `area` is C."""
+    """Pin forces of bars A-P, P-Q, B-Q with given accelerations of their ends; `area` is C."""
     crank, coupler, rocker = bars
     lift = 1j * gravity
     (f0, _), (f1, m1), (f2, m2) = (
@@ -245,8 +247,8 @@ def _pin_forces(
 def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple[float, float]:
     """(c + r)^2 - (crank + ground)^2 and (crank - ground)^2 - (c - r)^2 [m^2], to rounding.
 
-    A negative first one keeps the crank from pi, a negative second one from 0; zero is a change
-    point there.
+    If the first one is negative, the crank does not reach pi; if the second one is, it does not
+    reach 0. Zero means a change point at that angle.
     """
     slack = rounding_of_sum(crank, coupler, rocker, ground)
 
@@ -261,10 +263,28 @@ def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple
 
 @dataclass(frozen=True)
 class _Closed:
-    """A closed loop: coupler and rocker as vectors, their cross and dot product.
+    """A closed loop: vectors of coupler and rocker, and terms for their derivatives.
 
-    Also what their turns by the crank angle follow from: lengths and mode, the waves u and v of
-    half the crank angle, the roots p and q with their margins, D, and x and y.
+    Attributes
+    ----------
+    lengths : tuple of float
+        Of crank, coupler, rocker and ground [m].
+    half : float
+        mode/2 [1].
+    waves : tuple of ndarray
+        u = k cos(angle/2) and v = k sin(angle/2), k^2 = 4 crank ground [m].
+    roots : tuple of ndarray
+        p and q of C = mode/2 p q: the roots of the margins plus u^2 and v^2 [m].
+    margins : tuple of float
+        See `margins` [m^2].
+    square : ndarray
+        D [m^2].
+    along : tuple of ndarray
+        x and y of a = (x d + C J d)/D and b = (y d + C J d)/D [m^2].
+    cross : ndarray
+        C [m^2].
+    coupler, rocker : tuple of ndarray
+        Components of a and of b [m].
     """
 
     lengths: tuple[float, float, float, float]
@@ -280,12 +300,12 @@ class _Closed:
 
     @property
     def dot(self) -> Array:
-        """The product a . b."""
+        """Scalar product a . b [m^2]."""
         _, coupler, rocker, _ = self.lengths
         return 0.5 * (coupler**2 + rocker**2 - self.square)
 
     def turns(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """First and second turn of the coupler and of the rocker by the crank angle."""
+        """First two derivatives of the coupler's and of the rocker's angle by the crank angle."""
         crank, coupler, rocker, ground = self.lengths
         (u, v), (p, q), half = self.waves, self.roots, self.half
         p1, p2 = _slopes(self.margins[0], u, -0.5 * v, p)
@@ -315,7 +335,7 @@ def _close(
     ground: float,
     mode: int,
 ) -> _Closed:
-    """The loop whose crank pin is (-dx, -dy) from the rocker's fixed pin."""
+    """The closed loop for the vector d = (dx, dy) from the crank pin to the rocker's fixed pin."""
     k = 2.0 * np.sqrt(crank * ground)
     u, v = k * np.cos(0.5 * theta), k * np.sin(0.5 * theta)
     square = (crank - ground) ** 2 + v * v
@@ -342,12 +362,12 @@ def _close(
 
 
 def _root(margin: float, wave: Array) -> Array:
-    """sqrt(margin + wave^2); without a margin the wave itself, of either sign."""
+    """sqrt(margin + wave^2); for a margin of zero the wave itself, which has either sign."""
     return wave if margin == 0.0 else np.sqrt(np.maximum(margin + wave * wave, 0.0))
 
 
 def _slopes(margin: float, wave: Array, slope: Array, root: Array) -> tuple[Array, Array]:
-    """First and second derivative of a root whose wave has wave'' = -wave/4."""
+    """First two derivatives of a root (`_root`) whose wave has wave' = slope, wave'' = -wave/4."""
     if margin == 0.0:
         return slope, -0.25 * wave
     first = wave * slope / root
@@ -357,7 +377,10 @@ def _slopes(margin: float, wave: Array, slope: Array, root: Array) -> tuple[Arra
 def _turn(
     length: float, along: Triple, cross: Triple, square: Triple, turn: Array
 ) -> tuple[Array, Array]:
-    """First and second turn by the angle of the bar (along d + cross J d)/square."""
+    """First two derivatives by the crank angle of the angle of a bar (along d + cross J d)/square.
+
+    `turn` is d x d'.
+    """
     (x, x1, x2), (y, y1, y2), (s, s1, _) = along, cross, square
     first = ((x * y1 - y * x1) / length**2 + turn) / s
     second = ((x * y2 - y * x2) / length**2 + (0.5 - first) * s1) / s
@@ -365,8 +388,7 @@ def _turn(
 
 
 def _reach(theta: Array, square: Array, coupler: float, rocker: float, slack: float) -> None:
-    """ValueError where the circles of coupler and rocker do not meet, whose centres are sqrt(D)
-    apart; `square` is D."""
+    """Raise a ValueError where the circles of coupler and rocker do not meet; `square` is D."""
     least, most = abs(coupler - rocker), coupler + rocker
     near, far = np.sqrt(square.min(initial=np.inf)), np.sqrt(square.max(initial=0.0))
     if not (far - most <= slack and least - near <= slack):
@@ -382,7 +404,10 @@ def _reach(theta: Array, square: Array, coupler: float, rocker: float, slack: fl
 
 
 def _tip(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict[str, Array]:
-    """Position, velocity and acceleration at the end of arms (x, y, rate, acceleration)."""
+    """Position, velocity and acceleration at the end of a chain of arms from (start, 0).
+
+    An arm is (x, y, rate, acceleration): its vector and the derivatives of its angle.
+    """
     x, y, vx, vy, ax, ay = (
         sum(terms)
         for terms in zip(
@@ -411,12 +436,13 @@ SHORTEST = {
 def grashof_margin(*, crank: float, coupler: float, rocker: float, ground: float) -> float:
     """Grashof margin (p + q) - (s + l) [m]: the middle two lengths less the shortest and longest.
 
-    Positive: the shortest bar turns fully against all others. Zero, to within 4 eps of the sum of
-    the lengths: change point. Negative: no bar turns fully against another.
+    Positive: the shortest bar turns fully relative to all others. Zero, to within 4 eps of the sum
+    of the lengths: change point. Negative: no bar turns fully relative to another.
 
     ValueError if a length is not positive, or if one is longer than the other three together, so
-    that the loop closes nowhere. Source: A. Avello, Teoría de máquinas, as given by B. Díaz Lozano,
-    TFG, Universidad de Almería 2019, text lines 950-1008; its program does not tell equality apart.
+    that no pose closes the loop. Source: A. Avello, Teoría de máquinas, as given by B. Díaz Lozano,
+    TFG, Universidad de Almería 2019, text lines 950-1008; its program does not treat equality
+    separately.
 
     >>> grashof_margin(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)
     0.5
@@ -435,7 +461,7 @@ def grashof_margin(*, crank: float, coupler: float, rocker: float, ground: float
 
 
 def classify(*, crank: float, coupler: float, rocker: float, ground: float) -> str:
-    """Grashof class by the place of the shortest bar.
+    """Grashof class, by which of the bars is the shortest.
 
     ::
 
@@ -444,7 +470,7 @@ def classify(*, crank: float, coupler: float, rocker: float, ground: float) -> s
                                ground  double crank   both turn
                                coupler double rocker  both swing, the coupler turns
         margin = 0   change point                     all bars come into line
-        margin < 0   triple rocker                    nothing turns
+        margin < 0   triple rocker                    no bar turns fully
 
     Lengths [m] and errors as in `grashof_margin`.
 
@@ -470,12 +496,13 @@ def crank_range(
         sin^2(low/2) = ((c - r)^2 - (crank - ground)^2)/k^2        k^2 = 4 crank ground
         cos^2(high/2) = ((crank + ground)^2 - (c + r)^2)/k^2
 
-    with c = coupler, r = rocker, and low = 0 or high = pi where the right side is negative. A
-    crank that turns fully has (0, pi). One that has 0 < low and high < pi moves in one of two
-    intervals, mirror images that need reassembly. At both limits coupler and rocker are in line.
+    with c = coupler, r = rocker, and low = 0 or high = pi where the right side is negative. The
+    range of a crank that turns fully is (0, pi). A crank with 0 < low and high < pi moves in one of
+    two intervals, which are mirror images: from one to the other the linkage must be reassembled.
+    At both limits coupler and rocker are in line.
 
-    Lengths [m] and errors as in `grashof_margin`. Accuracy: rounding; next to 0 or pi half of the
-    digits.
+    Lengths [m] and errors as in `grashof_margin`. Accuracy: rounding; for a limit next to 0 or pi
+    half of the digits.
 
     >>> [round(limit, 6) for limit in crank_range(crank=2.0, coupler=2.0, rocker=2.5, ground=3.0)]
     [0.0, 2.219516]
@@ -488,7 +515,7 @@ def crank_range(
 def dead_centres(
     *, crank: float, coupler: float, rocker: float, ground: float, mode: int = 1
 ) -> tuple[Array, Array]:
-    r"""Poses in which crank and coupler are in line, so that the rocker stands still.
+    r"""Poses in which crank and coupler are in line, so that the rocker is at rest.
 
     ::
 
@@ -499,15 +526,16 @@ def dead_centres(
          A --------- B       A ------ B       g = angle Q-A-B
            stretched       P  folded
 
-    The rocker angle is pi less the angle A-B-Q; g and it change sign with the side of Q.
+    The rocker angle is pi less the angle A-B-Q; both g and the rocker angle change their sign with
+    the side of Q.
 
     Returns the crank angles in [0, 2 pi) and the rocker angles in [-pi, pi], each (2,): first
-    stretched, then folded [rad]. NaN: that pose does not exist, or the rocker runs through it: Q
-    lies in A, or all bars are in line (change point).
+    stretched, then folded [rad]. NaN means that the pose does not exist, or that the rocker does
+    not reverse in it because Q lies in A or all bars are in line (change point).
 
-    Q lies left of A-B for mode 1 and right of it for mode -1; the other way round folded with a
-    coupler shorter than the crank. With a change point `mode` is that at the dead centre. Lengths
-    [m] and errors as in `grashof_margin`.
+    Q lies left of A-B for mode 1 and right of it for mode -1; for the folded pose with a coupler
+    shorter than the crank the sides are interchanged. With a change point `mode` is the mode at the
+    dead centre. Lengths [m] and errors as in `grashof_margin`.
 
     >>> turns, ends = dead_centres(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0, mode=-1)
     >>> [[round(float(x), 4) for x in np.degrees(angles)] for angles in (turns, ends)]
@@ -530,7 +558,7 @@ def dead_centres(
 def swing(*, crank: float, coupler: float, rocker: float, ground: float) -> float:
     """Angle [rad] through which the rocker of a crank-rocker swings, the same in both modes.
 
-    Lengths [m]; ValueError for any other class, besides the errors of `grashof_margin`.
+    Lengths [m]; ValueError for any other class, and the errors of `grashof_margin`.
 
     >>> round(float(np.degrees(swing(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0))), 4)
     47.1808
@@ -542,8 +570,8 @@ def swing(*, crank: float, coupler: float, rocker: float, ground: float) -> floa
 def time_ratio(*, crank: float, coupler: float, rocker: float, ground: float) -> float:
     """Time of the slower swing of a crank-rocker over that of the faster one, at constant speed.
 
-    It is the ratio of the two crank turns between the dead centres, the same in both modes.
-    Lengths [m]; ValueError for any other class, besides the errors of `grashof_margin`.
+    It is the ratio of the two crank rotations between the dead centres, the same in both modes.
+    Lengths [m]; ValueError for any other class, and the errors of `grashof_margin`.
 
     >>> round(time_ratio(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0), 6)
     1.023258
@@ -558,8 +586,8 @@ def transmission_range(
 ) -> tuple[float, float]:
     r"""Smallest and largest angle between coupler and rocker [rad], over the reachable crank range.
 
-    It rises with the crank angle from 0 to pi, so these are its values at the ends of
-    `crank_range`::
+    The angle rises with the crank angle from 0 to pi, so that its extremes are its values at the
+    ends of `crank_range`::
 
         sin^2(smallest/2) = ((crank - ground)^2 - (c - r)^2)/(4 c r)
         cos^2(largest/2) = ((c + r)^2 - (crank + ground)^2)/(4 c r)
@@ -579,7 +607,7 @@ def transmission_range(
 def properties(
     *, crank: float, coupler: float, rocker: float, ground: float, **_: float
 ) -> dict[str, str]:
-    """What a drawing's lengths amount to, in words and degrees, for a report.
+    """Grashof class, crank range and transmission angles in words and degrees, for a report.
 
     >>> properties(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0)["time ratio"]
     '1.0233'
@@ -601,7 +629,7 @@ def properties(
 
 
 def _limits(sine: float, cosine: float, whole: float) -> tuple[float, float]:
-    """Angles with sin^2(first/2) = sine/whole, cos^2(second/2) = cosine/whole, cut to [0, pi]."""
+    """Angles with sin^2(first/2) = sine/whole, cos^2(second/2) = cosine/whole, within [0, pi]."""
     first, second = np.sqrt(np.clip([sine / whole, cosine / whole], 0.0, 1.0))
     return float(2.0 * np.arcsin(first)), float(2.0 * np.arccos(second))
 

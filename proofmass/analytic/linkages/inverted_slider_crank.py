@@ -1,6 +1,6 @@
 """Inverted slider-crank with two inputs: a rod on a crank slides through the tip of a driven bar.
 
-The classic form, in which the slider turns on a fixed pivot, is in `swinging_block`.
+`swinging_block` has the classic form, in which the slider turns about a fixed pivot.
 """
 
 from collections.abc import Collection
@@ -61,43 +61,44 @@ def solve(
             /         / bar             B-S bar at angle a2, driven
            A         B                  P-E rod, through a slider pinned to the bar's tip S
 
-    In the complex plane P = crank e^(i a1) and S = B + bar e^(i a2). The rod's direction is u and
-    D = S - P lies along it. Turned back by u, the derivatives of D = s u fall apart into what
-    slides and what turns with the rod's rate w and acceleration dw::
+    In the complex plane P = crank e^(i a1) and S = B + bar e^(i a2). The unit vector u is the
+    rod's direction, and D = S - P is parallel to it. Divided by u, the derivatives of D = s u have
+    a real part, along the rod, and an imaginary part, across it; w and dw are the rod's rate and
+    acceleration::
 
         u = mode D/|D|,   s = mode |D|,   E = P + rod u
         D'/u = s' + i s w,   D''/u = (s'' - s w^2) + i (s dw + 2 s' w)
 
-    The moments that hold crank and bar still are gravity * sum(mass * dy/dangle) over the
-    mid-lengths of crank, bar and rod and over the slider; with inertia, plus what the
-    accelerations do along the motion of a unit rate of that drive alone. The rod, whose weight
-    and inertia need the moment m about P, gets across its direction what it gives the slider, the
-    force N and the moment slider_inertia dw that turns the slider with it::
+    The moments that hold crank and bar at rest are gravity * sum(mass * dy/dangle) over the
+    mid-lengths of crank, bar and rod and over the slider. With inertia, the virtual work of the
+    inertia forces for a unit rate of that drive alone is added. Weight and inertia of the rod need
+    the moment m about P. The rod gives the slider a force N across the rod and the moment
+    slider_inertia dw, which turns the slider with the rod::
 
         N = -(m + slider_inertia dw)/s i u
 
-    and the balance of forces the pins.
+    The forces of the pins follow from the balance of forces.
 
     Parameters
     ----------
     angle, rate, acceleration : angles of crank and bar [rad], first [rad/s] and second [rad/s^2]
         time derivatives, (2, n) or (2,): the first axis is crank, bar. A scalar rate or
-        acceleration is that of both, one of shape (2,) is constant along the sweep.
-    crank, bar, rod : lengths [m]; bar = 0 leaves the slider on B
+        acceleration holds for both, one of shape (2,) for all samples of the sweep.
+    crank, bar, rod : lengths [m]; with bar = 0 the slider turns about B
     ground_x, ground_y : fixed pivot B of the bar [m]
     mode : +1 the rod points from the crank pin to the slider, s > 0; -1 away from it, s < 0, and
         the slider sits on the rod's extension behind the pin
     crank_mass, bar_mass, rod_mass, slider_mass : uniform bars and slider [kg]
     slider_inertia : moment of inertia of the slider, which turns with the rod, about S [kg m^2]
     gravity : along -y [m/s^2]
-    inertia : whether moments and forces are those of the motion, and not those at rest
-    only : names of all quantities that are asked for: moments and forces, which take longer than
-        the motion, are left out if they are not among them; None asks for all
+    inertia : whether moments and forces include those of the accelerations
+    only : names of all requested quantities; None requests all. Moments and forces, which take
+        longer than the motion, are computed only if one of them is requested
 
     Returns
     -------
-    dict of (n,) or () arrays: slide [m] from P to S along the rod, rod_angle [rad], each with
-    _rate and _acceleration (rod_rate, rod_acceleration); end_x, end_y [m], end_vx, end_vy, end_ax,
+    dict of (n,) or () arrays: slide [m] from P to S along the rod, slide_rate, slide_acceleration;
+    rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax,
     end_ay of E; slider_x, slider_y and the same of S; slide_margin [m], the slider's distance from
     the nearer end of the rod, negative where it has left the rod (see `off_rod`); holding_moment
     of the crank and holding_moment_bar [N m]; forces of pins [N] in the frame of a bar, _x along it
@@ -116,13 +117,13 @@ def solve(
 
     Notes
     -----
-    The slider may leave the rod: kinematics does not mind, the drawing does. Loop residual below
-    1e-14 of the lengths; rates lose digits like 1/s. Source: loop and example of B. Díaz Lozano,
-    TFG, Universidad de Almería 2019, text lines 3415-3758, solved there by Newton-Raphson. The
-    accelerations of E printed there (text line 3733) hold for no input: their right-hand side has a
-    product for a difference (text line 3704) and a wrong collinearity row (text line 3706); those
-    of P and S, labelled +1 rad/s^2, are those of -1 rad/s^2. The slider of its animation,
-    a2 = 2 a1, is off the rod for 41 % of the turn.
+    The slider may leave the rod: the equations hold there too, but such a linkage cannot be built.
+    Loop residual below 1e-14 of the lengths; rates lose digits like 1/s. Source: loop and example
+    of B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines 3415-3758, solved there by
+    Newton-Raphson. The accelerations of E printed there (text line 3733) are wrong for any input:
+    their right-hand side has a product in place of a difference (text line 3704) and a wrong
+    collinearity row (text line 3706); those of P and S, labelled +1 rad/s^2, are those of
+    -1 rad/s^2. The slider of its animation, a2 = 2 a1, is off the rod for 41 % of the turn.
 
     Examples
     --------
@@ -157,7 +158,7 @@ def solve(
     if asks(only, *LOADS, "_moment_bar"):
         turned = (-1j * pin[0] / u).imag / s, (1j * tip[0] / u).imag / s
         moments = _inertia(pin[::2], tip[::2], rod * u, end[2], turned, **masses)
-        swing = 0.5 * rod_mass * rod * u.real / s  # dy/d(rod angle) of the rod's weight, over s
+        swing = 0.5 * rod_mass * rod * u.real / s  # rod_mass dy/d(rod angle) of its middle, over s
         loads = {
             "holding_moment": inertia * (moments[0] + slider_inertia * dw * turned[0])
             + gravity * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
@@ -202,11 +203,11 @@ def _inertia(
     rod_mass: float,
     slider_mass: float,
 ) -> tuple[Array, Array]:
-    """Moments that the inertia of bars and slider asks of crank and bar.
+    """Moments of the drives of crank and bar due to the inertia of the bars and the slider's mass.
 
     `pin` and `tip` are the vectors of crank and bar with the accelerations of their ends, `rod` is
-    the vector of the rod and `at_end` the acceleration of its end; unit rates of crank and bar turn
-    the rod as in `turned`.
+    the vector of the rod and `at_end` the acceleration of its end; `turned` has the rates of the
+    rod for unit rates of crank and bar.
     """
     (p, at_p), (s, at_s), rest = pin, tip, np.zeros_like(rod)
     by_crank, by_bar = (1j * turn * rod for turn in turned)
@@ -230,10 +231,10 @@ def _forces(
     rod_mass: float,
     slider_mass: float,
 ) -> dict[str, Array]:
-    """Forces of pins and guide, of crank, bar and rod in these directions.
+    """Forces of pins and guide, from directions and lengths of crank, bar and rod.
 
     `accelerations` are those of P, S and E less that of gravity, which is -`lift`; `turning` is the
-    moment that the slider asks of the rod.
+    moment that the rod gives the slider.
     """
     crank, bar, rod = (a * b for a, b in zip(directions, lengths, strict=True))
     at_p, at_s, at_e = accelerations
@@ -255,10 +256,10 @@ def _forces(
 
 
 def off_rod(x: ArrayLike, slide_margin: ArrayLike) -> Array:
-    r"""Intervals of x in which the slider has left the rod, (k, 2).
+    r"""Intervals of x, (k, 2), in which the slider has left the rod.
 
-    `x` (n,) rises, `slide_margin` (n,) is that of `solve`. The ends of an interval, zeros of the
-    margin, are interpolated linearly, with an error of step^2/8 times the ratio of the margin's
+    `x` (n,) rises; `slide_margin` (n,) is the curve of `solve`. The ends of an interval, zeros of
+    the margin, are interpolated linearly, with an error of step^2/8 times the ratio of the margin's
     second derivative to its first; an interval shorter than a step can be missed.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 100001)
@@ -275,7 +276,7 @@ def off_rod(x: ArrayLike, slide_margin: ArrayLike) -> Array:
 
 
 def _inputs(*given: ArrayLike) -> tuple[Array, ...]:
-    """Angles, rates and accelerations in one shape (2, ...), aligned at their first axis."""
+    """Angles, rates and accelerations, broadcast to one shape (2, ...) from their first axis on."""
     arrays = [np.asarray(value, float) for value in given]
     if arrays[0].shape[:1] != (2,):
         raise ValueError(f"angle must hold two inputs, crank and bar, got shape {arrays[0].shape}")
@@ -286,13 +287,13 @@ def _inputs(*given: ArrayLike) -> tuple[Array, ...]:
 def _arm(
     length: float, angle: Array, rate: Array, acceleration: Array
 ) -> tuple[ComplexPoints, ...]:
-    """Complex vector of a turning arm, its velocity and its acceleration."""
+    """Complex vector of a turning arm, velocity and acceleration of its end."""
     arm = length * np.exp(1j * angle)
     return arm, 1j * rate * arm, (1j * acceleration - rate**2) * arm
 
 
 def _direction(apart: ComplexPoints, slack: float, a1: Array, a2: Array) -> ComplexPoints:
-    """Unit vector along D, or ValueError where D vanishes."""
+    """Unit vectors along D, or a ValueError where D vanishes."""
     distance = np.abs(apart)
     if not distance.min(initial=np.inf) > slack:
         bad = np.argmin(distance > slack)

@@ -1,13 +1,14 @@
 """Linkages in natural coordinates by Newton-Raphson, as B. Díaz Lozano teaches it.
 
-The coordinates q are those of the moving points, then the driven angles. Every constraint is a
-row of Phi(q) = 0; a driven angle adds the rows that turn a link by it, and a unit row that keeps
-Newton-Raphson from changing it. Positions by Newton-Raphson (stop at |dq| <= 1e-10, at most 101
-iterations), then one linear solve each for rates and accelerations, a pose at a time.
+The coordinates q are those of the moving points, followed by the driven angles. Every constraint
+is a row of Phi(q) = 0. A driven angle adds the rows that give a link this angle, and a unit row
+that keeps Newton-Raphson from changing the angle. For each pose, positions are found by
+Newton-Raphson (stop at |dq| <= 1e-10, at most 101 iterations), then rates and accelerations by one
+linear system each.
 
-A linkage of one's own is a `NaturalLinkage` of such rows: `distance` for a rigid bar, `collinear`
-and `constant_angle` for a slider, `turned` for an angle to the ground, `relative_angle` for one
-between two links.
+Users make their own linkage as a `NaturalLinkage` of such rows: `distance` for a rigid bar,
+`collinear` and `constant_angle` for a slider, `turned` for an angle of a link to the ground,
+`relative_angle` for an angle between two links.
 
 Source: TFG, Universidad de Almería 2019, text lines 824-1120 (theory; figures 39-43 for the rows),
 1122-3758 (four linkages); code lines 1417-1469, 1989-2056.
@@ -23,28 +24,29 @@ from proofmass.analytic.newton_raphson import NewtonLog, newton_raphson
 from proofmass.analytic.numerics import Array
 
 Row = Callable[[Array, Array], tuple[float, Array, float]]
-"""q, rates -> value of a constraint, its gradient by q, and (d gradient/dt) rates."""
+"""Function of q and rates: value of a constraint, gradient by q, (d gradient/dt) times rates."""
 AffinePoint = tuple[Array, Array]
-"""A place: matrix (2, size) on q, and what is added to it (2,) [m]."""
+"""Matrix (2, size) and vector (2,) [m] of a point: its position is matrix q + vector."""
 SQUARE = 0.5**0.5
 
 
 @dataclass(frozen=True)
 class NaturalLinkage:
-    """Constraints on natural coordinates q, of which the last are driven angles.
+    """Constraints on natural coordinates q, of which the last ones are driven angles.
 
     Attributes
     ----------
     rows : tuple of function
         The constraints.
     names : tuple of str
-        The coordinates: X1, Y1, ... of the moving points [m], then the driven angles [rad].
+        Names of the coordinates: X1, Y1, ... of the moving points [m], then the driven angles
+        [rad].
     inputs : int
         Number of driven angles.
 
     Examples
     --------
-    A four-bar from the document's first guess, which takes 14 iterations.
+    A four-bar from the first guess of the document, which takes 14 iterations.
 
     >>> log = assemble(fourbar(1.0, 2.0, 2.5, 3.0), (0.1, 1.0, 1.0, 0.2, 0.0))
     >>> log.iterations, (log.root.round(6) + 0.0).tolist()
@@ -56,7 +58,7 @@ class NaturalLinkage:
     inputs: int = 1
 
     def evaluate(self, q: Array, rates: Array) -> tuple[Array, Array, Array]:
-        """Residual, Jacobian and bias (dJ/dt) rates; the driven rows last, with zeros.
+        """Residual, Jacobian and bias (dJ/dt) rates; the unit rows of driven angles are the last.
 
         Parameters
         ----------
@@ -78,27 +80,27 @@ class NaturalLinkage:
 
 
 def assemble(linkage: NaturalLinkage, start: ArrayLike, *, most: int = 101) -> NewtonLog:
-    """The position problem: q that fulfils all constraints, for the driven angles of `start`.
+    """Position problem: find q that fulfils all constraints, for the driven angles of `start`.
 
     Parameters
     ----------
     linkage : NaturalLinkage
         The constraints.
     start : array_like (size,)
-        First guess, with the driven angles at the end [m, rad]; it picks the assembly mode.
+        First guess, with the driven angles at the end [m, rad]; it determines the assembly mode.
     most : int
         Number of iterations allowed.
 
     Returns
     -------
     NewtonLog
-        `root` is q; printed, the log has q, Phi, J, rank and error of each iteration.
+        Its `root` is q; a print of the log shows q, Phi, J, rank and error of each iteration.
 
     Raises
     ------
     ValueError
-        A start of another length; no root (`NotConverged`) or a Jacobian that has no inverse
-        (`SingularJacobian`), which have the log so far.
+        The start has another length; there is no root (`NotConverged`), or the Jacobian has no
+        inverse (`SingularJacobian`). The last two errors have the log of the iterations made.
     """
     first, n = np.asarray(start, float), linkage.inputs
     if first.shape != (len(linkage.names),):
@@ -108,14 +110,14 @@ def assemble(linkage: NaturalLinkage, start: ArrayLike, *, most: int = 101) -> N
 
     def system(q: Array) -> tuple[Array, Array]:
         residual, jacobian, _ = linkage.evaluate(q, np.zeros(q.size))
-        residual[-n:] = q[-n:] - first[-n:]  # zero all along, but for least squares
+        residual[-n:] = q[-n:] - first[-n:]  # zero in all iterations, except with least squares
         return residual, jacobian
 
     return newton_raphson(system, first, most=most, names=linkage.names)
 
 
 def velocities(linkage: NaturalLinkage, q: Array, inputs: Sequence[float]) -> Array:
-    """Rates (size,) [m/s, rad/s] of q (size,) for the rates of the driven angles [rad/s].
+    """Rates of q (size,) [m/s, rad/s] for given rates of the driven angles [rad/s].
 
     >>> four = fourbar(1.0, 2.0, 2.5, 3.0)
     >>> rates = velocities(four, assemble(four, (0.1, 1.0, 1.0, 0.2, 0.0)).root, [1.0])
@@ -129,17 +131,17 @@ def velocities(linkage: NaturalLinkage, q: Array, inputs: Sequence[float]) -> Ar
 def accelerations(
     linkage: NaturalLinkage, q: Array, rates: Array, inputs: Sequence[float]
 ) -> Array:
-    """Second derivatives (size,) [m/s^2, rad/s^2] of q for those of the driven angles [rad/s^2].
+    """Accelerations of q (size,) [m/s^2, rad/s^2] for those of the driven angles [rad/s^2].
 
-    The document solves -J a = b with the driven accelerations in b, so that its +1 gives what is
-    true for -1 (text line 2039).
+    The document solves -J a = b with the driven accelerations in b, so that its results for +1
+    rad/s^2 are those of -1 rad/s^2 (text line 2039).
     """
     _, jacobian, bias = linkage.evaluate(q, rates)
     return solved(jacobian, np.r_[-bias[: len(linkage.rows)], inputs])
 
 
 def solved(jacobian: Array, right: Array) -> Array:
-    """x of J x = right, of least squares where there are more rows than unknowns."""
+    """Solution x of J x = right, by least squares where there are more rows than unknowns."""
     if jacobian.shape[0] == jacobian.shape[1]:
         return np.asarray(np.linalg.solve(jacobian, right))
     return np.asarray(np.linalg.lstsq(jacobian, right)[0])
@@ -152,7 +154,7 @@ def sweep(
     rates: Sequence[float],
     accelerated: Sequence[float],
 ) -> Array:
-    """q, rates and accelerations at many values of the driven angles, each pose from the last.
+    """q, rates and accelerations at many driven angles; the first guess of a pose is the last pose.
 
     Parameters
     ----------
@@ -173,7 +175,7 @@ def sweep(
     Raises
     ------
     ValueError
-        As `assemble`, at the first pose that has no root near the last.
+        As in `assemble`, at the first pose for which the iteration finds no root.
     """
     q, poses = np.array(start, float), []
     for driven in np.reshape(angles, (-1, linkage.inputs)):
@@ -185,17 +187,17 @@ def sweep(
 
 
 def moving(k: int, size: int) -> AffinePoint:
-    """Point number k, from 0, of a linkage with `size` coordinates."""
+    """Moving point number k, counted from 0, of a linkage with `size` coordinates."""
     return np.eye(size)[2 * k : 2 * k + 2], np.zeros(2)
 
 
 def fixed(x: float, y: float, size: int) -> AffinePoint:
-    """A point of the ground, x and y [m], of a linkage with `size` coordinates."""
+    """Point of the ground at x and y [m], for a linkage with `size` coordinates."""
     return np.zeros((2, size)), np.array([x, y])
 
 
 def distance(start: AffinePoint, end: AffinePoint, length: float) -> Row:
-    """A rigid bar of a length [m]: |end - start|^2 = length^2 (figure 39)."""
+    """Row of a rigid bar with a length [m]: |end - start|^2 = length^2 (figure 39)."""
     matrix, shift = end[0] - start[0], end[1] - start[1]
 
     def row(q: Array, rates: Array) -> tuple[float, Array, float]:
@@ -206,7 +208,7 @@ def distance(start: AffinePoint, end: AffinePoint, length: float) -> Row:
 
 
 def product(u: AffinePoint, w: AffinePoint, sense: Array, value: float) -> Row:
-    """u' S w = value [m^2] for vectors u and w: their scalar or vector product."""
+    """Row u' S w = value [m^2] for vectors u and w; `sense` S is `SCALAR` or `VECTOR`."""
     (a, s), (b, t) = u, w
 
     def row(q: Array, rates: Array) -> tuple[float, Array, float]:
@@ -219,27 +221,31 @@ def product(u: AffinePoint, w: AffinePoint, sense: Array, value: float) -> Row:
 
 
 SCALAR, VECTOR = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
-"""Of `product`."""
+"""Matrices S of `product`: for the scalar product and for the vector product."""
 
 
 def between(start: AffinePoint, end: AffinePoint) -> AffinePoint:
-    """The vector from one point to another."""
+    """Vector from one point to another."""
     return end[0] - start[0], end[1] - start[1]
 
 
 def collinear(start: AffinePoint, middle: AffinePoint, end: AffinePoint) -> Row:
-    """A slider on a bar: (middle - start) x (end - start) = 0 (figure 41)."""
+    """Row of a slider on a bar: (middle - start) x (end - start) = 0 (figure 41)."""
     return product(between(start, middle), between(start, end), VECTOR, 0.0)
 
 
 def constant_angle(
     start: AffinePoint, end: AffinePoint, base: AffinePoint, tip: AffinePoint, value: float
 ) -> Row:
-    """A slider that does not turn on its bar: (end - start) . (tip - base) = value (figure 41).
+    """Row of a slider that does not turn on its bar (figure 41).
 
-    The angle between both segments is constant as long as their lengths are: value [m^2] is the
-    product of the lengths and the cosine of the angle. A sign of the angle is not in it; where
-    both signs can be assembled the first guess decides.
+    ::
+
+        (end - start) . (tip - base) = value
+
+    The angle between both segments is constant if their lengths are: value [m^2] is the product of
+    the lengths and the cosine of the angle. It does not determine the sign of the angle; where both
+    signs can be assembled the first guess decides.
     """
     return product(between(start, end), between(base, tip), SCALAR, value)
 
@@ -251,23 +257,24 @@ def relative_angle(
     lengths: tuple[float, float],
     angle: int,
 ) -> tuple[Row, Row]:
-    """Angle from one link to another at their pin, as coordinate number `angle` (figure 42).
+    """Rows of the angle between two links at their pin, which is coordinate `angle` (figure 42).
 
     ::
 
         12 . 13 = L12 L13 cos(phi),  12 x 13 = L12 L13 sin(phi)
 
-    Both rows, as the document advises: either alone leaves a mirror image, and has no derivative
-    by the angle where it is flat. With them Newton-Raphson becomes Gauss-Newton.
+    There are both rows, as the document advises: one row alone is also fulfilled by a mirror image,
+    and its derivative by the angle is zero where cos(phi) or sin(phi) is extreme. With both rows
+    there are more equations than unknowns, and Newton-Raphson becomes Gauss-Newton.
 
     Parameters
     ----------
     corner, reference, turned_to : point
-        1, 2 and 3.
+        Points 1, 2 and 3.
     lengths : tuple of float
         L12 and L13 [m].
     angle : int
-        Number of the coordinate phi.
+        Index of the coordinate phi.
 
     Returns
     -------
@@ -294,20 +301,25 @@ def relative_angle(
 def turned(
     base: AffinePoint, pin: AffinePoint, length: float, angle: int, threshold: float | None = None
 ) -> tuple[Row, ...]:
-    """pin - base = length (cos, sin) of coordinate number `angle` (figure 43).
+    """Rows of a link's angle to the ground, which is coordinate number `angle` (figure 43).
+
+    ::
+
+        pin - base = length (cos(angle), sin(angle))
 
     Parameters
     ----------
     base, pin : point
         Ends of the link.
     length : float
-        Its length [m].
+        Length of the link [m].
     angle : int
-        Number of the coordinate.
+        Index of the coordinate.
     threshold : float or None
-        None: both rows, which leave no mirror image, and Newton-Raphson becomes Gauss-Newton.
-        Otherwise one row as in the document's programs, that of the cosine where |cos| < threshold
-        [1], else that of the sine (text line 2395): the link may then assemble as its mirror image.
+        None: both rows, which have no mirror image as solution, and Newton-Raphson becomes
+        Gauss-Newton. A number [1]: one row as in the document's programs, that of the cosine where
+        |cos| < threshold, otherwise that of the sine (text line 2395); the linkage may then be
+        assembled with the mirror image of the link.
 
     Returns
     -------
@@ -329,14 +341,14 @@ def turned(
 def fourbar(
     crank: float, coupler: float, rocker: float, ground: float, threshold: float | None = SQUARE
 ) -> NaturalLinkage:
-    """q = (X1, Y1, X2, Y2, theta): crank pin and pin of coupler and rocker.
+    """Four-bar with q = (X1, Y1, X2, Y2, theta): crank pin, and pin of coupler and rocker.
 
     Parameters
     ----------
     crank, coupler, rocker, ground : float
         Lengths between pins [m].
     threshold : float or None
-        Of `turned` [1].
+        Threshold of `turned` [1].
     """
     a, b, one, two = fixed(0, 0, 5), fixed(ground, 0, 5), moving(0, 5), moving(1, 5)
     return NaturalLinkage(
@@ -358,14 +370,14 @@ def fivebar(
     ground: float,
     threshold: float | None = 0.5,
 ) -> NaturalLinkage:
-    """q = (X1, Y1, X2, Y2, X3, Y3, theta, beta): left pin, middle pin, right pin.
+    """Five-bar with q = (X1, Y1, X2, Y2, X3, Y3, theta, beta): left, middle and right pin.
 
     Parameters
     ----------
     left, left_coupler, right_coupler, right, ground : float
         Lengths between pins [m].
     threshold : float or None
-        Of `turned` [1].
+        Threshold of `turned` [1].
     """
     a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
     return NaturalLinkage(
@@ -388,16 +400,16 @@ def slider_crank(
     guide: Sequence[tuple[float, float]],
     threshold: float | None = SQUARE,
 ) -> NaturalLinkage:
-    """q = (X1, Y1, X2, Y2, theta): crank pin and slider on the line through two fixed points.
+    """Slider-crank with q = (X1, Y1, X2, Y2, theta): crank pin, and slider on a fixed line.
 
     Parameters
     ----------
     crank, coupler : float
         Lengths between pins [m].
     guide : sequence of two pairs
-        Two points of the line [m].
+        Two points of the guide's line [m].
     threshold : float or None
-        Of `turned` [1].
+        Threshold of `turned` [1].
     """
     a, one, two = fixed(0, 0, 5), moving(0, 5), moving(1, 5)
     b, c = (fixed(*point, 5) for point in guide)
@@ -415,14 +427,16 @@ def slider_crank(
 def inverted_slider_crank(
     crank: float, rod: float, bar: float, ground: float, threshold: float | None = 0.95
 ) -> NaturalLinkage:
-    """q = (X1, Y1, X2, Y2, X3, Y3, theta, beta): crank pin, end of the rod, slider on the rod.
+    """Inverted slider-crank: q = (X1, Y1, X2, Y2, X3, Y3, theta, beta).
+
+    The points are the crank pin, the end of the rod, and the slider on the rod.
 
     Parameters
     ----------
     crank, rod, bar, ground : float
-        Lengths between pins, of the rod whole [m].
+        Lengths between pins; for the rod its whole length [m].
     threshold : float or None
-        Of `turned` [1].
+        Threshold of `turned` [1].
     """
     a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
     return NaturalLinkage(
@@ -448,4 +462,4 @@ EXAMPLES: dict[str, tuple[NaturalLinkage, tuple[float, ...]]] = {
         (0.1, 0.2, 1.0, 0.2, 2.0 + np.cos(0.8), np.sin(0.8), 0.5, 0.8),
     ),
 }
-"""The document's linkages and its first guesses (text lines 1262, 5898, 7762, 9091)."""
+"""The document's linkages and their first guesses (text lines 1262, 5898, 7762, 9091)."""

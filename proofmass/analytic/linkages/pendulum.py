@@ -1,4 +1,4 @@
-"""Simple pendulum of any amplitude below half a turn, by Jacobi elliptic functions."""
+"""Simple pendulum with any amplitude below half a turn, by Jacobi elliptic functions."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,9 +45,9 @@ def solve(
 
     Notes
     -----
-    The only error growing with time is the rounding of w time: angle errors are about
-    1e-16 |rate time|. The functions are built here from k' because scipy.special.ellipj takes
-    1 - k'^2, which near half a turn no longer holds the digits of k' that set the period.
+    The only error that grows with time is the rounding of w time: angle errors are about
+    1e-16 |rate time|. The functions are computed here from k' because scipy.special.ellipj takes
+    1 - k'^2, which near half a turn no longer has the digits of k' that determine the period.
     Source: textbook solution, DLMF 22.19(i); IFToMM benchmark A01 is the case amplitude = -pi/2.
 
     Examples
@@ -87,7 +87,7 @@ def period(*, length: float, gravity: float, amplitude: float) -> float:
 
 
 def _frequency(length: float, gravity: float, amplitude: float) -> float:
-    """Angular frequency of small swings, after a check of the inputs."""
+    """Angular frequency of small swings [rad/s], after a check of the inputs."""
     for name, value, unit in (("length", length, "m"), ("gravity", gravity, "m/s^2")):
         if not 0.0 < value < np.inf:
             raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")

@@ -1,7 +1,8 @@
-"""Plane regions that pieces of curves bound: joined into outlines, nested, and measured.
+"""Plane regions bounded by pieces of curves: pieces are joined to outlines, outlines to regions.
 
-A piece runs with its region on the left.  Areas are those of Green's theorem, one number a piece,
-so they are as exact as the pieces and do not depend on how densely an outline is drawn.
+A piece has its region on the left.  Areas follow from Green's theorem: each piece has one number,
+its integral, so that an area is as exact as these and does not depend on how densely the outline
+is sampled.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,19 +15,19 @@ from proofmass.analytic.chart import ChartRegion
 from proofmass.analytic.numerics import Complex
 
 JOIN = 1e-6
-"""Of the size of a mechanism: ends of pieces nearer than this are one point."""
+"""Ends of pieces at a smaller distance, as a share of the mechanism's size, are one point."""
 
 
 @dataclass(frozen=True)
 class CurvePiece:
-    """A piece of a curve.
+    """A piece of a curve with its contribution to the area that it bounds.
 
     Attributes
     ----------
     points : ndarray (n,)
-        Places x + iy along it [m], dense enough to be drawn.
+        Points x + iy along the piece [m], dense enough to be drawn.
     swept : float
-        Integral of (x dy - y dx)/2 along it [m^2].
+        Integral of (x dy - y dx)/2 along the piece [m^2].
     """
 
     points: Complex
@@ -34,7 +35,7 @@ class CurvePiece:
 
     @property
     def back(self) -> "CurvePiece":
-        """The same, the other way."""
+        """The same piece in the opposite direction."""
         return CurvePiece(self.points[::-1], -self.swept)
 
 
@@ -45,9 +46,9 @@ class PlaneRegion:
     Attributes
     ----------
     outlines : tuple of ndarray (n,)
-        Places x + iy [m]: the outer outline counter-clockwise, then its holes, clockwise.
+        Points x + iy [m]: the outer outline counter-clockwise, then those of its holes, clockwise.
     area : float
-        [m^2].
+        Area without the holes [m^2].
     """
 
     outlines: tuple[Complex, ...]
@@ -57,7 +58,7 @@ class PlaneRegion:
 def drawn_regions(
     found: Mapping[int, Iterable[PlaneRegion]], labels: Mapping[int, str]
 ) -> tuple[ChartRegion, ...]:
-    """Regions by a sign, as a chart draws them, with the label of their sign."""
+    """Regions for a chart, from regions by a sign; each gets the label of its sign."""
     return tuple(
         ChartRegion(
             tuple(np.stack([z.real, z.imag], axis=1) for z in one.outlines), labels[sign], one.area
@@ -68,7 +69,7 @@ def drawn_regions(
 
 
 def arc(center: complex, radius: float, first: float, last: float) -> CurvePiece:
-    """A piece of a circle from one angle [rad] to another, about a place and of a radius [m].
+    """Arc of a circle with a centre x + iy and a radius [m], from one angle [rad] to another.
 
     >>> round(arc(1.0, 2.0, 0.0, 2.0 * np.pi).swept / np.pi, 12)
     4.0
@@ -80,13 +81,13 @@ def arc(center: complex, radius: float, first: float, last: float) -> CurvePiece
 
 
 def chord(first: complex, last: complex) -> CurvePiece:
-    """A straight piece from one place [m] to another."""
+    """Straight piece from one point x + iy [m] to another."""
     points = np.array([first, last], complex)
     return CurvePiece(points, 0.5 * float(np.imag(np.conj(first) * last)))
 
 
 def overlap(distance: float, one: float, other: float) -> float:
-    """Area [m^2] that two discs of these radii [m] at this distance [m] have in common.
+    """Area [m^2] of the intersection of two discs, by the distance of their centres and radii [m].
 
     >>> bool(abs(overlap(1.0, 1.0, 1.0) - 2.0 * np.pi / 3.0 + np.sqrt(3.0) / 2.0) < 1e-15)
     True
@@ -106,7 +107,7 @@ def overlap(distance: float, one: float, other: float) -> float:
 
 
 def within(points: Complex, outline: Complex) -> NDArray[np.bool_]:
-    """Whether points (n,) lie within a closed outline (m,).
+    """Whether points (n,) lie inside a closed outline (m,).
 
     >>> within(np.array([0.5 + 0.5j, 2.0]), np.array([0.0, 1.0, 1.0 + 1.0j, 1.0j])).tolist()
     [True, False]
@@ -114,21 +115,21 @@ def within(points: Complex, outline: Complex) -> NDArray[np.bool_]:
     start, end = outline, np.roll(outline, -1)
     z = np.asarray(points, complex)[:, None]
     crosses = (start.imag > z.imag) != (end.imag > z.imag)
-    with np.errstate(divide="ignore", invalid="ignore"):  # level edges are not crossed
+    with np.errstate(divide="ignore", invalid="ignore"):  # of horizontal edges, which do not count
         share = (z.imag - start.imag) / (end.imag - start.imag)
         right = z.real < start.real + share * (end.real - start.real)
     return np.asarray((crosses & right).sum(axis=1) % 2 == 1)
 
 
 def joined_regions(pieces: Iterable[CurvePiece], size: float) -> list[PlaneRegion]:
-    """The connected regions to the left of pieces, the largest first.
+    """Connected regions to the left of pieces of curves, the largest first.
 
     Parameters
     ----------
     pieces : iterable of CurvePiece
-        Each begins where one ends, within `JOIN` of the size.
+        Each piece begins where another one ends, within `JOIN` times the size.
     size : float
-        Of the mechanism [m].
+        Size of the mechanism [m].
 
     Raises
     ------
@@ -159,10 +160,10 @@ def joined_regions(pieces: Iterable[CurvePiece], size: float) -> list[PlaneRegio
 
 
 def joined_loops(pieces: list[CurvePiece], size: float) -> list[CurvePiece]:
-    """Closed outlines, each made of the pieces that follow each other.
+    """Closed outlines, each made of consecutive pieces.
 
-    Where several pieces begin in one place, the one follows that turns left most: the region is on
-    the left, and others that only touch it there are others.
+    Where several pieces begin at one point, the next piece is the one that turns furthest to the
+    left.  The region is on the left, so that regions which only touch at a point stay separate.
     """
     starts = np.array([one.points[0] for one in pieces], complex)
     ways = np.array([one.points[1] - one.points[0] for one in pieces], complex)

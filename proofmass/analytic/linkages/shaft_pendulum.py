@@ -1,4 +1,4 @@
-"""Pendulum on a driven shaft with dry friction: it is carried along, and slips."""
+"""Pendulum on a driven shaft with dry friction, which sticks to the shaft or slips."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ def solve(
     bearing_friction: float = 0.0,
     gravity: float = 9.81,
 ) -> dict[str, Array]:
-    r"""Quasi-static motion of a pendulum that hangs on a slowly turned shaft with dry friction.
+    r"""Quasi-static motion of a pendulum on a shaft that turns slowly, with dry friction.
 
     ::
 
@@ -29,22 +29,22 @@ def solve(
                 o mass          | /__________/       -friction
         phi from straight down  +---------------- angle of the shaft
 
-    The pendulum sticks to the shaft as long as the friction holds its weight, |phi| < p, and slips
-    at phi = +-p::
+    The pendulum sticks to the shaft as long as friction can balance its weight, |phi| < p, and
+    slips at phi = +-p::
 
         m g l sin(p) = friction,      phi' = clip(phi + change of the shaft's angle, -p, p)
 
-    for every change of one sense: the play operator with the weight as its spring (a Jenkins
-    element). The moment on the shaft is m g l sin(phi), and friction +-bearing_friction of the
-    shaft's own bearing. A cycle between two angles at a distance a loses 2 friction (a - 2 p) and
-    2 bearing_friction a.
+    for every change in one sense. This is the play operator with the weight as its spring (a
+    Jenkins element). The moment on the shaft is m g l sin(phi) plus the friction
+    +-bearing_friction of the shaft's own bearing. A cycle of the shaft between two angles whose
+    difference is a dissipates 2 friction (a - 2 p) and 2 bearing_friction a.
 
     Parameters
     ----------
-    angle : of the shaft [rad], (n,), in the order in which it is turned
-    rate, acceleration : its time derivatives [rad/s, rad/s^2]; `rate` tells the sense of the
-        bearing's friction, `acceleration` has no meaning in statics
-    length, mass : of the pendulum, a mass at a distance from the shaft [m], [kg]
+    angle : angles of the shaft [rad], (n,), in the order in which they are reached
+    rate, acceleration : time derivatives of `angle` [rad/s, rad/s^2]; `rate` gives the sense of the
+        bearing's friction, `acceleration` is not used in statics
+    length, mass : distance of the pendulum's point mass from the shaft [m], and that mass [kg]
     friction, bearing_friction : largest moments of dry friction between shaft and pendulum, and
         between ground and shaft [N m]
     gravity : along -y [m/s^2]
@@ -52,20 +52,20 @@ def solve(
     Returns
     -------
     dict of (n,) arrays: swing, the angle phi from straight down, and slip = phi - angle [rad];
-    swing_rate, slip_rate [rad/s] of the motion that ends at each sample; bob_x, bob_y [m];
-    holding_moment [N m] of the shaft; hinge_moment [N m] of the shaft on the pendulum; lost [J],
-    by the friction of both until then.
+    swing_rate, slip_rate [rad/s] of the motion that ends at each sample; bob_x, bob_y [m], position
+    of the mass; holding_moment [N m] of the shaft; hinge_moment [N m] of the shaft on the pendulum;
+    lost [J], work that both frictions have dissipated until then.
 
     Raises
     ------
     ValueError
-        A parameter out of its domain; friction that holds the pendulum at every angle, or over all
-        angles that are asked for.
+        A parameter out of its domain; friction that can balance the weight at every angle, so that
+        the pendulum never slips; or a pendulum that does not slip at any of the given angles.
 
     Notes
     -----
-    Rounding. The pendulum hangs at the first sample. The shaft goes from sample to sample without
-    turning back between them. Source: textbook statics; the play operator is that of A. Visintin,
+    Accuracy: rounding. The pendulum hangs straight down at the first sample. The shaft does not
+    reverse between two samples. Source: textbook statics; the play operator is that of A. Visintin,
     Differential Models of Hysteresis, Springer 1994, section III.2.
 
     Examples
@@ -103,9 +103,9 @@ def solve(
 
 
 def played(shaft: Array, most: float) -> tuple[Array, Array]:
-    """Swings (n,) that follow a shaft with play, and whether the pendulum slips at their samples.
+    """Swings (n,) by the play operator with half width `most` [rad], and whether there is slip.
 
-    At the first sample it hangs, free of friction.
+    At the first sample the pendulum hangs straight down, without a moment of friction.
     """
     swing, slips = np.zeros(shaft.shape), np.ones(shaft.shape, bool)
     ways = np.sign(np.diff(shaft))
@@ -138,7 +138,7 @@ def slip_angle(*, length: float, mass: float, friction: float, gravity: float = 
 
 
 def events(*, length: float, mass: float, friction: float, **others: float) -> dict[str, float]:
-    """Where the pendulum slips for the first time, as a place of the shaft."""
+    """Angle of the shaft [rad] at which the pendulum slips for the first time, as an event."""
     most = slip_angle(
         length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)
     )
@@ -146,7 +146,7 @@ def events(*, length: float, mass: float, friction: float, **others: float) -> d
 
 
 def properties(*, length: float, mass: float, friction: float, **others: float) -> dict[str, str]:
-    """Where the pendulum slips, in words.
+    """Angle at which the pendulum slips, and its loss per cycle, in words for a report.
 
     >>> properties(length=0.2, mass=0.5, friction=0.3)["slips at"]
     '17.81° from straight down'

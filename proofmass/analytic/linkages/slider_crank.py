@@ -1,4 +1,4 @@
-"""Slider-crank on a straight guide of any inclination: motion, statics and dead points."""
+"""Slider-crank on a straight guide of any inclination: motion, moment and forces, dead points."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -65,57 +65,61 @@ def solve(
           /      _--              P-S coupler c
          A
 
-    Seen from the guide, with the crank at f = angle - g, the axis A at a distance e (offset) to
-    its right and start = G . u, the coupler is the vector (q, -h)::
+    In the frame of the guide, the crank is at f = angle - g, the axis A at a distance e (offset) to
+    the right of the guide, and start = G . u. The coupler is the vector (q, -h)::
 
         h = r sin(f) - e,   q = mode sqrt((c - h)(c + h)),   s = r cos(f) + q - start
         c - h = (c + e - r) + 2 r sin^2(pi/4 - f/2),  c + h = (c - e - r) + 2 r cos^2(pi/4 - f/2)
 
-    The coupler turns by k1 = -r cos(f)/q for each radian of the crank, and with k2 = dk1/df::
+    The derivative of the coupler angle by the crank angle is k1 = -r cos(f)/q; with k2 = dk1/df::
 
         ds/df = -r sin(f) + h k1,   d2s/df2 = -r cos(f) + h k2 - q k1^2
 
-    At a change point, coupler = crank + |offset|, the coupler comes to stand across the guide: a
-    bracket above is zero there, and its root is taken as sqrt(2 r) sin(pi/4 - f/2), or cos, which
-    changes its sign. So the motion runs smoothly on, as inertia would have it, with finite rates;
-    a branch of an offset linkage then closes after two turns. The moment that holds the crank
-    still is gravity * sum(mass * dy/dangle) over bars' mid-lengths and slider, less
-    slider_load * ds/dangle; with inertia, plus what the accelerations do along the motion of a unit
-    crank rate. The pin gives the coupler a, whose weight and inertia need the moment m1 about P,
-    the force R of which the slider's balance tells the part along the guide's direction u::
+    A linkage with coupler = crank + |offset| has a change point, where the coupler is perpendicular
+    to the guide. One of c - h and c + h is zero there, and its root is taken as
+    sqrt(2 r) sin(pi/4 - f/2), or cos, which changes its sign. The motion thus continues smoothly,
+    as inertia makes it, with finite rates; a branch of an offset linkage then closes after two
+    turns.
+
+    The moment that holds the crank at rest is gravity * sum(mass * dy/dangle) over the mid-lengths
+    of the bars and the slider, less slider_load * ds/dangle. With inertia, the virtual work of the
+    inertia forces for a unit crank rate is added. Weight and inertia of the coupler a need the
+    moment m1 about P. The pin at S gives the coupler the force R, whose part along the guide's
+    direction u follows from the balance of the slider::
 
         R = ((R . u) a + m1 J u)/q
 
-    Dry friction is against the motion of crank, coupler on the crank, and slider: of the moment it
-    takes crank_friction + pin_friction |k1 - 1| + slider_friction |ds/dangle|, in the sense of the
-    crank. Where a joint stands it is as it was before.
+    Dry friction acts against the rotation of the crank, the rotation of the coupler relative to
+    the crank, and the motion of the slider. It adds crank_friction + pin_friction |k1 - 1| +
+    slider_friction |ds/dangle| to the moment, in the sense of the crank. Where a joint is at rest,
+    its friction is what it was before.
 
     Parameters
     ----------
     angle, rate, acceleration : crank angle [rad], its first [rad/s] and second [rad/s^2] time
         derivative, (...) broadcast together; the last axis is the sweep
     crank, coupler : lengths between pins [m]
-    guide_x, guide_y : a point G of the guide [m], from which the slide is measured
+    guide_x, guide_y : point G of the guide [m], from which the slide is measured
     guide_angle : direction of the guide [rad]
-    mode : +1 slider ahead of the crank pin along the guide (q > 0); -1 behind it. At a change
+    mode : +1 slider ahead of the crank pin along the guide (q > 0); -1 behind it. With a change
         point: the sign of q where the crank points along the guide, f = 0.
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
-    slider_load : force on the slider along the guide [N], or along the motion
+    slider_load : force on the slider along the guide [N], a constant or (...)
     gravity : along -y [m/s^2]
     crank_friction, pin_friction : dry friction of the crank's bearing and of the pin between crank
         and coupler [N m]
     slider_friction : dry friction of the guide [N]
-    inertia : whether moment and forces are those of the motion, and not those at rest
-    only : names of all quantities that are asked for: moment and forces, which take longer than the
-        motion, are left out if they are not among them; of places and angles alone nothing else is
-        computed; None asks for all
+    inertia : whether moment and forces include those of the accelerations
+    only : names of all requested quantities; None requests all. Moment and forces, which take
+        longer than the motion, are computed only if one of them is requested; if only positions and
+        angles are requested, nothing else is computed
 
     Returns
     -------
     dict of (...) arrays: slide [m], slide_rate, slide_acceleration; slider_x, slider_y [m],
     slider_vx, slider_vy, slider_ax, slider_ay; coupler_angle [rad] from P to S, coupler_rate,
-    coupler_acceleration; transmission_angle [rad] in [0, pi], between coupler and the guide's
-    normal, into which the rocker of a four-bar turns as it grows beyond all bounds: pi/2 is best;
+    coupler_acceleration; transmission_angle [rad] in [0, pi], between the coupler and the guide's
+    normal, which is the rocker of a four-bar in the limit of infinite length: pi/2 is best;
     holding_moment [N m] of the crank's drive; forces [N] in the frame of a bar, or of the guide,
     _x along it and _y to the left: crank_force_x, crank_force_y of the ground on the crank,
     coupler_force_.. of the crank on the coupler, pin_force_.. of the coupler on the slider, in the
@@ -130,12 +134,12 @@ def solve(
 
     Notes
     -----
-    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler stands across
-    the guide (q = 0), change points excepted; next to it they lose digits like 1/q^2. Source: loop
-    and example of B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines 2983-3413, solved
-    there by Newton-Raphson. Its velocities (text line 3269) have the wrong sign, and the crank
-    angle was overwritten with zero before they were printed; its accelerations belong to
-    +1 rad/s^2 and not to the -1 printed beside them (text line 3337).
+    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler is
+    perpendicular to the guide (q = 0), except at change points; next to it they lose digits like
+    1/q^2. Source: loop and example of B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines
+    2983-3413, solved there by Newton-Raphson. Its velocities (text line 3269) have the wrong sign,
+    and the crank angle was overwritten with zero before they were printed; its accelerations belong
+    to +1 rad/s^2 and not to the -1 that is printed with them (text line 3337).
 
     Examples
     --------
@@ -238,9 +242,10 @@ def _forces(
     coupler_mass: float,
     slider_mass: float,
 ) -> dict[str, Array]:
-    """Forces of pins and guide, of points A, P, S that accelerate; `guide` is its direction.
+    """Forces of pins and guide, from the accelerations of A, P, S; `guide` is its direction.
 
-    `loads` are the force on the slider along it, and the moment on the coupler against its turning.
+    `loads` are the force on the slider along the guide, and the moment of friction of the pin P,
+    against the rotation of the coupler relative to the crank.
     """
     crank, coupler = bars
     at_a, at_p, at_s = (each + 1j * gravity for each in accelerations)
@@ -269,15 +274,15 @@ def dead_points(
 ) -> tuple[Array, Array]:
     r"""Crank angles [rad] and slides [m], each (2,), at which crank and coupler are in line.
 
-    First stretched out, then folded; the slider reverses there, and the slides lie one stroke
-    apart. With r = crank, c = coupler, e = offset and f the crank angle from the guide's
+    First stretched, then folded; the slider reverses there, and the difference of the slides is the
+    stroke. With r = crank, c = coupler, e = offset and f the crank angle from the guide's
     direction, mode +1 has::
 
         stretched  f = asin(e/(c + r)),       slide = (c + r) sqrt(1 - e^2/(c + r)^2) - start
         folded     f = pi + asin(e/(c - r)),  slide = (c - r) sqrt(1 - e^2/(c - r)^2) - start
 
     and mode -1 has pi - f and the other sign of the roots. ValueError for bad lengths as in
-    `solve`, and where the folded linkage does not reach the guide, |c - r| < |e|, or leaves the
+    `solve`, and where the folded linkage does not reach the guide, |c - r| < |e|, or puts the
     slider on the crank axis, c = r. Source: the triangle of A, S and the foot of A on the guide.
 
     >>> angles, slides = dead_points(crank=1.0, coupler=2.0)
@@ -331,7 +336,7 @@ def properties(
 
 
 def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
-    """Place of the guide's point along the guide, and distance of the guide to the left of A."""
+    """Position of G along the guide from the foot of A, and offset of the guide to the left of A."""
     finite(guide_x=x, guide_y=y, guide_angle=angle)
     return (
         float(x * np.cos(angle) + y * np.sin(angle)),
@@ -348,7 +353,10 @@ def _couple(
     mode: int,
     slack: float,
 ) -> tuple[Array, "tuple[_Root, _Root]"]:
-    """Run q of the coupler along the guide, mode times the product of two roots; or ValueError."""
+    """Part q of the coupler along the guide, with its two roots; or ValueError if it misses.
+
+    q is mode times the product of the roots of c - h and c + h.
+    """
     half = np.pi / 4.0 - (theta - guide_angle) / 2.0
     swings = np.sqrt(2.0 * crank) * np.sin(half), np.sqrt(2.0 * crank) * np.cos(half)
     margins = coupler + offset - crank, coupler - offset - crank
@@ -368,14 +376,14 @@ def _couple(
 
 
 def _turns(one: "_Root", two: "_Root", mode: int) -> tuple[Array, Array]:
-    """First and second slope k1, k2 of the coupler's angle by the crank's."""
+    """First two derivatives k1, k2 of the coupler angle by the crank angle."""
     bend = 0.5 * (two.swing * two.slope * one.bend - one.swing * one.slope * two.bend)
     return -mode * one.slope * two.slope, mode * bend
 
 
 @dataclass(frozen=True)
 class _Root:
-    """Root R of margin + swing^2; at a change point, which has no margin, R is the swing."""
+    """Root R of margin + swing^2; with a change point the margin is zero and R is the swing."""
 
     margin: float
     swing: Array
@@ -383,7 +391,7 @@ class _Root:
 
     @classmethod
     def of(cls, margin: float, swing: Array, square: Array) -> "_Root":
-        """That of a square which is not negative but for rounding."""
+        """Root of a square, margin + swing^2, which is negative by rounding at most."""
         root = swing if margin == 0.0 else np.sqrt(np.maximum(square, 0.0))
         return cls(margin, swing, root)
 

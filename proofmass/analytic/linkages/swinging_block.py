@@ -1,4 +1,4 @@
-"""Swinging-block linkage: the classic inverted slider-crank, its slider on a fixed pivot."""
+"""Swinging-block linkage: the classic inverted slider-crank, whose slider has a fixed pivot."""
 
 from collections.abc import Collection
 
@@ -39,9 +39,10 @@ def solve(
             /                 --__ E    A-P crank, driven
            A                            P-E rod, through a block that turns on S
 
-    It is the `inverted_slider_crank` with the bar left out and its pivot in S, where the equations
-    stand. As D = |A-S| and r = crank, the rod rocks about the line A-S by +-asin(r/D) while the
-    crank is inside the pivot, r < D; else it turns with the crank (Whitworth).
+    It is the `inverted_slider_crank` without the bar and with the bar's pivot B at S; the equations
+    are given there. With D = |A-S| and r = crank, the rod rocks about the line A-S by +-asin(r/D)
+    if the pivot is outside the circle of the crank pin, r < D; otherwise it turns with the crank
+    (Whitworth).
 
     Parameters
     ----------
@@ -51,12 +52,12 @@ def solve(
     pivot_x, pivot_y : the block's pivot S [m]
     mode : +1 the rod points from the crank pin to the block, -1 away from it
     crank_mass, rod_mass : uniform bars [kg]
-    block_mass : of the block, whose weight the pivot alone carries [kg]
+    block_mass : mass of the block, whose weight is carried by its pivot alone [kg]
     block_inertia : moment of inertia of the block about its pivot [kg m^2]
     gravity : along -y [m/s^2]
-    inertia : whether moment and forces are those of the motion, and not those at rest
-    only : names of all quantities that are asked for: moment and forces are left out if they are
-        not among them; None asks for all
+    inertia : whether moment and forces include those of the accelerations
+    only : names of all requested quantities; None requests all. Moment and forces are computed only
+        if one of them is requested
 
     Returns
     -------
@@ -69,12 +70,13 @@ def solve(
     Raises
     ------
     ValueError
-        As there.
+        As in `inverted_slider_crank.solve`.
 
     Notes
     -----
-    Accuracy as there. Source: B. Díaz Lozano, TFG, Universidad de Almería 2019, text lines
-    3415-3758, with the second input held; the thesis draws this linkage and solves the other.
+    Accuracy as in `inverted_slider_crank.solve`. Source: B. Díaz Lozano, TFG, Universidad de
+    Almería 2019, text lines 3415-3758, with the second input constant; the thesis draws this
+    linkage and solves the one with two inputs.
 
     Examples
     --------
@@ -107,15 +109,16 @@ def solve(
 
 
 def extremes(*, crank: float, pivot_x: float, pivot_y: float = 0.0) -> tuple[Array, Array]:
-    r"""Crank angles [rad] and rod angles [rad], each (2,), at which the rod of mode +1 turns back.
+    r"""Crank angles and rod angles [rad], each (2,), at which the rod of mode +1 reverses.
 
-    The rod stands square to the crank there. With D = |A-S|, direction d of A-S, r = crank::
+    The rod is perpendicular to the crank there. With D = |A-S|, direction d of A-S, r = crank::
 
         crank = d +- acos(r/D),   rod = d -+ asin(r/D)
 
-    From the first to the second the crank passes the pivot's side, the quick stroke; the time
-    ratio of the two strokes at constant speed is pi/acos(r/D) - 1. ValueError for a bad length
-    and where the rod turns fully, r >= D. Source: the right-angled triangle A-P-S.
+    From the first angle to the second the crank passes the side of the pivot, which is the quick
+    stroke; the time ratio of the two strokes at constant speed is pi/acos(r/D) - 1. ValueError for
+    a crank that is not positive, and where the rod turns fully, r >= D. Source: the right-angled
+    triangle A-P-S.
 
     >>> (fast, slow), rods = extremes(crank=1.0, pivot_x=2.0)
     >>> np.degrees([fast, slow, *rods]).round(6)
