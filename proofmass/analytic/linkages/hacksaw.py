@@ -1,9 +1,9 @@
 """Power hacksaw: offset slider-crank with the slider on a guide above the crank axis.
 
-`solve` is the closed form.  `newton_sweep` and `newton_pose` solve it by Newton-Raphson as its
-report does; charts, named ``newton_...``, show how that converges and what it is off by.  These
-take the lengths of `solve`, and their crank follows the report's motor over twice its run-up, as in
-the report's own figures.
+`solve` is the closed form.  `newton_sweep` and `newton_pose` solve the linkage by Newton-Raphson as
+its report does.  Charts named ``newton_...`` show the convergence and the errors.  These functions
+take the lengths of `solve`.  In charts of a sweep the crank follows the report's motor over twice
+the duration of its run-up, as in the figures of the report.
 """
 
 from collections.abc import Collection
@@ -53,7 +53,7 @@ FIRST_GUESS = (-0.1, -0.5, 3.0, 0.5, 0.0, -0.5, 0.5, 0.0, -0.5)  # text line 357
 SWEEP_GUESS = (-0.0997, -0.4684, 2.8737, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # text line 1712
 UNITS = ("m", "rad", "rad", "m/s", "rad/s", "rad/s", "m/s²", "rad/s²", "rad/s²")
 PANELS = ("sequential: positions", "sequential: rates", "sequential: accelerations")
-POSES = 1000  # of the report's grid
+POSES = 1000  # number of poses of the report's sweep
 FORMS = {True: "simultaneous", False: "sequential"}
 
 
@@ -74,7 +74,7 @@ def solve(
     inertia: bool = False,
     only: Collection[str] | None = None,
 ) -> dict[str, Array]:
-    r"""Motion of the hacksaw linkage whose crank motion is given, in the report's nine curves.
+    r"""Motion of the hacksaw linkage whose crank motion is given, as the report's nine curves.
 
     ::
 
@@ -93,11 +93,12 @@ def solve(
         x'' = -r2 (cos(theta2) theta2'^2 + sin(theta2) theta2'') - q theta3'^2 - e theta3''
         r1 = -hypot(x, offset)         theta1 = atan2(-offset, -x)
 
-    Moment and forces are those of a slider-crank, see `slider_crank.solve`: at rest the moment is
-    that of the weights, less cutting_force dx/dtheta2, by virtual work.
+    Moment and forces are those of a slider-crank, see `slider_crank.solve`. At rest, virtual work
+    gives the moment of the weights, less cutting_force dx/dtheta2.
 
-    r1 is negative by the report's convention, so theta1 points away from the slider: with the
-    slider on the left it lies in (-pi/2, 0). r1' and r1'' are not the slider's rates x' and x''.
+    r1 is negative by the report's convention, so that theta1 points away from the slider: with the
+    slider on the left theta1 lies in (-pi/2, 0). r1' and r1'' are not the velocity x' and the
+    acceleration x'' of the slider.
 
     Parameters
     ----------
@@ -107,12 +108,12 @@ def solve(
     offset : height of the guide above the crank axis [m], of either sign
     mode : +1 slider left of the crank pin, theta3 = pi - asin(e/r3) (the report's); -1 right of
         it, theta3 = asin(e/r3)
-    cutting_force : force on the slider along +x [N], or along the motion
+    cutting_force : force on the slider along +x [N], a constant or (...)
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
     gravity : along -y [m/s^2]
-    inertia : whether moment and forces are those of the motion, and not those at rest
-    only : names of all quantities that are asked for: moment and forces are left out if they are
-        not among them; None asks for all
+    inertia : whether moment and forces include those of the accelerations
+    only : names of all requested quantities; None requests all. Moment and forces are computed only
+        if one of them is requested
 
     Returns
     -------
@@ -124,11 +125,12 @@ def solve(
     ------
     ValueError
         A length not positive, a mass negative, a value not finite, a mode unknown, or a pose that
-        cannot close: the message gives the first such angle and by how much the coupler misses.
+        cannot be assembled: the message gives the first such angle and by how much the coupler
+        misses the guide.
 
     Notes
     -----
-    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler stands upright
+    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler is vertical
     (|e| = r3), those of r1 and theta1 also where the slider meets the axis. theta1 is continuous
     through x = 0, where the report's acot(x/offset) jumps by pi and r1 changes sign. Source: power
     hacksaw report, Universidad Nacional de Colombia, text lines 300-338 (loop), 530-543 (solution).
@@ -190,7 +192,7 @@ def solve(
 def _close(
     theta: Array, crank: float, coupler: float, offset: float, mode: int
 ) -> tuple[Array, Array, Array]:
-    """Crank pin and horizontal run of the coupler, or ValueError where it misses the guide."""
+    """Crank pin and horizontal part q of the coupler, or a ValueError if it misses the guide."""
     for name, value, least in (
         ("crank", crank, 0.0),
         ("coupler", coupler, 0.0),
@@ -202,7 +204,7 @@ def _close(
         raise ValueError(f"mode must be one of {MODES}, got {mode}")
     px, py = crank * np.cos(theta), crank * np.sin(theta)
     rise, gap = offset - py, np.abs(offset - py) - coupler
-    slack = 1e-15 * (crank + coupler + abs(offset))  # rounding of gap
+    slack = 1e-15 * (crank + coupler + abs(offset))  # rounding error of the distance `gap`
     if not gap.max(initial=0.0) <= slack:
         bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
         raise ValueError(
@@ -236,7 +238,7 @@ def motor(time: ArrayLike, *, peak: float = 5.0) -> tuple[Array, Array, Array]:
 
     `time` [s] (...), not negative; returns the crank angle [rad], rate [rad/s] and acceleration
     [rad/s^2], each (...). The final rate is 2 peak T/3. ValueError for a negative or NaN time.
-    Source: power hacksaw report, Universidad Nacional de Colombia, text lines 206-253. Departure:
+    Source: power hacksaw report, Universidad Nacional de Colombia, text lines 206-253. Difference:
     line 222 prints a final rate of 6.45 rad/s; 2 peak T/3 is 6.472 rad/s, its 62 turns/min.
     >>> [round(float(value), 3) for value in motor(turn_time())]
     [6.283, 6.472, 0.0]
@@ -245,7 +247,7 @@ def motor(time: ArrayLike, *, peak: float = 5.0) -> tuple[Array, Array, Array]:
     if not np.all(t >= 0.0):
         raise ValueError("time must not be negative [s]")
     third, cruise = total / 3.0, np.maximum(t - total, 0.0)
-    rise, hold, fall = (np.clip(t - k * third, 0.0, third) for k in range(3))  # time in each part
+    rise, hold, fall = (np.clip(t - k * third, 0.0, third) for k in range(3))  # time in each third
     jerk = peak / third
     angle = jerk * (rise**3 - fall**3) / 6.0 + peak * (
         (hold**2 + fall**2) / 2.0 + third * (0.5 * hold + 1.5 * fall + 2.0 * cruise)
@@ -267,7 +269,7 @@ def newton_sweep(
     guess: ArrayLike = SWEEP_GUESS,
     tolerance: float = 1e-6,
 ) -> dict[str, Array]:
-    """Sweep with continuation: the solution of a pose is the first guess of the next.
+    """Sweep by Newton-Raphson: the solution of a pose is the first guess of the next one.
 
     Parameters
     ----------
@@ -278,28 +280,28 @@ def newton_sweep(
     simultaneous, reduced : bool
         See `newton_pose`, `newton_system`.
     guess : array_like (9,)
-        First guess of the first pose, in the order of `UNKNOWNS` [SI]; it picks the branch, one of
-        four: two assemblies, times the sign of r1.
+        First guess of the first pose, in the order of `UNKNOWNS` [SI]; it determines which of four
+        solutions is followed: two assembly modes, each with either sign of r1.
     tolerance : float
-        Norm of the last step [SI], units mixed.
+        Largest norm of the last step [SI], units mixed.
 
     Returns
     -------
     dict of ndarray (n,)
         The nine curves of `UNKNOWNS` [SI], the number of iterations [1] and the norm of the last
-        step [SI]; sequential: the sum and the largest of the three systems.
+        step [SI]; in the sequential form the sum and the largest value of the three systems.
 
     Raises
     ------
     NotConverged
-        A ValueError: no root in 50 iterations. The message gives the first such angle. It says the
-        same of a loop that cannot close, a length of zero and a poor guess.
+        A ValueError: there is no root after 50 iterations. The message gives the first such angle.
+        The cause may be a loop that cannot be closed, a length of zero or a poor guess.
 
     Notes
     -----
-    Agrees with `proofmass.analytic.linkages.hacksaw.solve` within 1e-13 simultaneous, 2e-12
-    sequential at the report's tolerance of 1e-6. Source: power hacksaw report, Universidad Nacional
-    de Colombia, text lines 340-345, 655-686, 1650-1760.
+    The curves agree with `proofmass.analytic.linkages.hacksaw.solve` within 1e-13 in the
+    simultaneous and 2e-12 in the sequential form, at the report's tolerance of 1e-6. Source: power
+    hacksaw report, Universidad Nacional de Colombia, text lines 340-345, 655-686, 1650-1760.
 
     Examples
     --------
@@ -342,7 +344,7 @@ def newton_pose(
     tolerance: float = 1e-6,
     most: int = 15,
 ) -> tuple[Array, list[NewtonLog]]:
-    """One pose: the nine unknowns and the log of each system solved.
+    """Solve one pose: the nine unknowns, and the log of each system of equations.
 
     Parameters
     ----------
@@ -353,21 +355,21 @@ def newton_pose(
     crank, coupler, offset : float
         Lengths [m].
     simultaneous : bool
-        One system of nine; otherwise three of three, position, rates, accelerations, each with the
-        results of those before it.
+        Whether one system of nine equations is solved; otherwise there are three systems of three
+        equations, for positions, rates and accelerations, each with the results of those before it.
     reduced : bool
         See `newton_system`.
     tolerance : float
-        Norm of the last step [SI], units mixed; the report's for one pose, as is `most`.
+        Largest norm of the last step [SI], units mixed; by default that of the report for one pose.
     most : int
-        Iterations allowed for a system.
+        Largest number of iterations of a system; by default that of the report for one pose.
 
     Returns
     -------
     unknowns : ndarray (9,)
-        [SI]
+        Solution in the order of `UNKNOWNS` [SI].
     logs : list of NewtonLog
-        One, or three.
+        One log, or three in the sequential form.
     """
     x, lengths = np.array(guess, float), (crank, coupler, offset)
     if simultaneous:
@@ -405,27 +407,27 @@ def newton_system(
 ) -> tuple[Array, Array]:
     r"""The nine loop equations F (9,) and their Jacobian (9, 9).
 
-    With z1 = r1 exp(i theta1), z2, z3 alike, dots for time derivatives and k = 0, 1, 2 dots::
+    With z1 = r1 exp(i theta1), z2 and z3 in the same way, and k = 0, 1, 2 time derivatives (dots)::
 
-        F_3k   = Im z1 (less the offset for k = 0)        guide
+        F_3k   = Im z1 (less the offset if k = 0)         guide
         F_3k+1 = Re(z2 + z3 - z1)                         loop along x
         F_3k+2 = -Im(z2 + z3 - z1)                        loop along y
 
-    J is block triangular. As dz/dt = (dz/dq) dq/dt, the derivative of z with k dots by q with j
-    dots is binomial(k, j) times dz/dq with k - j dots: each block on the diagonal is that of the
-    positions.
+    J is block triangular. Since dz/dt = (dz/dq) dq/dt, the derivative of z with k dots by q with j
+    dots is binomial(k, j) times dz/dq with k - j dots. Each block on the diagonal is therefore the
+    Jacobian of the positions.
 
     Parameters
     ----------
     unknowns : ndarray (9,)
-        In the order of `UNKNOWNS` [SI].
+        Unknowns in the order of `UNKNOWNS` [SI].
     law : array_like (3,)
         Crank angle, rate and acceleration [SI].
     crank, coupler, offset : float
         Lengths [m].
     reduced : bool
-        Puts r1 = offset/sin(theta1) into the two loop rows of position, as the report's codes for a
-        single pose do (text lines 1296, 1304); its sweep does not.
+        Whether r1 = offset/sin(theta1) is substituted in the two loop rows of position, as in the
+        report's codes for a single pose (text lines 1296, 1304), but not in the code of its sweep.
 
     Returns
     -------
@@ -438,8 +440,8 @@ def newton_system(
     -----
     Source: text lines 300-338, where 300 and 302 print theta2 for theta3; Jacobian text lines
     398-456 and 1109, where line 1109 prints columns 7, 8 of row 7 as 2 theta1' cos(theta1),
-    cos(theta1). Departure: rows of rates stand in the order guide, x, y, as those of position and
-    acceleration do.
+    cos(theta1). Difference: the rows of rates have the order guide, x, y, as those of position and
+    acceleration have.
     """
     along, z1, turned3, residual = _loop(unknowns, law, crank, coupler, offset)
     blocks = [_slope(along[k], z1[k], turned3[k]) for k in range(3)]
@@ -464,13 +466,13 @@ def newton_block(
     Parameters
     ----------
     unknowns : ndarray (3 order + 3,)
-        Those of this order and of those below it [SI].
+        Unknowns of this order and of the lower orders [SI].
     law : array_like (3,)
         Crank angle, rate and acceleration [SI].
     crank, coupler, offset : float
         Lengths [m].
     order : int
-        Number of dots: 0, 1, 2.
+        Number of time derivatives: 0, 1 or 2.
     reduced : bool
         See `newton_system`.
 
@@ -493,8 +495,8 @@ def newton_block(
 def _loop(
     unknowns: Array, law: ArrayLike, crank: float, coupler: float, offset: float
 ) -> tuple[Complex, Complex, Complex, Array]:
-    """Direction of r1, its vector and that of the coupler, with 0 to 2 dots; F (3, 3)."""
-    r1, theta1, theta3 = (unknowns[i::3] for i in range(3))  # each with its two derivatives
+    """Direction of r1, vectors of r1 and coupler, with two derivatives each; residual F (3, 3)."""
+    r1, theta1, theta3 = (unknowns[i::3] for i in range(3))  # values and their two derivatives
     along, turned2, turned3 = _spin(theta1), crank * _spin(law), coupler * _spin(theta3)
     z1 = np.array([sum(comb(k, j) * r1[j] * along[k - j] for j in range(k + 1)) for k in range(3)])
     gap = turned2 + turned3 - z1
@@ -506,7 +508,7 @@ def _loop(
 def _reduced(
     residual: Array, jacobian: Array, unknowns: Array, offset: float
 ) -> tuple[Array, Array]:
-    """The rows of position with r1 = offset/sin(theta1) in those of the loop."""
+    """Residual and Jacobian of position with r1 = offset/sin(theta1) in the rows of the loop."""
     r1, c, s = unknowns[0], np.cos(unknowns[1]), np.sin(unknowns[1])
     changed = np.array(jacobian)
     changed[1:, :2] = [[0.0, offset / s**2], [0.0, 0.0]]
@@ -520,7 +522,7 @@ def _spin(motion: ArrayLike) -> Complex:
 
 
 def _slope(along: complex, z1: complex, z3: complex) -> Array:
-    """Derivatives of guide, loop x, loop y by r1, theta1, theta3."""
+    """Derivatives of the rows guide, loop x and loop y by r1, theta1 and theta3."""
     by = np.array([[along, 1j * z1, 0.0], [-along, -1j * z1, 1j * z3]])
     return np.stack([by[0].imag, by[1].real, -by[1].imag])
 
@@ -528,7 +530,7 @@ def _slope(along: complex, z1: complex, z3: complex) -> Array:
 def newton_course(
     *, crank: float, coupler: float, offset: float, guess: tuple[float, ...] = FIRST_GUESS
 ) -> Chart:
-    """Unknowns over the iterations of one pose at rest, sequential and simultaneous.
+    """Unknowns over the iterations of one pose at rest, in the sequential and simultaneous form.
 
     Parameters
     ----------
@@ -540,20 +542,21 @@ def newton_course(
     Returns
     -------
     Chart
-        Four panels: positions, rates, accelerations, all nine at once.
+        Four panels: positions, rates, accelerations, and all nine unknowns at once.
     """
     return course(
         logs_of_start(crank, coupler, offset, guess),
-        "Crank at 0, at rest: the unknowns from the report's first guess on. Rates and "
-        "accelerations are linear in themselves: one step of the sequential form finds them, the "
-        "next confirms it. The simultaneous form has to wait for the positions.",
+        "Crank at 0, at rest: the unknowns from the report's first guess on. With known "
+        "positions the equations are linear in the rates, and with known rates in the "
+        "accelerations: one step of the sequential form finds them, and the next step confirms "
+        "them. In the simultaneous form they converge after the positions.",
     )
 
 
 def newton_convergence(
     *, crank: float, coupler: float, offset: float, guess: tuple[float, ...] = FIRST_GUESS
 ) -> Chart:
-    """Errors and residuals over the iterations of one pose at rest.
+    """Steps and residuals over the iterations of one pose at rest.
 
     Parameters
     ----------
@@ -565,7 +568,7 @@ def newton_convergence(
     Returns
     -------
     Chart
-        Four panels, as `newton_course`.
+        Four panels, as in `newton_course`.
 
     Examples
     --------
@@ -577,15 +580,15 @@ def newton_convergence(
     return convergence(
         {f"{title}: {log.iterations} iterations": log for title, log in logs.items()},
         "Size of the step of each unknown, of the whole step, which the report calls the error and "
-        "stops at 1e-6, and of the residual before it. Each step is about the square of the last: "
-        "its exponent doubles. What is below 1e-17 is left out.",
+        "stops at 1e-6, and of the residual before the step. Each step is about the square of the "
+        "step before: its exponent doubles. Sizes below 1e-17 are left out.",
     )
 
 
 def logs_of_start(
     crank: float, coupler: float, offset: float, guess: tuple[float, ...]
 ) -> dict[str, NewtonLog]:
-    """Logs of both forms at rest with the crank at 0, by the titles of their panels."""
+    """Logs of both forms for the crank at angle 0 and at rest, by the titles of their panels."""
     if len(guess) != len(UNKNOWNS):
         raise ValueError(f"guess must be {len(UNKNOWNS)} numbers, got {len(guess)}")
     each, (whole,) = (
@@ -596,7 +599,7 @@ def logs_of_start(
             coupler=coupler,
             offset=offset,
             simultaneous=form,
-            reduced=True,  # as the report's codes for a single pose
+            reduced=True,  # as in the report's codes for a single pose
         )[1]
         for form in (False, True)
     )
@@ -606,7 +609,7 @@ def logs_of_start(
 def newton_steps(
     *, crank: float, coupler: float, offset: float, mode: int = 1, peak: float = 5.0
 ) -> Chart:
-    """Last step of each pose of the report's sweep, and how far both forms differ.
+    """Last step of each pose of the report's sweep, and the difference of both forms.
 
     Parameters
     ----------
@@ -620,7 +623,8 @@ def newton_steps(
     Returns
     -------
     Chart
-        Panels of simultaneous and sequential steps over time, and of the norm of the difference.
+        Three panels over time: last steps of the simultaneous form, of the sequential form, and
+        norm of the difference of both solutions.
     """
     time, sweeps, _ = swept(crank, coupler, offset, mode, peak, (True, False))
     steps = [
@@ -641,8 +645,8 @@ def newton_steps(
                 title=f"difference: at most {apart.max():.2g}",
             ),
         ),
-        "Steps end below the report's bound of 1e-6. The error that is left is about the square of "
-        "the last step, so that both forms agree to about 1e-12.",
+        "The last steps are below the report's bound of 1e-6. The error after the last step is "
+        "about its square, so that both forms agree to about 1e-12.",
         logarithmic=True,
     )
 
@@ -650,7 +654,7 @@ def newton_steps(
 def newton_errors(
     *, crank: float, coupler: float, offset: float, mode: int = 1, peak: float = 5.0
 ) -> Chart:
-    """The nine errors of the simultaneous form against the closed form, over the report's sweep.
+    """Errors of the nine unknowns of the simultaneous form against the closed form, over time.
 
     Parameters
     ----------
@@ -680,7 +684,7 @@ def newton_errors(
         ("time", "s"),
         ("error, SI units", ""),
         tuple(panels),
-        "Errors of the simultaneous form, whose last step is below 1e-6: what is left is rounding. "
+        "Errors of the simultaneous form, whose last step is below 1e-6: they are rounding errors. "
         "Poses without any error are gaps. The report finds 1e-15 for positions and rates, 1e-14 "
         "for accelerations.",
         logarithmic=True,
@@ -690,12 +694,12 @@ def newton_errors(
 def swept(
     crank: float, coupler: float, offset: float, mode: int, peak: float, forms: tuple[bool, ...]
 ) -> tuple[Array, dict[bool, dict[str, Array]], dict[str, Array]]:
-    """Times of the report's grid [s], sweeps by form, and the closed form at the same states."""
+    """Times of the report's sweep [s], its results by form, and the closed form at these times."""
     time = np.linspace(0.0, 2.0 * turn_time(peak), POSES)
     law = motor(time, peak=peak)
     reference = solve(*law, crank=crank, coupler=coupler, offset=offset, mode=mode)
     start = [reference[name][0] for name in UNKNOWNS]
-    guess = np.round(start, 4)  # as the report starts: text line 1712
+    guess = np.round(start, 4)  # rounded as the first guess of the report: text line 1712
     sweeps = {
         form: newton_sweep(
             *law, crank=crank, coupler=coupler, offset=offset, guess=guess, simultaneous=form

@@ -336,7 +336,7 @@ def properties(
 
 
 def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
-    """Position of G along the guide from the foot of A, and offset of the guide to the left of A."""
+    """Position of G along the guide from the foot of A; offset of the guide to the left of A."""
     finite(guide_x=x, guide_y=y, guide_angle=angle)
     return (
         float(x * np.cos(angle) + y * np.sin(angle)),

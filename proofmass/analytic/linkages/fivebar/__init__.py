@@ -1,4 +1,4 @@
-"""Planar five-bar linkage with both cranks driven: motion, inverse, workspace, and their charts."""
+"""Planar five-bar linkage with both cranks driven: motion, inverse problem, workspace, charts."""
 
 from proofmass.analytic.linkages.fivebar.charts import (
     crank_angles,

@@ -1,6 +1,6 @@
-"""Charts of a five-bar linkage: its workspace by working mode, its poses, singular ones among them.
+"""Charts of a five-bar linkage: workspace by working mode, poses, and singular poses.
 
-All take the lengths of `solve`.
+All charts take the lengths of `solve`.
 """
 
 from collections.abc import Iterable
@@ -34,7 +34,7 @@ TYPE_2 = {
 ASSEMBLIES = {1: "assembly +1: tip left of L to R", -1: "assembly -1: tip right of L to R"}
 XY = (("x", "m"), ("y", "m"))
 Traced = tuple[Complex, str]
-"""Places x + iy of a curve, and its label."""
+"""Points x + iy of a curve, and its label."""
 
 
 def workspace(
@@ -48,34 +48,33 @@ def workspace(
     path: tuple[float, ...] = (),
     circle: tuple[float, ...] = (),
 ) -> Chart:
-    r"""Where the tip gets in each working mode, and what parts it there.
+    r"""Points that the tip reaches in each working mode, with singular curves and aspects.
 
-    ::
-
-        reach: two rings about the fixed pins; its border is type 1, a crank and its coupler in line
-        in it, by working mode: curves of type 2, the couplers in line, which part the aspects
+    The reach is the intersection of two rings about the fixed pins.  On its border a crank and its
+    coupler are in line (type 1 singularities).  In each working mode, curves on which the couplers
+    are in line (type 2) divide the reach into aspects.
 
     Parameters
     ----------
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
     left_x, right_x : places of the fixed pins on the x axis [m]
-    path, circle : corners x, y, x, y .. [m] of a closed path of the tip that is drawn as well, or
-        centre x, y and radius of one
+    path, circle : a closed path of the tip that is drawn in addition [m]: corners x, y, x, y, ...;
+        or centre x, y and radius of a circle
 
     Returns
     -------
     Chart
-        A panel for each of the four working modes, its regions the aspects with their areas.
+        A panel for each of the four working modes, whose regions are the aspects with their areas.
 
     Raises
     ------
     ValueError
-        As in `aspects`; a path of an odd number of coordinates, a circle of other than three.
+        As in `aspects`; a path with an odd number of coordinates, or a circle without three values.
 
     Notes
     -----
-    The border is arcs of circles, and their area is exact; curves of type 2 are coupler curves of a
-    four-bar whose area is integrated with an error below 1e-9 of the whole.
+    The border consists of arcs of circles, whose areas are exact; curves of type 2 are coupler
+    curves of a four-bar, whose areas are integrated with an error below 1e-9 of the whole.
 
     Examples
     --------
@@ -105,7 +104,7 @@ def workspace(
         *XY,
         tuple(panels),
         f"The tip reaches {reach_area(link):.6g} m² in each of the four working modes. Type 1 "
-        "singularities bound the reach; type 2 singularities part it into aspects, in each of "
+        "singularities bound the reach; type 2 singularities divide it into aspects, in each of "
         "which the tip goes everywhere without a singular pose. L and R are the crank pins. "
         "Numbers are areas of aspects, integrated along their borders with an error below 1e-8 m².",
         alike=True,
@@ -113,7 +112,7 @@ def workspace(
 
 
 def path_of_tip(path: tuple[float, ...], circle: tuple[float, ...]) -> tuple[ChartLine, ...]:
-    """The line of a closed path by its corners, or of a circle; none without either."""
+    """Line of a closed path with given corners, or of a circle; no line if both are empty."""
     if len(path) % 2:
         raise ValueError(f"path must be pairs x, y, got {len(path)} numbers")
     if len(circle) not in (0, 3):
@@ -127,7 +126,7 @@ def path_of_tip(path: tuple[float, ...], circle: tuple[float, ...]) -> tuple[Cha
 
 
 def named(mode: tuple[int, int]) -> str:
-    """A working mode in words.
+    """Describe a working mode in words.
 
     >>> named((1, -1))
     'left +1, right -1'
@@ -136,7 +135,7 @@ def named(mode: tuple[int, int]) -> str:
 
 
 def by_label(curves: Iterable[Traced]) -> tuple[ChartLine, ...]:
-    """A line for each label, broken between its curves; points for a curve of one place."""
+    """One line for all curves of a label, interrupted between them; a marker for a single point."""
     found: dict[tuple[str, bool], list[Complex]] = {}
     for points, label in curves:
         point = bool(np.ptp(points.real) == np.ptp(points.imag) == 0.0)
@@ -149,14 +148,14 @@ def by_label(curves: Iterable[Traced]) -> tuple[ChartLine, ...]:
 
 
 def fixed(link: FivebarLengths) -> ChartLine:
-    """Both fixed pins."""
+    """Markers of both fixed pins."""
     return ChartLine(np.array([link.left_x, link.right_x]), np.zeros(2), "fixed pins", points=True)
 
 
 def links(
     link: FivebarLengths, left: complex, right: complex, tip: complex, other: complex | None = None
 ) -> tuple[ChartLine, ...]:
-    """Cranks and couplers of one pose by its pins, and those of another tip on the same pins."""
+    """Lines of cranks and couplers in one pose; dashed the couplers to the tip `other`, if any."""
     ghost = (
         [line_through(np.array([left, other, right]), "other assembly", stable=False, bars=True)]
         if other is not None
@@ -174,7 +173,10 @@ def links(
 def poses_of_tip(
     link: FivebarLengths, tip: complex
 ) -> Iterable[tuple[tuple[int, int], int, Array, Complex]]:
-    """Working mode, assembly mode, crank angles (2,) and left pin, right pin, tip, other tip."""
+    """Poses with a given tip: working mode, assembly mode, crank angles (2,), and points.
+
+    The points are left pin, right pin, tip, and the tip of the other assembly mode.
+    """
     lengths = asdict(link)
     for mode in WORKING:
         found = solve_inverse(
@@ -205,19 +207,19 @@ def working_modes(
     tip_x: float,
     tip_y: float,
 ) -> Chart:
-    """Four working modes that hold the tip in one place, each with its other assembly mode.
+    """The four working modes for one position of the tip, each with its other assembly mode.
 
     Parameters
     ----------
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
     left_x, right_x : places of the fixed pins on the x axis [m]
-    tip_x, tip_y : place of the tip [m]
+    tip_x, tip_y : position of the tip [m]
 
     Returns
     -------
     Chart
-        A panel for each working mode; dashed the couplers on the same cranks in the other assembly
-        mode.
+        A panel for each working mode; dashed lines are the couplers in the other assembly mode, for
+        the same crank angles.
 
     Raises
     ------
@@ -243,9 +245,10 @@ def working_modes(
     return Chart(
         *XY,
         panels,
-        f"Four pairs of crank angles hold the tip at ({tip_x:g}, {tip_y:g}) m. A mode of a side is "
-        "+1 where its crank pin lies to the left of the way from the fixed pin to the tip. Dashed: "
-        "the other assembly mode, the same cranks with the tip on the other side of their pins.",
+        f"Four pairs of crank angles put the tip at ({tip_x:g}, {tip_y:g}) m. The mode of a side "
+        "is +1 where its crank pin lies to the left of the line from the fixed pin to the tip. "
+        "Dashed: the other assembly mode, with the same cranks and the tip on the other side of "
+        "the line between the crank pins.",
         alike=True,
     )
 
@@ -304,17 +307,17 @@ def crank_angles(
 
 
 def over_angles(left: Complex, right: Complex) -> Complex:
-    """Angles of both cranks as one complex number, within half a turn, NaN where that is left."""
+    """Angles of both cranks as real and imaginary part, in [-pi, pi], with NaN where they jump."""
     one, other = np.angle(left), np.angle(right)
     jumps = np.flatnonzero((np.abs(np.diff(one)) > np.pi) | (np.abs(np.diff(other)) > np.pi)) + 1
     return np.insert(one + 1j * other, jumps, GAP)
 
 
 def serial(link: FivebarLengths, singular: list[SingularPiece], assembly: int) -> Iterable[Traced]:
-    """Type 1 singularities over both crank angles, in one assembly mode.
+    """Curves of type 1 singularities over both crank angles, in one assembly mode.
 
-    With one side in line the tip is on the border of the reach, and the other side has one of its
-    two modes.
+    Where crank and coupler of one side are in line, the tip is on the border of the reach; the
+    other side has one of its two modes.
     """
     ends = np.array([one.curve.points[[0, -1]] for one in singular], complex).ravel()
     for piece, side in reach_border(link, ends):
@@ -327,7 +330,7 @@ def serial(link: FivebarLengths, singular: list[SingularPiece], assembly: int) -
 
 
 def pin(tip: Complex, x: float, crank: float, coupler: float, mode: int) -> Complex:
-    """Crank pin x + iy of one side for places of the tip within its reach, or by rounding out."""
+    """Crank pin x + iy of one side for tips within its reach, or out of it by rounding only."""
     s = tip - x
     cosine = (np.abs(s) ** 2 + crank**2 - coupler**2) / (2.0 * np.abs(s) * crank)
     opening = np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -335,7 +338,7 @@ def pin(tip: Complex, x: float, crank: float, coupler: float, mode: int) -> Comp
 
 
 def parallel(link: FivebarLengths, singular: list[SingularPiece]) -> Iterable[Traced]:
-    """Type 2 singularities over both crank angles."""
+    """Curves of type 2 singularities over both crank angles."""
     for one in singular:
         yield over_angles(one.left - link.left_x, one.right - link.right_x), TYPE_2[one.stretched]
 
@@ -377,13 +380,16 @@ def singular_poses(
         tuple(panels),
         "In a type 1 singularity the tip has no velocity along the bars in line, whatever the "
         "cranks do; in a type 2 singularity it moves across the couplers although the cranks "
-        "are held.",
+        "are fixed.",
         alike=True,
     )
 
 
 def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
-    """Words and left pin, right pin, tip where one side is in line, on an arc of each."""
+    """Titles and points of poses with one side in line: left pin, right pin, tip.
+
+    There is one pose for each side and each of stretched and folded, on an arc of the border.
+    """
     seen: dict[str, complex] = {}
     for piece, side in reach_border(link):
         thirds = piece.points[[piece.points.size // 3, -1 - piece.points.size // 3]]
@@ -412,7 +418,10 @@ def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
 
 
 def parallel_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
-    """Words and left pin, right pin, tip where the couplers are in line, midway on a long piece."""
+    """Titles and points of poses with the couplers in line: left pin, right pin, tip.
+
+    There is one pose for stretched and one for folded couplers, in the middle of the longest piece.
+    """
     longest: dict[bool, SingularPiece] = {}
     for one in type_2(link):
         best = longest.get(one.stretched)
@@ -424,5 +433,5 @@ def parallel_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
 
 
 def extent(one: SingularPiece) -> float:
-    """Length of its polygon [m]."""
+    """Length of the polygon of a curve's points [m]."""
     return float(np.abs(np.diff(one.curve.points)).sum())

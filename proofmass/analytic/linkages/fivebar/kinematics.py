@@ -4,16 +4,17 @@ r"""Planar five-bar linkage with both cranks driven: motion, holding moments, in
 
         T                 L, R   crank pins        |L - R| in [|c - r|, c + r]: assembled
      c .' `. r            A, B   fixed pins        |T - A| in [|l - c|, l + c] and
-     .'     `.            l, m   cranks            |T - B| in [|m - r|, m + r]: T in reach
+     .'     `.            l, m   cranks            |T - B| in [|m - r|, m + r]: T within reach
    L '       ` R          c, r   couplers
    l \       / m          g      distance A-B
       A     B
 
-Parameters are those of `solve`: left_crank l, left_coupler c, right_coupler r, right_crank
-m, left_x and right_x, all in [m]; a value that is not positive (for left_x, right_x: not finite)
-is a ValueError. Sources: the workspace of two annuli is textbook, and so are the two types of
-singularity (C. Gosselin and J. Angeles, IEEE Trans. Robotics and Automation 6, 1990); neither B.
-Díaz Lozano, TFG, Universidad de Almería 2019, nor the five-bar notebook treats them.
+Functions have the parameters of `solve`: left_crank l, left_coupler c, right_coupler r, right_crank
+m, left_x and right_x, all in [m]. A length that is not positive, or a left_x or right_x that is not
+finite, raises a ValueError. Sources: the workspace as the intersection of two annuli is
+textbook knowledge, and so are the two types of singularity (C. Gosselin and J. Angeles, IEEE Trans.
+Robotics and Automation 6, 1990); neither B. Díaz Lozano, TFG, Universidad de Almería 2019, nor the
+five-bar notebook treats them.
 """
 
 from collections.abc import Collection
@@ -64,13 +65,13 @@ def solve_inverse(
 
     ::
 
-              pin                 each side by itself: the base A of the left crank, or B of the
-        crank .' `.  coupler      right; p = base-pin, length l; a = pin-tip, length c;
+              pin                 one side: base A of the left crank, or B of the right one;
+        crank .' `.  coupler      p = base-pin, length l; a = pin-tip, length c;
             .'  s  `.             s = tip - base, S = |s|
         base ------- tip          +1: pin to the left of s, as drawn; -1: to the right
 
-    The angle at the base, between s and the crank, is psi, in [0, pi]. With K twice the area of
-    triangle base-pin-tip::
+    Each side is solved by itself. The angle at the base, between s and the crank, is psi, in
+    [0, pi]. With K twice the area of triangle base-pin-tip::
 
         angle = arg(s) + mode psi,  tan(psi) = K/((S^2 + l^2 - c^2)/2)
         K = 1/2 sqrt((l + c + S)(l + c - S)(S + |l - c|)(S - |l - c|))
@@ -89,21 +90,22 @@ def solve_inverse(
     Returns
     -------
     dict of (n,) arrays, or of scalars: left, right [rad], each with _rate and _acceleration, and
-    assembly, the sine of the angle between the couplers: its sign is the mode of `fivebar.solve`
-    that leads back here, its zeros are the type 2 singularities. Angles are arg(s) + mode psi with
-    arg(s) unwrapped, in (-2 pi, 2 pi) for the first sample.
+    assembly, the sine of the angle between the couplers: its sign is the mode with which
+    `fivebar.solve` gives the same pose, its zeros are the type 2 singularities. Angles are
+    arg(s) + mode psi with arg(s) unwrapped, in (-2 pi, 2 pi) for the first sample.
 
     Raises
     ------
     ValueError
         A length not positive, a mode unknown, or a tip out of reach: the message gives the first
-        such tip and by how much the circles of which crank and coupler miss.
+        such tip, the side, and the distance between the circles of its crank and coupler.
 
     Notes
     -----
     Residual below 1e-14 of the lengths. Source: five-bar notebook "método geométrico", text lines
-    125-254, whose four signs (sigma1, sigma2) are (right_mode, left_mode). It solves a quadratic
-    for tan(angle/2), which divides by zero where a root is half a turn; the angles here do not.
+    125-254, whose signs (sigma1, sigma2) are (right_mode, left_mode). The notebook solves a
+    quadratic equation for tan(angle/2), which divides by zero where a root is half a turn; the
+    formulas here do not.
 
     Examples
     --------
@@ -167,11 +169,12 @@ def jacobians(
 ) -> tuple[Array, Array]:
     """Matrices A and B of the velocity equation A v = B w, (..., 2, 2) each.
 
-    v is the tip's velocity, w the (left, right) crank rates. Rows of A are the couplers' vectors a
-    and b, B is diag(p x a, q x b): det B = 0 in type 1, det A = a x b = 0 in type 2 singularities.
-    Static forces go the other way: the moments M on the cranks that balance a force F on the tip
-    solve A^T n = F, M = -B^T n. `angle` [rad] and `tip` [m] are a pose, (2,) or (2, n); lengths
-    [m] as in `solve`. Source: derived; the notebook named there stops at positions.
+    v is the velocity of the tip, w are the (left, right) crank rates. The rows of A are the vectors
+    a and b of the couplers, and B is diag(p x a, q x b): det B = 0 in type 1, det A = a x b = 0 in
+    type 2 singularities. The transposed matrices relate static forces: the moments M on the cranks
+    that balance a force F on the tip solve A^T n = F, M = -B^T n. `angle` [rad] and `tip` [m] are a
+    pose, (2,) or (2, n); lengths [m] as in `solve`. Source: derived here; the notebook named in
+    `solve` has positions only.
 
     >>> A, B = jacobians([np.pi / 2, np.pi / 2], [0.0, 8.0], left_crank=4.0, right_crank=4.0,
     ...                  left_x=-3.0, right_x=3.0)
@@ -197,13 +200,15 @@ def twice_area(
     open_at: str,
     whose: str,
 ) -> Array:
-    """Twice the area of triangles with these three sides, or ValueError at the first open one.
+    """Twice the area of triangles with three given sides, or a ValueError if one cannot be closed.
 
-    `size` bounds what `distance` was computed from; `pose` (2, ...) goes into the format `open_at`.
+    The sides are `distance`, `one` and `two`; `size` bounds the numbers from which `distance` was
+    computed. The message is made of `open_at`, a format for the two entries of `pose` (2, ...) at
+    the first such triangle, and of `whose`, the names of the bars.
     """
     far, near = one + two, abs(one - two)
     gap = np.maximum(distance - far, near - distance)
-    slack = 4.0 * np.finfo(float).eps * (far + size)  # rounding of gap at an exact limit pose
+    slack = 4.0 * np.finfo(float).eps * (far + size)  # rounding at a limit position
     good = (gap <= slack) & (distance > slack)
     if not good.all():
         bad = np.unravel_index(np.argmin(good), good.shape)
@@ -217,7 +222,7 @@ def twice_area(
 
 
 def check(**values: float) -> None:
-    """ValueError that names the parameter at fault, if one is; the name's end says what it is."""
+    """Raise a ValueError that names a parameter out of its domain; name endings tell domains."""
     for name, value in values.items():
         if name.endswith("mode"):
             one_of(WORKING_MODES, **{name: value})
@@ -230,7 +235,7 @@ def check(**values: float) -> None:
 
 
 def inputs(*values: ArrayLike) -> list[Array]:
-    """Arrays of the first one's shape (2, ...); a (2,) among the others holds for all samples."""
+    """Arrays with the shape (2, ...) of the first one; a (2,) array holds for all samples."""
     first, *others = (np.asarray(value, float) for value in values)
     if first.shape[:1] != (2,):
         raise ValueError(f"inputs must have two rows on the first axis, got shape {first.shape}")
@@ -248,10 +253,11 @@ def margin(
     left_x: float,
     right_x: float,
 ) -> Array:
-    """How far the tip is inside the reach of both sides [m], negative where it is outside.
+    """Distance [m] of the tip from the border of the reach, negative where it is out of reach.
 
-    `tip` (x, y) [m], (2,) or (2, n); returns (n,) or a scalar, the least of its four radial
-    distances to the bounding circles. On zero a crank and its coupler are in line: type 1.
+    `tip` (x, y) [m], (2,) or (2, n); returns (n,) or a scalar, the smallest of its four radial
+    distances to the bounding circles. Where it is zero, a crank and its coupler are in line
+    (type 1).
 
     >>> link = dict(left_crank=4.0, left_coupler=5.0, right_coupler=5.0, right_crank=4.0,
     ...             left_x=-3.0, right_x=3.0)
@@ -292,12 +298,12 @@ def boundary(
 ) -> Array:
     """Points (4, 2, n) on the boundary of the reach: the type 1 singularities of the tip [m].
 
-    Four circles of n points each: left stretched, left folded, right stretched, right folded; NaN
-    where a circle runs outside the other side's reach.
+    There are four circles of n points each: left stretched, left folded, right stretched, right
+    folded. Points out of the reach of the other side are NaN.
 
     >>> link = dict(left_crank=4.0, left_coupler=5.0, right_coupler=5.0, right_crank=4.0,
     ...             left_x=-3.0, right_x=3.0)
-    >>> boundary(5, **link)[0].round(3).tolist()  # left stretched, seen from the left base
+    >>> boundary(5, **link)[0].round(3).tolist()  # circle of the stretched left side
     [[6.0, nan, nan, nan, 6.0], [0.0, nan, nan, nan, -0.0]]
     """
     lengths = {
@@ -335,9 +341,9 @@ def in_line(
 ) -> Array:
     """Right crank angles (4, n) [rad] that put the couplers in line: type 2 singularities.
 
-    `left` crank angle [rad], (n,). The first two rows are the stretched couplers, |L - R| = c + r,
-    the others the folded ones, |L - R| = |c - r|; NaN where there is no such angle. Assembled are
-    the angles between the first two rows and not between the last two.
+    `left` is the left crank angle [rad], (n,). The first two rows have stretched couplers,
+    |L - R| = c + r, the other two folded ones, |L - R| = |c - r|; NaN where there is no such angle.
+    The linkage can be assembled at angles between the first two rows, except between the last two.
 
     >>> link = dict(left_crank=2.0, left_coupler=3.5, right_coupler=4.0, right_crank=1.0,
     ...             left_x=0.0, right_x=2.0)
@@ -355,7 +361,7 @@ def in_line(
     s = left_x - right_x + left_crank * np.exp(1j * np.asarray(left, float))
     rows = []
     for apart in (left_coupler + right_coupler, abs(left_coupler - right_coupler)):
-        with np.errstate(divide="ignore", invalid="ignore"):  # no such angle: nan, as documented
+        with np.errstate(divide="ignore", invalid="ignore"):  # nan, as documented
             open_by = np.arccos(
                 (np.abs(s) ** 2 + right_crank**2 - apart**2) / (2.0 * np.abs(s) * right_crank)
             )
@@ -366,9 +372,9 @@ def in_line(
 def pin_distances(
     *, left_crank: float, right_crank: float, left_x: float, right_x: float
 ) -> tuple[float, float]:
-    """Least and largest distance of the crank pins [m] over all pairs of crank angles.
+    """Smallest and largest distance of the crank pins [m] over all pairs of crank angles.
 
-    The linkage can always be assembled if these lie within |c - r| and c + r.
+    The linkage can be assembled at any crank angles if both are in [|c - r|, c + r].
 
     >>> pin_distances(left_crank=2.0, right_crank=0.5, left_x=0.0, right_x=1.0)
     (0.5, 3.5)
@@ -387,11 +393,12 @@ def unassembled_share(
     left_x: float,
     right_x: float,
 ) -> float:
-    """Share [-] of all pairs of crank angles that cannot be assembled.
+    """Share [1] of all pairs of crank angles at which the linkage cannot be assembled.
 
-    At one left angle, with S = |L - B|, the share of right angles with |L - R| < x is
-    arccos((S^2 + m^2 - x^2)/(2 S m))/pi, clipped. Its mean over the left angle is taken by Gauss
-    quadrature between the angles where the clipping sets in; error below 1e-12.
+    At a given left angle, with S = |L - B|, the share of right angles with |L - R| < x is
+    arccos((S^2 + m^2 - x^2)/(2 S m))/pi, with the argument clipped to [-1, 1]. Its mean over the
+    left angle is computed by Gauss quadrature between the angles at which the clipping begins; the
+    error is below 1e-12.
 
     >>> round(unassembled_share(left_crank=2.0, left_coupler=3.5, right_coupler=4.0,
     ...                         right_crank=1.0, left_x=0.0, right_x=2.0), 8)
@@ -410,11 +417,11 @@ def unassembled_share(
         (left_coupler + right_coupler, abs(left_coupler - right_coupler)),
     )
     bends = np.array([right_crank + sign * x for x in limits for sign in (1, -1)])
-    with np.errstate(divide="ignore"):  # ground = 0: S is constant, no bends
+    with np.errstate(divide="ignore"):  # ground = 0: S is constant
         cosines = (ground**2 + left_crank**2 - bends**2) / (2.0 * ground * left_crank)
     knots = np.array([0.0, *np.sort(np.arccos(cosines[np.abs(cosines) < 1.0])), np.pi])
     nodes, weights = np.polynomial.legendre.leggauss(64)
-    u = 0.5 * np.pi * (nodes + 1.0)  # angle = middle - half cos(u): no square roots at the ends
+    u = 0.5 * np.pi * (nodes + 1.0)  # angle = middle - half cos(u): no square roots at ends
     half = 0.5 * np.diff(knots)[:, None]
     angle = knots[:-1, None] + half * (1.0 - np.cos(u))
     s = np.abs(ground - left_crank * np.exp(1j * angle))
@@ -474,18 +481,20 @@ def solve(
         alpha' = d' . b/C,  alpha'' = (d'' . b + alpha'^2 a . b - beta'^2 r^2)/C
         beta'  = d' . a/C,  beta''  = (d'' . a + alpha'^2 c^2 - beta'^2 a . b)/C
 
-    The tip moves by t = -(p x a) J b/C for a unit rate of the left crank, by (q x b) J a/C for
-    one of the right. Half a uniform bar's weight hangs at each of its ends, so with the load F at
-    the tip, the force less the weight of the tip and half of both couplers', virtual work gives the
-    moment that holds a crank: gravity/2 (crank_mass + coupler_mass) p_x - F . t; with inertia, plus
-    what the bars' accelerations do along the motion of a unit rate of that crank alone. The tip's
-    mass and force are on the left coupler, so that its weight and inertia, with them, need the
-    moment m1 about L, those of the right coupler m2 about R. The pin at T gives the right coupler
-    the force N, the left one -N, with -a x N = m1, b x N = m2::
+    The velocity of the tip is t = -(p x a) J b/C for a unit rate of the left crank, and
+    (q x b) J a/C for a unit rate of the right one. Half the weight of a uniform bar acts at each of
+    its ends. Let F be the force on the tip less the weight of the tip and of half of both couplers.
+    Virtual work then gives the moment that holds a crank at rest:
+    gravity/2 (crank_mass + coupler_mass) p_x - F . t. With inertia, the virtual work of the inertia
+    forces for a unit rate of that crank alone is added.
+
+    Mass and force of the tip act on the left coupler. Weight and inertia of this coupler, with
+    them, need the moment m1 about L; those of the right coupler need m2 about R. The pin at T
+    applies the force N to the right coupler and -N to the left one, with -a x N = m1, b x N = m2::
 
         N = -(m1 b + m2 a)/C
 
-    and the balance of forces the other four pins.
+    The forces of the other four pins follow from the balance of forces.
 
     Parameters
     ----------
@@ -495,13 +504,14 @@ def solve(
     left_x, right_x : places of the fixed pins on the x axis [m]
     mode : +1 T left of the directed line L -> R (C > 0), -1 right of it. C is zero only where the
         couplers are in line (type 2 singularity), so a mode is one continuous branch.
-    left_crank_mass, left_coupler_mass, right_coupler_mass, right_crank_mass : of the bars [kg]
-    tip_mass : of a point at the tip [kg]
+    left_crank_mass, left_coupler_mass, right_coupler_mass, right_crank_mass : masses of the bars
+        [kg]
+    tip_mass : point mass at the tip [kg]
     gravity : along -y [m/s^2]
-    force_x, force_y : force on the tip [N], or along the motion
-    inertia : whether moments and forces are those of the motion, and not those at rest
-    only : names of all quantities that are asked for: moments and forces, which take longer than
-        the motion, are left out if they are not among them; None asks for all
+    force_x, force_y : force on the tip [N], constants or (n,)
+    inertia : whether moments and forces include those of the accelerations
+    only : names of all requested quantities; None requests all. Moments and forces, which take
+        longer than the motion, are computed only if one of them is requested
 
     Returns
     -------
@@ -510,17 +520,17 @@ def solve(
     right_moment [N m] of the cranks' drives; forces of pins [N] in the frame of a bar, _x along it
     towards its second letter above and _y to the left of that: left_crank_force_x,
     left_crank_force_y of the ground on the left crank, left_coupler_force_.. of that crank on its
-    coupler, right_crank_force_.., right_coupler_force_.. alike, and pin_force_.. of the left
-    coupler on the right one, in the left one's frame; pin_distance D [m]. Sines of the angles
-    between bars, whose signs are those of the modes and whose zeros are the singular poses:
-    assembly, a x b/(c r), type 2; left_working and right_working, coupler x crank, type 1. Angles
+    coupler, right_crank_force_.. and right_coupler_force_.. in the same way, and pin_force_.. of
+    the left coupler on the right one, in the left one's frame; pin_distance D [m]. Three sines of
+    angles between bars have the signs of the modes, and zeros at singular poses: assembly,
+    a x b/(c r), type 2; left_working and right_working, coupler x crank, type 1. Angles
     start in [-pi, pi] and are unwrapped, which needs steps below pi between samples.
 
     Raises
     ------
     ValueError
         A length not positive, a mass negative, a mode unknown, or poses that cannot be assembled:
-        the message gives the first one's angles and by how much the circles miss.
+        the message gives the angles of the first one and the distance between the circles.
 
     Notes
     -----
@@ -532,8 +542,8 @@ def solve(
     2638) and accelerations (2724) are those of the unsolved first guess. Five-bar notebook "método
     geométrico", text lines 7-123: l1, l2 right crank and coupler, l4, l3 left, right_x = -left_x =
     l5/2, inputs theta1, theta4 = right, left. It eliminates X3 = f + g Y3, which divides by zero
-    where L and R are above each other and misprints the sign of b in eq. (0.9); its "arms up" is
-    mode +1 only while R is to the right of L. Both stop at kinematics; moments and forces are ours.
+    where L and R are above each other, and misprints the sign of b in eq. (0.9); its "arms up" is
+    mode +1 only while R is to the right of L. Neither source has moments and forces.
 
     Examples
     --------
@@ -636,10 +646,10 @@ def _forces(
     lift: complex,
     masses: tuple[float, float, float, float],
 ) -> dict[str, Array]:
-    """Forces of the pins, of bars A-L, L-T, B-R, R-T with these masses; `area` is C.
+    """Forces of the pins of bars A-L, L-T, B-R, R-T with given masses; `area` is C.
 
-    `accelerations` are those of L, T and R less that of gravity, which is -`lift`; `carried` is
-    what mass and force of the tip ask of the left coupler.
+    `accelerations` are those of L, T and R less that of gravity, which is -`lift`; `carried` is the
+    force that the left coupler applies to the tip.
     """
     at_l, at_t, at_r = accelerations
     ends: tuple[Ends, ...] = (lift, at_l), (at_l, at_t), (lift, at_r), (at_r, at_t)
@@ -668,14 +678,14 @@ def circle(
     rate: float,
     **linkage: Any,
 ) -> tuple[Array, Array, Array]:
-    """Crank motions that lead the tip round a circle at constant speed: a drive law.
+    """Motion profiles of the cranks that move the tip on a circle at constant speed.
 
-    The tip stands at center + radius (cos, sin)(rate time), `time` [s] (n,); lengths [m], `rate`
-    [rad/s] of either sign. `linkage` holds the lengths, left_x, right_x, left_mode and right_mode
-    of `solve_inverse`. Returns (left, right) crank angles [rad], rates [rad/s] and
-    accelerations [rad/s^2], each (2, n). ValueError where the circle leaves the reach. The angles
-    are continuous over the law, whatever times it is asked for, if the circle stays clear of the
-    x axis left of each fixed pin.
+    The tip is at center + radius (cos, sin)(rate time), `time` [s] (n,); lengths [m], `rate`
+    [rad/s] of either sign. `linkage` has the lengths, left_x, right_x, left_mode and right_mode of
+    `solve_inverse`. Returns (left, right) crank angles [rad], rates [rad/s] and accelerations
+    [rad/s^2], each (2, n). ValueError where the circle leaves the reach. The angles at different
+    times are continuous, even if they are computed by separate calls, if the circle does not meet
+    the x axis to the left of a fixed pin.
 
     >>> link = dict(left_crank=4.0, left_coupler=5.0, right_coupler=5.0, right_crank=4.0,
     ...             left_x=-3.0, right_x=3.0, left_mode=1, right_mode=-1)
@@ -698,17 +708,17 @@ def rectangle(
     period: float,
     **linkage: Any,
 ) -> tuple[Array, Array, Array]:
-    r"""Crank motions that lead the tip round a rectangle, at rest in its corners: a drive law.
+    r"""Motion profiles of the cranks that move the tip on a rectangle, with rest in its corners.
 
     ::
 
         4 <--- 3      each side takes a quarter of the period; on it, with tau from 0 to 1,
         |      ^      share = tau - sin(2 pi tau)/(2 pi)
-        v      |      so velocity and acceleration are zero in every corner, and both are
-        1 ---> 2      continuous: the cranks can follow
+        v      |      velocity and acceleration are zero in every corner, and both are
+        1 ---> 2      continuous, as the cranks need it
 
     `time` [s] (n,); corner 1 at (corner_x, corner_y), `width` and `height` [m] of either sign,
-    `period` [s]. `linkage` and what is returned are as for `circle`. ValueError where the
+    `period` [s]. `linkage` and the returned values are as for `circle`. ValueError where the
     rectangle leaves the reach, or for a period that is not positive.
 
     >>> link = dict(left_crank=4.0, left_coupler=5.0, right_coupler=5.0, right_crank=4.0,
@@ -739,7 +749,7 @@ def rectangle(
 
 
 def led(tip: Complex, v: Complex, dv: Complex, **linkage: Any) -> tuple[Array, Array, Array]:
-    """Both crank angles, their rates and accelerations, (2, n) each, for a motion of the tip."""
+    """Crank angles, rates and accelerations, (2, n) each, for a given motion of the tip."""
     pose = solve_inverse(*([vector.real, vector.imag] for vector in (tip, v, dv)), **linkage)
     angle, speed, change = (
         np.stack([pose[f"left{part}"], pose[f"right{part}"]])
@@ -758,7 +768,7 @@ def properties(
     right_x: float,
     **_: float,
 ) -> dict[str, str]:
-    """Which crank angles can be assembled, in words, for a report."""
+    """Share of crank angles at which the linkage cannot be assembled, in words for a report."""
     share = unassembled_share(
         left_crank=left_crank,
         left_coupler=left_coupler,

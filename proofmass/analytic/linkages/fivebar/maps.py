@@ -1,4 +1,4 @@
-"""Where the tip of a five-bar linkage gets: its reach, both kinds of singularities, the aspects."""
+"""Workspace of the tip of a five-bar linkage: reach, both kinds of singularities, and aspects."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -25,16 +25,16 @@ from proofmass.analytic.numerics import TURN, Array, Complex
 WORKING: tuple[tuple[int, int], ...] = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """The four working modes: left_mode and right_mode of `solve_inverse`."""
 SAMPLES = 721
-"""Of a curve of singularities, between which its working mode may change once."""
+"""Number of samples of a singular curve; between two of them the working mode may change once."""
 PARTS, NODES = 8, 24
-"""Gauss quadrature along a piece of a curve: parts, and nodes in each."""
+"""Gauss quadrature along a piece of a curve: number of parts, and of nodes in each part."""
 HALVINGS = 60
-"""Of an interval about a change of mode: to the last bit."""
+"""Number of bisections of an interval in which the mode changes: to the last bit."""
 
 
 @dataclass(frozen=True)
 class FivebarLengths:
-    """What the reach of a five-bar linkage depends on.
+    """Lengths on which the reach of a five-bar linkage depends.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class FivebarLengths:
 
     @property
     def base(self) -> float:
-        """From the left to the right fixed pin [m]."""
+        """Distance from the left to the right fixed pin along x, of either sign [m]."""
         return self.right_x - self.left_x
 
     @property
@@ -72,9 +72,9 @@ class FivebarLengths:
 
     @property
     def circles(self) -> tuple[tuple[float, float, int, str], ...]:
-        """Centre, radius [m], +1 outer or -1 inner, and side of the circles that bound the reach.
+        """Circles that bound the reach: centre, radius [m], +1 outer or -1 inner, side.
 
-        One of radius zero, of a crank as long as its coupler, is none.
+        A circle of radius zero, of a crank as long as its coupler, is left out.
         """
         found = []
         for side, x, crank, coupler in (
@@ -88,9 +88,10 @@ class FivebarLengths:
 
 
 def reach_area(link: FivebarLengths) -> float:
-    """Area [m^2] that two rings have in common, by the area that two discs have in common.
+    """Area [m^2] of the reach, the intersection of two rings, from intersections of two discs.
 
-    Exact: the lens of both outer discs, less those with an inner one, and what that takes twice.
+    The result is exact: the intersection of both outer discs, less those of an inner disc with the
+    outer disc of the other side, plus that of both inner discs, which is subtracted twice.
 
     >>> round(reach_area(FivebarLengths(4.0, 5.0, 5.0, 4.0, -3.0, 3.0)), 9)
     142.220552057
@@ -112,11 +113,11 @@ class SingularPiece:
     Attributes
     ----------
     curve : CurvePiece
-        Run so that the couplers turn left, `assembly` positive, on its left.
+        Curve of the tip; on its left `assembly` is positive.
     mode : tuple of int
         left_mode and right_mode.
     stretched : bool
-        The couplers are stretched, else folded upon each other.
+        Whether the couplers are stretched; otherwise they are folded onto each other.
     left, right : ndarray (n,)
         Crank pins x + iy [m] at the points of the curve.
     """
@@ -129,28 +130,29 @@ class SingularPiece:
 
 
 Track = Callable[[Array], tuple[Complex, Complex, Complex, Complex]]
-"""Tip, its derivative, and both crank pins at values of a parameter."""
+"""Function of a parameter: tip, its derivative by the parameter, left and right crank pin."""
 
 
 def type_2(link: FivebarLengths) -> list[SingularPiece]:
-    r"""Where the couplers are in line: all pieces of the curves, each in one working mode.
+    r"""Type 2 singularities: curves of the tip with couplers in line, divided by working mode.
 
     ::
 
         L-----T----------R  stretched, |L - R| = c + r        T = L + (R - L) c/(c + r)
         L----------R-----T  folded,    |L - R| = |c - r|      T = L + (R - L) c/(c - r)
 
-    With the couplers in line the linkage is a four-bar, so T runs along its coupler curve.  At a
-    left angle alpha the right one is arg(s) -+ open, as in `in_line`; on an interval of alpha
-    where there is one, alpha = middle - half cos(u) takes the square roots out of its ends.  A
-    piece ends where a crank and its coupler get in line too: there the tip is on the border of the
-    reach and the working mode changes.  For couplers of one length the folded ones turn about a
-    crossing of the cranks' circles.
+    With the couplers in line the linkage is a four-bar, and T moves on its coupler curve.  At a
+    left angle alpha the right angle is one of two, as in `in_line`.  On an interval of alpha where
+    they exist, the parameter u with alpha = middle - half cos(u) removes the square roots at its
+    ends.  A piece ends where a crank and its coupler are in line, too: there the tip is on the
+    border of the reach, and the working mode changes.  Couplers of equal length can be folded with
+    both crank pins at one point, an intersection of the cranks' circles, about which they turn.
 
     Returns
     -------
     list of SingularPiece
-        Points within rounding of the curve; areas by Gauss quadrature, error below 1e-9 of all.
+        Pieces whose points are exact but for rounding; areas are computed by Gauss quadrature with
+        an error below 1e-9 of the whole.
     """
     found: list[SingularPiece] = []
     for stretched in (True, False):
@@ -160,7 +162,7 @@ def type_2(link: FivebarLengths) -> list[SingularPiece]:
 
 
 def tracks(link: FivebarLengths, stretched: bool) -> Iterator[tuple[Track, float, float]]:
-    """The curves on which the couplers are stretched, or folded, and their parameter's ends."""
+    """Curves on which the couplers are stretched, or folded, with the limits of their parameter."""
     c, r = link.left_coupler, link.right_coupler
     apart = c + r if stretched else abs(c - r)
     if apart == 0.0:
@@ -168,7 +170,7 @@ def tracks(link: FivebarLengths, stretched: bool) -> Iterator[tuple[Track, float
         return
     share, m = c / (c + r if stretched else c - r), link.right_crank
     reached = np.array([m + apart, abs(m - apart)])
-    with np.errstate(divide="ignore", invalid="ignore"):  # both fixed pins in one place: no ends
+    with np.errstate(divide="ignore", invalid="ignore"):  # both fixed pins at one point: no ends
         cosine = (link.base**2 + link.left_crank**2 - reached**2) / (
             2.0 * link.base * link.left_crank
         )
@@ -202,7 +204,7 @@ def tracks(link: FivebarLengths, stretched: bool) -> Iterator[tuple[Track, float
 
 
 def coinciding(link: FivebarLengths) -> Iterator[tuple[Track, float, float]]:
-    """Circles of the tip about crank pins in one place, which couplers of one length allow."""
+    """Circles of the tip about crank pins that coincide, which couplers of equal length allow."""
     g, one, other = abs(link.base), link.left_crank, link.right_crank
     if not abs(one - other) < g < one + other:
         return
@@ -221,7 +223,7 @@ def coinciding(link: FivebarLengths) -> Iterator[tuple[Track, float, float]]:
 def parted_by_mode(
     link: FivebarLengths, track: Track, first: float, last: float, stretched: bool
 ) -> Iterator[SingularPiece]:
-    """A curve cut where its working mode changes."""
+    """Pieces of a curve, which is divided where its working mode changes."""
 
     def sides(u: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         tip, _, left, right = track(u)
@@ -253,7 +255,7 @@ def parted_by_mode(
 
 
 def sampled(track: Track, low: float, high: float) -> tuple[CurvePiece, Complex]:
-    """A piece of a curve with what it sweeps, and the crank pins (2, n) along it."""
+    """Piece of a curve between two parameters, with its area integral, and its crank pins (2, n)."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     edges = np.linspace(low, high, PARTS + 1)
     half = 0.5 * np.diff(edges)[:, None]
@@ -264,9 +266,10 @@ def sampled(track: Track, low: float, high: float) -> tuple[CurvePiece, Complex]
 
 
 def rises_to_the_left(link: FivebarLengths, track: Track, u: Array) -> bool:
-    """Whether a x b grows to the left of a curve of its zeros, both crank angles following.
+    """Whether a x b increases to the left of a curve on which it is zero.
 
-    For a velocity v of the tip the cranks have the rates a.v/(p x a) and b.v/(q x b).
+    The crank angles follow the tip: for its velocity v the crank rates are a.v/(p x a) and
+    b.v/(q x b).
     """
     tip, speed, left, right = (value[0] for value in track(u))
     v = 1j * speed / abs(speed)
@@ -278,10 +281,10 @@ def rises_to_the_left(link: FivebarLengths, track: Track, u: Array) -> bool:
 def reach_border(
     link: FivebarLengths, cuts: Complex | None = None
 ) -> Iterator[tuple[CurvePiece, str]]:
-    """Arcs that bound the reach, which is on their left, and the side that is in line there.
+    """Arcs that bound the reach, which is on their left, each with the side that is in line there.
 
-    They are type 1 singularities: a crank and its coupler are stretched or folded.  `cuts` are
-    more places [m] where an arc ends, as far as they are on it.
+    The arcs are type 1 singularities: a crank and its coupler are stretched or folded.  Arcs are
+    divided at those points `cuts` [m] that are on them.
     """
     for center, radius, sense, side in link.circles:
         others = [one for one in link.circles if one[3] != side]
@@ -290,7 +293,7 @@ def reach_border(
             on = np.abs(np.abs(cuts - center) - radius) < 1e-7 * link.size
             angles += (np.angle(cuts[on] - center) % TURN).tolist()
         ends = np.sort(angles)
-        ends = ends[np.diff(ends, prepend=-1.0) > 1e-9]  # a cut in a corner is the corner
+        ends = ends[np.diff(ends, prepend=-1.0) > 1e-9]  # a cut at a corner is the corner
         edges = np.append(ends, ends[0] + TURN) if ends.size else np.array([0.0, TURN])
         for low, high in pairwise(edges):
             middle = center + radius * np.exp(0.5j * (low + high))
@@ -301,7 +304,7 @@ def reach_border(
 
 
 def crossings(center: float, radius: float, x: float, far: float) -> list[float]:
-    """Angles [rad] on a circle about (center, 0) where one about (x, 0) crosses it."""
+    """Angles [rad] on a circle about (center, 0) where the circle about (x, 0) crosses it."""
     g = x - center
     if g == 0.0 or not abs(radius - far) < abs(g) < radius + far:
         return []
@@ -310,16 +313,16 @@ def crossings(center: float, radius: float, x: float, far: float) -> list[float]
 
 
 def reach(link: FivebarLengths) -> list[PlaneRegion]:
-    """The connected parts of what the tip can reach, the largest first."""
+    """Connected regions that the tip can reach, the largest first."""
     return joined_regions((piece for piece, _ in reach_border(link)), link.size)
 
 
 def aspects(
     link: FivebarLengths, mode: tuple[int, int], singular: list[SingularPiece] | None = None
 ) -> dict[int, list[PlaneRegion]]:
-    """Parts of the reach that no singularity parts, in one working mode, by their assembly mode.
+    """Aspects of the reach in one working mode, by their assembly mode.
 
-    Within one of them the tip can go everywhere in one working and one assembly mode.
+    Within an aspect the tip can move everywhere in one working mode and one assembly mode.
 
     Parameters
     ----------
@@ -327,12 +330,12 @@ def aspects(
     mode : tuple of int
         left_mode and right_mode of `solve_inverse`.
     singular : list of SingularPiece
-        Of `type_2`, if they are there already.
+        Result of `type_2` if it is known; None computes it.
 
     Raises
     ------
     ValueError
-        Singularities cross each other within the mode, as they may for special lengths.
+        Singular curves of the mode cross each other, as they may for special lengths.
     """
     pieces = [one for one in (type_2(link) if singular is None else singular) if one.mode == mode]
     ends = np.array([one.curve.points[[0, -1]] for one in pieces], complex).ravel()

@@ -1,4 +1,4 @@
-"""Rigid 3PRR planar parallel robot: motion, inverse, all poses, workspace, and their charts."""
+"""Rigid 3PRR planar parallel robot: motion, inverse problem, all poses, workspace, and charts."""
 
 from proofmass.analytic.linkages.threeprr.charts import (
     direct_poses,

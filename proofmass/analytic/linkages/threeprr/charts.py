@@ -1,6 +1,6 @@
-"""Charts of a 3PRR robot: its workspace, its poses by mode of the legs, and singular ones.
+"""Charts of a 3PRR robot: workspace, poses by mode of the legs, and singular poses.
 
-All take the lengths of `solve`.
+All charts take the lengths of `solve`.
 """
 
 from collections.abc import Iterable
@@ -35,7 +35,7 @@ from proofmass.analytic.numerics import TURN, Array, Complex
 XY = (("x", "m"), ("y", "m"))
 SIDES = {1: "singularity measure > 0", -1: "singularity measure < 0"}
 BEYOND = 0.3
-"""Of the side: how far guides are drawn beyond sliders and platform."""
+"""Length of guides drawn beyond sliders and platform, as a share of the side."""
 
 
 def workspace(
@@ -47,17 +47,19 @@ def workspace(
     guide3_y: float,
     nodes: int = 161,
 ) -> Chart:
-    r"""At how many angles the platform can stand in each place, and where at none or at all.
+    r"""Measure of the angles that the platform can have with P at each point of the plane.
 
     ::
 
         |y| <= L,  |y + a sin(psi)| <= L,  |x + a cos(psi + 60 deg) - guide3_x| <= L
 
+    Lines bound the points that P reaches at some angle, and those that P reaches at every angle.
+
     Parameters
     ----------
     side, leg : a, L [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m]
-    nodes : of the map along each axis
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m]
+    nodes : number of nodes of the map along each axis
 
     Returns
     -------
@@ -70,9 +72,9 @@ def workspace(
 
     Notes
     -----
-    Angles are exact in each node, and so is their integral, 8 L (pi L - a) if a <= 2 L; the area is
-    integrated with an error below 1e-8 of it.  Stops of the sliders are not regarded, so the start
-    of a guide moves the picture and does not change it.
+    The measure of the angles is exact at each node, and so is its integral, 8 L (pi L - a) if
+    a <= 2 L; the area is integrated with a relative error below 1e-8.  The sliders have no joint
+    limits.  Therefore guide3_x shifts the chart, and guide2_x and guide3_y do not change it.
 
     Examples
     --------
@@ -114,7 +116,7 @@ def workspace(
 
 
 def slice_words(robot: RobotLengths) -> str:
-    """Least and largest area of a slice, in words."""
+    """Smallest and largest area of a slice, in words."""
     least = 2.0 * robot.leg * max(0.0, 2.0 * robot.leg - robot.side)
     return f"from {least:.6g} m² at 90° to {4.0 * robot.leg**2:.6g} m² at 0°"
 
@@ -127,7 +129,7 @@ def slice_area(
     Parameters
     ----------
     side, leg : a, L [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m]
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m]
 
     Returns
     -------
@@ -147,35 +149,36 @@ def slice_area(
         ("area of the slice", "m²"),
         (Panel((ChartLine(psi, area),)),),
         f"{slice_words(robot).capitalize()}; {volume(robot) / TURN:.6g} m² in the mean. Exact: at "
-        "one angle the places of P are a rectangle.",
+        "one angle P reaches a rectangle.",
     )
 
 
 def workspace_slice(
     *, side: float, leg: float, guide2_x: float, guide3_x: float, guide3_y: float, psi: float
 ) -> Chart:
-    """The slice of the workspace at one angle, and what parts it in each mode of the legs.
+    """Slice of the workspace at one angle, with singularities and aspects in each mode of the legs.
 
     Parameters
     ----------
-    side, leg : of the platform; of each leg [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m]
+    side, leg : side of the platform; length of each leg [m]
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m]
     psi : angle of the platform [rad]
 
     Returns
     -------
     Chart
-        A panel for each of the eight modes of the legs, its regions the aspects with their areas.
+        A panel for each of the eight modes of the legs, whose regions are the aspects with their
+        areas.
 
     Raises
     ------
     ValueError
-        As in `aspects_of_slice`; no place is reached at this angle.
+        As in `aspects_of_slice`, or no point is reached at this angle.
 
     Notes
     -----
-    The border is exact; the curves in it are closed forms, x for each y, whose area is integrated
-    with an error below 1e-9 of the whole.
+    The border is exact; the curves inside are closed forms, x for each y, whose areas are
+    integrated with an error below 1e-9 of the whole.
 
     Examples
     --------
@@ -214,14 +217,14 @@ def workspace_slice(
         f"P reaches {part.area:.6g} m² with the platform at {np.degrees(psi):.4g}°, exactly, in "
         "each of eight modes of the legs. A sign is + where the platform's corner is ahead of its "
         "slider. On the edges a leg is perpendicular to its guide, type 1; on type 2 curves the "
-        "lines of all legs meet in one point, and the platform gives way although the sliders are "
-        "held. Numbers are areas of the aspects, with an error below 1e-9 m².",
+        "lines of all legs meet in one point, and the platform can move although the sliders are "
+        "fixed. Numbers are areas of the aspects, with an error below 1e-9 m².",
         alike=True,
     )
 
 
 def signs(mode: int) -> str:
-    """The signs of a mode of the legs.
+    """Signs of a mode of the legs.
 
     >>> signs(3)
     '+-+'
@@ -232,7 +235,7 @@ def signs(mode: int) -> str:
 def robot_lines(
     robot: RobotLengths, point: complex, psi: float, sliders: Array
 ) -> tuple[ChartLine, ...]:
-    """Platform, legs, sliders and P of one pose."""
+    """Lines of platform, legs, sliders and P in one pose."""
     arms = robot.side * CORNERS[:, 0] * np.exp(1j * psi)
     corners = point + arms
     feet = feet_of(robot, sliders)
@@ -247,7 +250,7 @@ def robot_lines(
 
 
 def with_guides(robot: RobotLengths, panels: Iterable[Panel]) -> tuple[Panel, ...]:
-    """The same panels with both lines of guides through all that they show."""
+    """Panels with the lines of the guides, which extend over all lines of all panels."""
     given = tuple(panels)
     x, y = (
         np.concatenate([getattr(line, axis) for panel in given for line in panel.lines])
@@ -277,12 +280,12 @@ def leg_modes(
     y: float,
     psi: float,
 ) -> Chart:
-    """The eight combinations of the legs that hold the platform in one pose.
+    """The eight modes of the legs for one pose of the platform.
 
     Parameters
     ----------
-    side, leg : of the platform; of each leg [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m]
+    side, leg : side of the platform; length of each leg [m]
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m]
     x, y, psi : pose of the platform [m], [rad]
 
     Returns
@@ -314,8 +317,9 @@ def leg_modes(
     return Chart(
         *XY,
         with_guides(robot, panels),
-        f"Eight triples of sliders hold P at ({x:g}, {y:g}) m with the platform at "
-        f"{np.degrees(psi):.4g}°: each leg may lean along its guide, +, or against it.",
+        f"Eight triples of sliders give P the position ({x:g}, {y:g}) m with the platform at "
+        f"{np.degrees(psi):.4g}°: each leg may lean in the direction of its guide, +, or against "
+        "it, -.",
         alike=True,
     )
 
@@ -331,13 +335,13 @@ def direct_poses(
     slider_2: float,
     slider_3: float,
 ) -> Chart:
-    """All poses of the platform, up to six, for one triple of sliders.
+    """All poses of the platform, up to six, for given positions of the three sliders.
 
     Parameters
     ----------
-    side, leg : of the platform; of each leg [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m]
-    slider_1, slider_2, slider_3 : places of the sliders on their guides [m]
+    side, leg : side of the platform; length of each leg [m]
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m]
+    slider_1, slider_2, slider_3 : positions of the sliders on their guides [m]
 
     Returns
     -------
@@ -346,7 +350,7 @@ def direct_poses(
     Raises
     ------
     ValueError
-        No pose, or a platform that is free to move.
+        There is no pose, or the platform is free to move.
 
     Examples
     --------
@@ -375,7 +379,7 @@ def direct_poses(
         *XY,
         with_guides(robot, panels),
         f"The platform has {there.size} poses with the sliders at {slider_1:g}, {slider_2:g} and "
-        f"{slider_3:g} m, all real roots of a sextic; six is the most there can be. The "
+        f"{slider_3:g} m, all real roots of a sextic, so that there are at most six. The "
         "singularity measure is zero where two poses meet.",
         alike=True,
     )
@@ -388,8 +392,8 @@ def singular_poses(
 
     Parameters
     ----------
-    side, leg : of the platform; of each leg [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m]
+    side, leg : side of the platform; length of each leg [m]
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m]
     psi : angle of the platform [rad]
 
     Returns
@@ -399,7 +403,7 @@ def singular_poses(
     Raises
     ------
     ValueError
-        No place is reached at this angle.
+        No point is reached at this angle.
 
     Examples
     --------
@@ -436,30 +440,33 @@ def singular_poses(
         with_guides(robot, panels),
         "In a type 1 singularity a corner has no velocity along its leg, whatever the sliders do; "
         "in a type 2 singularity the platform turns about the point where the lines of its legs "
-        "meet, although all sliders are held.",
+        "meet, although all sliders are fixed.",
         alike=True,
     )
 
 
 def posed(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple[ChartLine, ...]:
-    """The robot with P in a place, in one mode of the legs."""
+    """Lines of the robot with P at a point, in one mode of the legs."""
     return robot_lines(robot, place, psi, sliders_of(robot, place, psi, mode))
 
 
 def sliders_of(robot: RobotLengths, place: complex, psi: float, mode: int) -> Array:
-    """Where the sliders (3,) stand with P in a place, in one mode of the legs [m]."""
+    """Positions of the sliders (3,) [m] with P at a point, in one mode of the legs."""
     found = solve_inverse([place.real, place.imag, psi], **asdict(robot), mode=mode)
     return np.array([float(found[f"slider_{k}"]) for k in (1, 2, 3)])
 
 
 def feet_of(robot: RobotLengths, sliders: Array) -> Complex:
-    """Places x + iy (3,) of the sliders [m]."""
+    """Points x + iy (3,) of the sliders in the plane [m]."""
     starts = origins(robot.guide2_x, robot.guide3_x, robot.guide3_y)
     return np.asarray((starts + sliders[:, None] * GUIDES)[:, 0])
 
 
 def meeting(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple[ChartLine, ...]:
-    """Lines of the legs to the point where those of legs 1 and 2 meet; none if that is far."""
+    """Lines from the platform along the legs to the intersection of those of legs 1 and 2.
+
+    There are none if the legs are nearly parallel, so that the intersection is far away.
+    """
     feet = feet_of(robot, sliders_of(robot, place, psi, mode))
     e, arms = legs(feet[:, None], np.array([place]), np.array([psi]), robot.side)
     p, v = (place + arms)[:, 0], e[:, 0]

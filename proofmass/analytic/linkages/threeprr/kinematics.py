@@ -1,6 +1,6 @@
 """Rigid 3PRR planar parallel robot: motion of the platform from its three sliders, and the inverse.
 
-Beside both stand the workspace, and all poses of the platform that given sliders allow.
+The module also has the workspace on a grid, and all poses of the platform for given sliders.
 """
 
 from collections.abc import Collection
@@ -25,8 +25,8 @@ from proofmass.analytic.numerics import (
 
 SIGNS = tuple(product((1, -1), repeat=3))
 WORKING_MODES = tuple(range(1, len(SIGNS) + 1))
-GUIDES = np.array([[1.0], [-1.0], [-1.0j]])  # directions, x + iy as everywhere below
-CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])  # of the platform at psi = 0, by side
+GUIDES = np.array([[1.0], [-1.0], [-1.0j]])  # unit vectors as x + iy, as all vectors below
+CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])  # from P, at psi = 0 and side 1
 
 
 def solve_inverse(
@@ -41,7 +41,7 @@ def solve_inverse(
     guide3_y: float,
     mode: int = 1,
 ) -> dict[str, Array]:
-    r"""Motion of the three sliders that gives the platform a wanted motion.
+    r"""Motion of the three sliders for a given motion of the platform (inverse kinematics).
 
     ::
 
@@ -54,26 +54,27 @@ def solve_inverse(
             -->    /          \     C3 = (guide3_x, guide3_y - s3)
         O--------[C1]--------[C2]--- guides 1 and 2 face each other on y = 0
 
-    Corner p = P + b of the platform, guide from o along the unit vector g: with e = p - o - s g
-    of length `leg`, d = p - o and the sign of the mode::
+    A leg e connects the slider o + s g, on a guide that starts at o with the unit vector g, to the
+    corner p = P + b of the platform. With e = p - o - s g of length `leg`, d = p - o and the sign
+    of the mode::
 
         s = d . g - sign sqrt(leg^2 - (d x g)^2)
         s' = e . p'/(e . g)        s'' = (e . p'' + |p' - s' g|^2)/(e . g)
 
     Parameters
     ----------
-    pose, rate, acceleration : x [m], y [m] of P and psi [rad], (3, ...); and their first and second
-        time derivatives, which broadcast with the axes of `pose` from the left
-    side, leg : of the platform; of each leg [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m], of either sign
+    pose, rate, acceleration : x [m], y [m] of P and psi [rad], (3, ...), and their first and second
+        time derivatives, whose axes are aligned with those of `pose` from the left
+    side, leg : side of the platform; length of each leg [m]
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m], of either sign
     mode : 1 to 8, the row of `SIGNS` = (+++, ++-, +-+, ...); + where the platform's corner is ahead
         of its slider (e . g > 0)
 
     Returns
     -------
     dict of (...) arrays, for k = 1, 2, 3: slider_k [m], with _rate and _acceleration; lean_k, the
-    cosine of leg and guide, zero where the inverse problem is singular; singularity, as in
-    `threeprr.solve`, zero where the direct problem is.
+    cosine of the angle between leg and guide, which is zero where the inverse problem is singular;
+    singularity, as in `threeprr.solve`, which is zero where the direct problem is singular.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def solve_inverse(
     Leg lengths are met within rounding. Rates are not finite where a leg is perpendicular to its
     guide, which is the border of the workspace. Source: J. Pérez Gámiz, TFG, UPV/EHU Bilbao 2018,
     eqs 53, 57, 61 (sliders), 62-64 (existence). Misprint: eq. 51, the circle about the first
-    slider, is (x - x_P)^2 + (y - y_P)^2 = L^2. Rates are ours.
+    slider, is (x - x_P)^2 + (y - y_P)^2 = L^2. The source has no rates.
 
     Examples
     --------
@@ -98,7 +99,7 @@ def solve_inverse(
     check(side, leg, guide2_x, guide3_x, guide3_y, mode, WORKING_MODES)
     shape, (point, velocity, push), (psi, w, dw) = _motion(pose, rate, acceleration)
     arm = side * CORNERS * np.exp(1j * psi)
-    d = (point + arm - origins(guide2_x, guide3_x, guide3_y)) / GUIDES  # along + i across
+    d = (point + arm - origins(guide2_x, guide3_x, guide3_y)) / GUIDES  # along + i across the guide
     signs, along = np.array(SIGNS[int(mode) - 1])[:, None], _along(d, leg, pose)
     e = (signs * along + 1j * d.imag) * GUIDES
     lean = dot(e, GUIDES)
@@ -127,7 +128,7 @@ def reachable(
     guide3_x: float,
     guide3_y: float,
 ) -> NDArray[np.bool_]:
-    """Whether each leg reaches its guide: the workspace on a grid of poses.
+    """Whether all legs reach their guides, for a grid of poses: the workspace.
 
     `pose` holds x, y [m] of P and psi [rad], (3, ...); lengths as in `solve`; returns (...). All
     three radicands leg^2 - (d x g)^2 must not be negative (eqs 62-64 of the source of `solve`).
@@ -143,12 +144,12 @@ def reachable(
 
 
 def origins(guide2_x: float, guide3_x: float, guide3_y: float) -> Complex:
-    """Where the guides start, (3, 1)."""
+    """Starting points x + iy of the guides, (3, 1) [m]."""
     return np.array([[0.0], [guide2_x], [guide3_x + 1j * guide3_y]])
 
 
 def determinant(e: Complex, moment: Array) -> Array:
-    """Determinant of the rows (e_x, e_y, moment), all (3, n)."""
+    """Determinant (n,) of the three rows (e_x, e_y, moment), from arrays (3, n)."""
     return np.sum(moment * cross(np.roll(e, -1, 0), np.roll(e, -2, 0)), axis=0)
 
 
@@ -161,14 +162,14 @@ def check(
     mode: int = 1,
     modes: tuple[int, ...] = WORKING_MODES,
 ) -> None:
-    """ValueError that names the first parameter out of its domain."""
+    """Raise a ValueError that names the first parameter out of its domain."""
     positive(side=side, leg=leg)
     finite(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
     one_of(modes, mode=mode)
 
 
 def three(value: ArrayLike, *derivatives: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
-    """Shape (...) and the (3, n) arrays of a value (3, ...) and of what broadcasts with it."""
+    """Shape (...), and arrays (3, n) of a value (3, ...) and of derivatives broadcast to it."""
     first = np.asarray(value, float)
     if first.ndim == 0 or first.shape[0] != 3:
         raise ValueError(f"three inputs are needed, (3, ...), got an array {first.shape}")
@@ -181,15 +182,15 @@ def three(value: ArrayLike, *derivatives: ArrayLike) -> tuple[tuple[int, ...], l
 def _motion(
     pose: ArrayLike, rate: ArrayLike, acceleration: ArrayLike
 ) -> tuple[tuple[int, ...], list[Complex], list[Array]]:
-    """Shape, then P and psi, each with its derivatives."""
+    """Shape (...); P with its derivatives; psi with its derivatives."""
     shape, arrays = three(pose, rate, acceleration)
     return shape, [x + 1j * y for x, y, _ in arrays], [psi for *_, psi in arrays]
 
 
 def _along(d: Complex, leg: float, pose: ArrayLike) -> Array:
-    """Length of each leg along its guide, or ValueError where it is too short."""
+    """Part of each leg along its guide, not negative; a ValueError where a leg is too short."""
     gap = np.abs(d.imag) - leg
-    slack = 4.0 * np.finfo(float).eps * (leg + np.abs(d).max(initial=0.0))  # rounding of gap
+    slack = 4.0 * np.finfo(float).eps * (leg + np.abs(d).max(initial=0.0))  # rounding of `gap`
     if not gap.max(initial=0.0) <= slack:
         n, k = np.unravel_index(np.argmin((gap <= slack).T), gap.T.shape)
         x, y, psi = np.asarray(pose, float).reshape(3, -1)[:, n]
@@ -201,7 +202,7 @@ def _along(d: Complex, leg: float, pose: ArrayLike) -> Array:
 
 
 PAIRS = np.array([(0, 1), (0, 2), (1, 2)])
-NEAR = 1e-7  # a double root is known to sqrt(1e-16) = 1e-8: what is closer is one
+NEAR = 1e-7  # closer poses count as one: a double root is known to sqrt(1e-16) = 1e-8
 MISSING = complex(np.nan, np.nan)
 ORDERS = np.arange(-3, 4)[:, None]
 SAMPLES = np.exp(2j * np.pi * np.arange(7) / 7)[:, None]
@@ -220,7 +221,7 @@ def poses(
     guide3_x: float,
     guide3_y: float,
 ) -> dict[str, NDArray]:
-    r"""All poses of the platform, none to six, for given sliders.
+    r"""All poses of the platform, up to six, for given positions of the sliders.
 
     ::
 
@@ -230,42 +231,44 @@ def poses(
               `. | .`
                  q3
 
-    A triangle with the squared sides S12, S13, S23 and twice the area A has that circumradius if ::
+    Let the triangle have the squared sides S12, S13, S23 and twice the area A. Its circumradius is
+    `leg` if ::
 
         p(psi) = S12 S13 S23 - 4 leg^2 A^2 = 0
 
     S and A are linear in cos(psi) and sin(psi), so p has the harmonics -3 to 3. With
     t = tan((psi - psi0)/2) it is a sextic; psi0 is chosen so that its leading coefficient does not
-    vanish. Roots are polished by Newton on the three leg lengths.
+    vanish. The roots are improved by Newton's method on the three leg lengths.
 
-    Where q1 = q2 (any two) the legs are parallel, psi is a double root and two circles of radius
-    `leg` pass through the points: two poses of equal psi, which the source's linear equations
-    leave as 0/0.
+    Where two of the points are equal, such as q1 = q2, these legs are parallel, psi is a double
+    root, and two circles of radius `leg` pass through the points. There are two poses of equal psi,
+    for which the linear equations of the source give 0/0.
 
     Parameters
     ----------
-    sliders : s1, s2, s3 [m], (3, ...)
+    sliders : positions s1, s2, s3 [m], (3, ...)
     side, leg, guide2_x, guide3_x, guide3_y : see `solve_inverse` [m]
 
     Returns
     -------
     dict of (6, ...) arrays: x, y [m] of P, psi [rad] ascending in [-pi, pi], singularity (see
-    `threeprr.solve`), with NaN after the last pose; and parallel (bool), two legs are parallel.
+    `threeprr.solve`), with NaN after the last pose; and parallel (bool), whether two legs are
+    parallel.
 
     Raises
     ------
     ValueError
-        A value out of its domain, or sliders that leave the platform free to move: where they form
-        the platform's own triangle, it moves in a circle without turning.
+        A value out of its domain, or sliders for which the platform is free to move: if they form a
+        triangle equal to the platform, it moves in a circle without turning.
 
     Notes
     -----
-    Legs are met within 1e-14 of the mechanism. Poses closer than 1e-7 are one; psi is known to 1e-8
-    where two poses merge, to 1e-5 where three do. Poses are found for lengths that differ by up to
-    a factor of 100. Source: J. Pérez Gámiz, TFG, UPV/EHU Bilbao 2018, eqs 48-49 and 146-148, annex
-    I. Departure: its polynomial of degree 8 in tan(psi/2) is (1 + t^2) times the sextic, so there
-    are not 8 poses but at most 6; it loses psi = pi, and four of the eight triples of its Table 3
-    have parallel legs.
+    Leg lengths are met within 1e-14 of the mechanism's size. Poses closer than 1e-7 count as one;
+    psi is known to 1e-8 where two poses merge, to 1e-5 where three merge. Poses are found for
+    lengths that differ by up to a factor of 100. Source: J. Pérez Gámiz, TFG, UPV/EHU Bilbao 2018,
+    eqs 48-49 and 146-148, annex I. Difference: its polynomial of degree 8 in tan(psi/2) is
+    (1 + t^2) times the sextic, so that there are not 8 poses but at most 6; it cannot give
+    psi = pi, and four of the eight triples of its Table 3 have parallel legs.
 
     Examples
     --------
@@ -295,13 +298,13 @@ def poses(
 
 
 def legs(c: Complex, point: Complex, psi: Array, side: float) -> tuple[Complex, Complex]:
-    """Legs and arms, (3, ...), for sliders at c (3, ...) and poses (...)."""
+    """Legs e, and arms b from P to corners, (3, ...), for sliders at c (3, ...) and poses (...)."""
     arm = side * CORNERS.reshape(3, *(1,) * psi.ndim) * np.exp(1j * psi)
     return point + arm - c, arm
 
 
 def inverse_jacobian(e: Complex, arm: Complex) -> tuple[Complex, Array]:
-    """Velocity of P and rate of psi, (3, ...) each, per unit of e . (v + w J b) of each leg."""
+    """Velocity v of P and rate w of psi, (3, ...), for e . (v + w J b) = 1 of each leg alone."""
     moment, (e1, e2) = cross(arm, e), (np.roll(e, -k, axis=0) for k in (1, 2))
     m1, m2 = (np.roll(moment, -k, axis=0) for k in (1, 2))
     total = determinant(e, moment)
@@ -317,28 +320,28 @@ def lacking(
     guide3_x: float,
     guide3_y: float,
 ) -> float:
-    """By how much [m] the legs are too short (too long: negative) at a triple without a pose."""
+    """Length [m] by which the legs are too short for given sliders; negative if too long."""
     c = origins(guide2_x, guide3_x, guide3_y) + np.reshape(sliders, (3, 1)) * GUIDES
     s, area = _triangle(c, side, np.exp(1j * np.linspace(-np.pi, np.pi, 3600)))
-    with np.errstate(divide="ignore", invalid="ignore"):  # in line: no circle
+    with np.errstate(divide="ignore", invalid="ignore"):  # points in line: no circle
         short = np.sqrt(s.prod(axis=0)) / (2.0 * np.abs(area)) - leg
     return float(short[np.nanargmin(np.abs(short))])
 
 
 def _triangle(c: Complex, side: float, z: Complex) -> tuple[Array, Array]:
-    """Squared sides (3, ...) and twice the area (...) of q1, q2, q3 at z = e^(i psi)."""
+    """Squared sides (3, ...) and twice the area (...) of triangle q1, q2, q3 at z = e^(i psi)."""
     q = c - side * CORNERS.reshape(3, *(1,) * (c.ndim - 1)) * z
     a, b = q[1] - q[0], q[2] - q[0]
     return np.abs(np.array([a, b, b - a])) ** 2, cross(a, b)
 
 
 def _angles(c: Complex, side: float, leg: float, sliders: Array) -> Array:
-    """Real roots psi of the sextic, (6, n), NaN for the others."""
+    """Real roots psi of the sextic, (6, n); NaN in place of complex roots."""
     s, area = _triangle(c[:, None], side, SAMPLES)
     product, square = s.prod(axis=0), 4.0 * leg**2 * area**2
     p = product - square
     _refuse(np.abs(p).max(axis=0) < NEAR * (product + square).max(axis=0), sliders)
-    zero = -SAMPLES[np.argmax(np.abs(p), axis=0), 0]  # half a turn from the largest: t is finite
+    zero = -SAMPLES[np.argmax(np.abs(p), axis=0), 0]  # opposite to the largest |p|: t is finite
     harmonics = np.fft.fftshift(np.fft.fft(p, axis=0), axes=0)
     sextic = (HALF_ANGLE @ (harmonics * zero**ORDERS)).real
     companion = np.zeros((sextic.shape[1], 6, 6))
@@ -350,7 +353,10 @@ def _angles(c: Complex, side: float, leg: float, sliders: Array) -> Array:
 
 
 def _starts(c: Complex, psi: Array, side: float, leg: float) -> Complex:
-    """P and psi, (2, 12, n): both circles through the two of q1, q2, q3 farthest apart."""
+    """First guesses of P and psi, (2, 12, n), for each psi from two circles of radius `leg`.
+
+    The circles pass through those two of q1, q2, q3 that are farthest apart.
+    """
     q = c[:, None] - side * CORNERS[..., None] * np.exp(1j * psi)
     one, other = q[PAIRS.T]
     far = np.argmax(np.abs(other - one), axis=0)[None]
@@ -362,7 +368,7 @@ def _starts(c: Complex, psi: Array, side: float, leg: float) -> Complex:
 
 
 def _polished(starts: Complex, c: Complex, side: float, leg: float) -> Complex:
-    """Best of some Newton steps on the leg lengths, best poses first; MISSING is a wrong one."""
+    """Poses after Newton steps on the leg lengths, best first; wrong ones are `MISSING`."""
     real = np.isfinite(starts[1].real)
     c, trial = c[:, np.nonzero(real)[1]], starts[:, real]
     best, gap = trial, np.full(c.shape[1], np.inf)
@@ -370,17 +376,17 @@ def _polished(starts: Complex, c: Complex, side: float, leg: float) -> Complex:
         e, arm = legs(c, trial[0], trial[1].real, side)
         wrong = np.abs(np.abs(e) - leg).max(axis=0)
         best, gap = np.where(wrong < gap, trial, best), np.fmin(wrong, gap)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # singular: not best
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # singular poses
             steps = np.array(inverse_jacobian(e, arm)) * 0.5 * (leg**2 - np.abs(e) ** 2)
             trial = trial + steps.sum(axis=1)
-    good = gap <= 1e-14 * (leg + side + np.abs(c).max(axis=0))  # rounding of a leg's length
+    good = gap <= 1e-14 * (leg + side + np.abs(c).max(axis=0))  # rounding error of a leg's length
     found, gaps = np.full_like(starts, MISSING), np.full(real.shape, np.inf)
     found[:, real], gaps[real] = np.where(good, best, MISSING), gap
     return np.take_along_axis(found, np.argsort(gaps, axis=0)[None], 1)
 
 
 def _merged(found: Complex, size: float) -> tuple[Complex, Array]:
-    """Each P and psi once, (6, n), by ascending psi in [-pi, pi]."""
+    """P and psi of different poses, (6, n), by ascending psi in [-pi, pi]."""
     z = np.exp(1j * found[1].real)
     for k in range(1, len(z)):
         apart = np.abs(found[0, :k] - found[0, k]) + size * np.abs(z[:k] - z[k])
@@ -391,7 +397,7 @@ def _merged(found: Complex, size: float) -> tuple[Complex, Array]:
 
 
 def _refuse(free: NDArray[np.bool_], sliders: Array) -> None:
-    """ValueError where the platform can move although the sliders stand still."""
+    """Raise a ValueError if the platform can move while the sliders are at rest."""
     if free.any():
         where = ", ".join(f"{x:.9g}" for x in sliders[:, np.argmax(free)])
         raise ValueError(f"the platform is free to move at sliders ({where}) m")
@@ -436,39 +442,42 @@ def solve(
             -->    /          \     C3 = (guide3_x, guide3_y - s3)
         O--------[C1]--------[C2]--- guides 1 and 2 face each other on y = 0
 
-    The poses are those of `poses`. For the leg e, the arm b = corner - P, the
-    guide's direction g and the slider's rate s', each leg of fixed length gives one row of two
-    linear systems with the same matrix::
+    The poses are those of `poses`. With the leg e, the arm b = corner - P, the guide's direction g
+    and the slider's rate s', the constant length of each leg gives one row of two linear systems
+    with the same matrix::
 
         e . v + w (b x e)   = s' e . g
         e . v' + w' (b x e) = s'' e . g + w^2 e . b - |e'|^2
 
-    The forces that hold the sliders still follow from the transposed matrix (virtual work), with
-    inertia those that move them. Leg k, whose weight and inertia need the moment m about its
-    slider, gives the platform at its corner the force N with e x N = -m, of which the three
-    balances of the platform, with the same transposed matrix, tell the share t along the leg::
+    The forces that hold the sliders at rest follow from the transposed matrix (virtual work); with
+    inertia they are those that move the sliders. Weight and inertia of a leg need the moment m
+    about its slider, so that the leg applies to the corner of the platform a force N with
+    e x N = -m. The part t e of N along the leg follows from the three balances of the platform,
+    with the same transposed matrix::
 
         N = t e - m J e/leg^2,  J the turn by +90 degrees
 
-    and the balances of legs and sliders the other pins and the guides.
+    The forces of the other pins and of the guides follow from the balances of legs and sliders.
 
     Parameters
     ----------
     sliders, rate, acceleration : s1, s2, s3 [m], (3, ...), and their time derivatives [m/s],
-        [m/s^2], which broadcast with the axes of `sliders` from the left; the last axis is the path
-    side, leg : of the platform; of each leg [m]
-    guide2_x, guide3_x, guide3_y : where guides 2 and 3 start [m], of either sign
-    mode : +k, -k: the k-th by ascending psi in [-pi, pi] among the poses of positive, negative
-        `singularity`. Both signs are equally frequent, and a pose keeps its sign on every path that
-        it follows without becoming singular: where there are two poses, mode is one continuous
-        branch. Where there are four or six it is one until another pose of its sign appears,
-        vanishes, passes it in psi (parallel legs), or one of them crosses psi = pi.
-    platform_mass, leg_mass, slider_mass : uniform platform and each leg, each slider [kg]
-    load_x, load_y, load_moment : load on the platform at P [N], [N m], or along the motion
+        [m/s^2], whose axes are aligned with those of `sliders` from the left; the last axis is the
+        path
+    side, leg : side of the platform; length of each leg [m]
+    guide2_x, guide3_x, guide3_y : starting points of guides 2 and 3 [m], of either sign
+    mode : +k or -k: the k-th pose by ascending psi in [-pi, pi] among the poses with positive or
+        negative `singularity`. Both signs are equally frequent, and a pose keeps its sign on every
+        path without singular poses. Where there are two poses, a mode is therefore one continuous
+        branch. Where there are four or six, it is one branch until another pose of its sign
+        appears, vanishes or passes it in psi (parallel legs), or one of them crosses psi = pi.
+    platform_mass, leg_mass, slider_mass : masses of the uniform platform, of each uniform leg, of
+        each slider [kg]
+    load_x, load_y, load_moment : load on the platform at P [N], [N m], constants or (n,)
     gravity : along -y [m/s^2]
-    inertia : whether forces are those of the motion, and not those at rest
-    only : names of all quantities that are asked for: forces, which take longer than the motion,
-        are left out if they are not among them; None asks for all
+    inertia : whether forces include those of the accelerations
+    only : names of all requested quantities; None requests all. Forces, which take longer than the
+        motion, are computed only if one of them is requested
 
     Returns
     -------
@@ -476,22 +485,24 @@ def solve(
     with _rate and _acceleration; holding_force_k [N], along the guide; forces [N] in the frame of a
     leg or guide, _x along it and _y to the left: pin_force_k_x, pin_force_k_y of leg k on the
     platform and leg_force_k_.. of the slider on the leg, in the leg's frame, and guide_force_k_..
-    of guide and drive on the slider, whose mass is at its pin, so that the guide gives no moment
-    about it; singularity, the matrix's determinant over leg^3 side: zero where the lines of the
-    legs meet in one point or are parallel. Angles start in [-pi, pi] and are unwrapped along the
-    path.
+    of guide and drive on the slider, whose mass is at its pin, so that the guide applies no moment
+    about the pin; singularity, the determinant of the matrix divided by leg^3 side: it is zero
+    where the lines of the legs meet in one point or are parallel. Angles start in [-pi, pi] and are
+    unwrapped along the path.
 
     Raises
     ------
     ValueError
-        A value out of its domain, or a mode that is not there: the message gives the first such
-        triple with the modes that are there, or by how much the legs are too short or too long.
+        A value out of its domain, or a mode that does not exist for the given sliders: the message
+        gives the first such triple with the existing modes, or by how much the legs are too short
+        or too long.
 
     Notes
     -----
-    Legs are met within 1e-14 of the mechanism. Rates are not finite where `singularity` is zero,
-    and lose digits like its inverse next to it. Source: J. Pérez Gámiz, TFG, UPV/EHU Bilbao 2018,
-    eqs 146-148, for the positions; rates, forces and modes are ours.
+    Leg lengths are met within 1e-14 of the mechanism's size. Rates are not finite where
+    `singularity` is zero, and next to such poses they lose digits like its inverse. Source: J.
+    Pérez Gámiz, TFG, UPV/EHU Bilbao 2018, eqs 146-148, for the positions; the source has no rates,
+    forces and modes.
 
     Examples
     --------
@@ -531,7 +542,7 @@ def solve(
             )
             force, moment = force - (across + 1j * up), moment - turning
             hold = slider_mass * dot(ends[0], GUIDES)
-            for k in range(3):  # the motion of a unit rate of slider k
+            for k in range(3):  # virtual work for a unit rate of slider k
                 way, turned = move[k] * slide[k], turn[k] * slide[k]
                 feet = np.where(np.arange(3)[:, None] == k, GUIDES, 0.0)
                 moved = feet, way + 1j * turned * arm
@@ -574,9 +585,10 @@ def _pin_forces(
     leg_mass: float,
     slider_mass: float,
 ) -> dict[str, Array]:
-    """Forces of pins and guides, of legs and arms as in `pose`, and of `inverse_jacobian`.
+    """Forces of pins and guides.
 
-    The platform needs the force and the moment about P that are `needed`; `ends` are the
+    `pose` has the vectors of legs and arms, `ways` is the result of `inverse_jacobian`, `needed`
+    are the force and the moment about P that the platform needs from the legs, and `ends` the
     accelerations of slider and corner of each leg less that of gravity.
     """
     (e, arm), (move, turn), (force, moment) = pose, ways, needed
@@ -595,7 +607,7 @@ def _pin_forces(
 
 
 def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Array, Array]:
-    """P, psi and singularity of the mode, or ValueError where it is not there."""
+    """P, psi and singularity of a mode, or a ValueError where the mode does not exist."""
     found = poses(s, **where)
     hits = {m: _hit(found["singularity"], m) for m in MODES}
     there = hits[mode].any(axis=0)
@@ -622,7 +634,7 @@ def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Arra
 
 
 def _hit(singularity: Array, mode: int) -> NDArray[np.bool_]:
-    """Which of the poses (6, n) is the mode's; a singular pose is one of either sign."""
+    """Whether each of the poses (6, n) has the mode; a singular pose counts for both signs."""
     sign = np.sign(mode) * singularity > -NEAR
     return sign & (np.cumsum(sign, axis=0) == abs(mode))
 
@@ -643,7 +655,7 @@ def circle(
     guide3_y: float,
     leg_mode: int = 1,
 ) -> tuple[Array, Array, Array]:
-    r"""Slider motions that lead the platform's centre around a circle while the platform swings.
+    r"""Slider motions that move the platform's centre on a circle while the platform swings.
 
     ::
 
@@ -651,8 +663,9 @@ def circle(
         angle  = psi + swing sin u
 
     `time` [s] (n,), lengths [m], `period` [s], `psi` and `swing` [rad]; `leg_mode` is the mode of
-    `solve_inverse`. Returns the three sliders [m] and their first and second time
-    derivatives, each (3, n). ValueError as there, or for a period that is not positive.
+    `solve_inverse`. Returns the positions of the three sliders [m] and their first and second time
+    derivatives, each (3, n). ValueError as in `solve_inverse`, or for a period that is not
+    positive.
     >>> where = dict(side=1.0, leg=1.0, guide2_x=3.0, guide3_x=2.5, guide3_y=2.8)
     >>> path = dict(centre_x=2.0, centre_y=1.2, radius=0.1, period=2.0)
     >>> sliders, rate, _ = circle([0.0, 1.0], **path, **where)

@@ -1,4 +1,4 @@
-"""Where the platform of a 3PRR robot gets: slices at one angle, aspects, all angles of a place."""
+"""Workspace of a 3PRR robot: slices at one angle, their aspects, and all angles at one point."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -17,30 +17,30 @@ from proofmass.analytic.linkages.threeprr.kinematics import CORNERS, SIGNS, chec
 from proofmass.analytic.numerics import TURN, Array, Complex
 
 SAMPLES = 721
-"""Of a curve of singularities, between which it may leave the slice once."""
+"""Number of samples of a singular curve, which may leave the slice once between two of them."""
 PARTS = 8
-"""Of a piece of a curve, for Gauss quadrature in each."""
+"""Number of parts of a piece of a curve, each with its own Gauss quadrature."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 HALVINGS = 60
-"""Of an interval about a place where a curve leaves: to the last bit."""
+"""Number of bisections of an interval in which a curve leaves the slice: to the last bit."""
 FLAT = 1e-9
-"""Of the largest w there is: what is less is zero, but for rounding."""
+"""Share of the largest possible |w|; a smaller |w| is zero, but for rounding."""
 EDGE = 1e-7
-"""Of the parameter of a curve from its ends, where w may be zero and have no direction."""
+"""Distance of a curve's parameter from its ends, at which w may be zero, without direction."""
 INSIDE = 1e-6
-"""Share of the way to the middle of a slice: a whole edge is singular at special angles."""
+"""Share of the way from an edge to the middle of a slice: at special angles, edges are singular."""
 
 
 @dataclass(frozen=True)
 class RobotLengths:
-    """What the workspace of a 3PRR robot depends on.
+    """Lengths on which the workspace of a 3PRR robot depends.
 
     Attributes
     ----------
     side, leg : float
-        Of the platform; of each leg [m].
+        Side of the platform; length of each leg [m].
     guide2_x, guide3_x, guide3_y : float
-        Where guides 2 and 3 start [m].
+        Starting points of guides 2 and 3 [m].
     """
 
     side: float
@@ -54,16 +54,16 @@ class RobotLengths:
 
     @property
     def size(self) -> float:
-        """Of the robot [m]."""
+        """Size of the robot: sum of all lengths [m]."""
         return self.side + self.leg + abs(self.guide2_x) + abs(self.guide3_x) + abs(self.guide3_y)
 
 
 @dataclass(frozen=True)
 class WorkspaceSlice:
-    """Where P may be at one angle of the platform: a rectangle, as sliders have no stops.
+    """Points that P reaches at one angle of the platform: a rectangle, for sliders without limits.
 
-    Legs 1 and 2 reach guides on y = 0, leg 3 one on x = guide3_x: |y|, |y + side sin(psi)| and
-    |x + side cos(psi + 60 deg) - guide3_x| are at most the leg.
+    Legs 1 and 2 must reach guides on y = 0, leg 3 a guide on x = guide3_x: |y|, |y + side sin(psi)|
+    and |x + side cos(psi + 60 deg) - guide3_x| are at most the length of a leg.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class WorkspaceSlice:
 
     @property
     def arms(self) -> Complex:
-        """From P to the three corners, (3,) [m]."""
+        """Vectors from P to the three corners, (3,) [m]."""
         return np.asarray(self.robot.side * CORNERS[:, 0] * np.exp(1j * self.psi))
 
     @property
@@ -88,17 +88,17 @@ class WorkspaceSlice:
 
     @property
     def y(self) -> tuple[float, float]:
-        """Lower and upper edge [m]; the lower one is above if no place is reached."""
+        """Lower and upper edge [m]; if no point is reached, the lower one is the larger."""
         rise = float(self.arms[1].imag)
         return max(0.0, -rise) - self.robot.leg, min(0.0, -rise) + self.robot.leg
 
     @property
     def area(self) -> float:
-        """2 L (2 L - side |sin(psi)|), or zero [m^2]."""
+        """Area of the rectangle: 2 L (2 L - side |sin(psi)|), or zero [m^2]."""
         return (self.x[1] - self.x[0]) * max(0.0, self.y[1] - self.y[0])
 
     def level(self, y: Array, mode: int) -> Complex:
-        """The vector w (...) [m^3] of which singularity is w x e3, at heights y [m]."""
+        """Vector w (...) [m^3] at heights y [m]: leg^3 side singularity is w x e3."""
         first, second, _ = SIGNS[mode - 1]
         arms, leg = self.arms, self.robot.leg
         other = y + arms[1].imag
@@ -107,35 +107,36 @@ class WorkspaceSlice:
         return np.asarray(cross(e1, e2) * arms[2] - cross(arms[1], e2) * e1)
 
     def third(self, x: Array, mode: int) -> Complex:
-        """Leg 3 at places x [m]."""
+        """Vector e3 of leg 3 (...) [m] for P at x [m]."""
         across = x + self.arms[2].real - self.robot.guide3_x
         along = np.sqrt(np.maximum(self.robot.leg**2 - across**2, 0.0))
         return np.asarray(across - 1j * SIGNS[mode - 1][2] * along)
 
     def singularity(self, x: Array, y: Array, mode: int) -> Array:
-        """The measure of `solve_inverse` (...), at places (...) [m]: zero is type 2."""
+        """Singularity measure of `solve_inverse` (...) at points (...) [m]; zero is type 2."""
         return cross(self.level(y, mode), self.third(x, mode)) / (
             self.robot.leg**3 * self.robot.side
         )
 
 
 def type_2_of_slice(part: WorkspaceSlice, mode: int) -> list[CurvePiece]:
-    r"""Where the direct problem is singular, at one angle, in one mode of the legs.
+    r"""Curves on which the direct problem is singular, at one angle, in one mode of the legs.
 
     ::
 
         singularity leg^3 side = w x e3,   w = (e1 x e2) b3 - (b2 x e2) e1
 
-    e1, e2 and w depend on y only, e3 on x only, and e3 has the sign of its mode across its guide.
-    So e3 is parallel to w, and there is one x for each y: where w turns through the direction of
-    x, the curve leaves at one side of the slice and comes back at the other.  Where w is zero, all
-    x are singular: with legs as long as the platform's side, sliders 1 and 2 may both stand in
-    its third corner.  y = middle - half cos(u) takes the square roots out of the ends.
+    e1, e2 and w depend on y only, e3 on x only, and the sign of e3 along its guide is that of the
+    mode.  In a singular pose e3 is parallel to w, so that there is one x for each y.  Where w turns
+    through the direction of x, the curve leaves the slice at one side and enters it at the other.
+    Where w is zero, all x are singular: with legs as long as the platform's side, sliders 1 and 2
+    may both be at its third corner.  The parameter u with y = middle - half cos(u) removes the
+    square roots at the ends.
 
     Returns
     -------
     list of CurvePiece
-        Each with `singularity` positive on its left.
+        Pieces with positive `singularity` on their left.
     """
     low, high = part.y
     if high <= low:
@@ -190,7 +191,7 @@ def type_2_of_slice(part: WorkspaceSlice, mode: int) -> list[CurvePiece]:
 
 
 def border(part: WorkspaceSlice, ends: Complex) -> Iterator[CurvePiece]:
-    """The edges of a slice, counter-clockwise, cut where curves end on them."""
+    """Edges of a slice, counter-clockwise, divided at the ends of curves on them."""
     (left, right), (low, high) = part.x, part.y
     corners = [left + 1j * low, right + 1j * low, right + 1j * high, left + 1j * high]
     for start, end in pairwise([*corners, corners[0]]):
@@ -204,12 +205,14 @@ def border(part: WorkspaceSlice, ends: Complex) -> Iterator[CurvePiece]:
 
 
 def aspects_of_slice(part: WorkspaceSlice, mode: int) -> dict[int, list[PlaneRegion]]:
-    """Parts of a slice that no singularity parts, in one mode of the legs, by sign of the measure.
+    """Aspects of a slice in one mode of the legs, by the sign of the singularity measure.
+
+    An aspect is a part of the slice without singular poses in its interior.
 
     Raises
     ------
     ValueError
-        Singularities cross each other, as they may at special angles.
+        Singular curves cross each other, as they may at special angles.
     """
     curves = type_2_of_slice(part, mode)
     if not curves:
@@ -243,17 +246,17 @@ def volume(robot: RobotLengths) -> float:
 
 
 def angles_of_place(x: ArrayLike, y: ArrayLike, robot: RobotLengths) -> Array:
-    """How many angles of the platform [rad] (...) are reached at places x, y (...) [m] of P.
+    """Measure of the platform's angles [rad] (...) that are possible with P at x, y (...) [m].
 
-    Exact: the angles at which a leg is perpendicular to its guide part the turn, and between two
-    of them all or none are reached.
+    The result is exact: the angles at which a leg is perpendicular to its guide divide the full
+    turn, and between two of them either all angles are reached or none.
 
     >>> angles_of_place([1.5, 9.0], [0.2, 0.2], RobotLengths(0.5, 1.0, 3.0, 1.5, 2.0)).round(6)
     array([6.283185, 0.      ])
     """
     px, py = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
     leg, side, tilt = robot.leg, robot.side, np.pi / 3.0
-    with np.errstate(invalid="ignore"):  # not reached at any angle, or at all
+    with np.errstate(invalid="ignore"):  # arcsin or arccos without a value
         rise = np.arcsin((np.array([-leg, leg]) - py[..., None]) / side)
         lean = np.arccos((robot.guide3_x + np.array([-leg, leg]) - px[..., None]) / side)
     knots = np.concatenate([rise, np.pi - rise, lean - tilt, -lean - tilt], axis=-1) % TURN
@@ -267,11 +270,12 @@ def angles_of_place(x: ArrayLike, y: ArrayLike, robot: RobotLengths) -> Array:
 
 
 def reach_of_place(y: ArrayLike, robot: RobotLengths) -> Array:
-    """Places x [m] of P that are reached at some angle, at heights y (n,): two intervals (n, 2, 2).
+    """Intervals of x [m] that P reaches at some angle, at heights y (n,): two of them, (n, 2, 2).
 
-    At a height the platform turns within two arcs, one about psi = 0 and one about half a turn; on
-    each x has the range of guide3_x - side cos(psi + 60 deg), and a leg's length more each side.
-    Intervals that meet are one, and the second is empty; NaN where none is reached.
+    At a given height psi lies in one of two arcs, about 0 and about half a turn.  For each arc, x
+    has the range of guide3_x - side cos(psi + 60 deg), extended by the length of a leg on both
+    sides.  Intervals that overlap are joined, and the second one is then NaN; both are NaN where no
+    point is reached.
     """
     height, leg, side = np.asarray(y, float), robot.leg, robot.side
     low, high = (np.arcsin(np.clip((end - height) / side, -1.0, 1.0)) for end in (-leg, leg))
@@ -292,9 +296,10 @@ def reach_of_place(y: ArrayLike, robot: RobotLengths) -> Array:
 
 
 def reach_area_of_place(robot: RobotLengths) -> float:
-    """Area [m^2] of the places of P that are reached at some angle of the platform.
+    """Area [m^2] of the points that P reaches at some angle of the platform.
 
-    By Gauss quadrature between the heights at which the ends of an arc change; error below 1e-8.
+    It is integrated by Gauss quadrature between the heights at which the form of the intervals
+    changes; the relative error is below 1e-8.
     """
     leg, side = robot.leg, robot.side
     bends = np.array([1.0, np.sqrt(0.75), 0.5, 0.0])
