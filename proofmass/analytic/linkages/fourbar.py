@@ -106,7 +106,7 @@ def solve(
     point_along, point_across : X in the coupler's frame [m]: from P towards Q, and left of that
     crank_mass, coupler_mass, rocker_mass : masses of the bars [kg]
     rocker_load : moment on the rocker, counter-clockwise positive [N m], a constant or (...)
-    gravity : along -y [m/s^2]
+    gravity : [m/s^2]
     inertia : whether moment and forces include those of the accelerations
     only : names of all requested quantities; None requests all. Moment and forces, which take
         longer than the motion, are computed only if one of them is requested; if only positions and

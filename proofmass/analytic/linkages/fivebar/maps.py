@@ -255,7 +255,7 @@ def parted_by_mode(
 
 
 def sampled(track: Track, low: float, high: float) -> tuple[CurvePiece, Complex]:
-    """Piece of a curve between two parameters, with its area integral, and its crank pins (2, n)."""
+    """Piece of a curve between two parameters, with its area integral; its crank pins (2, n)."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     edges = np.linspace(low, high, PARTS + 1)
     half = 0.5 * np.diff(edges)[:, None]
