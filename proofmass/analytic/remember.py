@@ -26,11 +26,11 @@ answers: dict[tuple[Callable[..., Any], bytes], Any] = {}
 
 @contextmanager
 def memory_in_use(memory: Memory, more: bool) -> Iterator[None]:
-    """Let `nearby` functions take results from a memory, and store results in it if `more` is true.
+    """Let `nearby` functions take results from a memory in a ``with`` block.
 
-    The last digits of a result depend on where its search began.  A memory therefore holds the
-    results of one evaluation only.  Otherwise last digits would depend on what the process had
-    evaluated before.
+    They add their own results to the memory only if `more` is true.  The last digits of a
+    result depend on where its search began.  A memory therefore holds the results of one evaluation
+    only.  Otherwise last digits would depend on what the process had evaluated before.
     """
     token = in_use.set((memory, more))
     try:
@@ -40,20 +40,20 @@ def memory_in_use(memory: Memory, more: bool) -> Iterator[None]:
 
 
 def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Decorator: the function takes a stored result whose arguments are `near` the given ones.
+    """Decorator: a function returns a stored result if the memory has one for near arguments.
 
-    Stored results are those of the memory in use (`memory_in_use`).  Where it has none that is
-    near, or no memory is in use, the function is called; the results of its last `KEPT` calls are
-    kept, so that it is not called again for equal arguments.
+    The memory is the one of `memory_in_use`; `near` compares arguments.  Without a memory, or if
+    it has no such result, the function is called.  The results of its last `KEPT` calls
+    are kept, so that it is not called again for equal arguments.
 
     >>> @nearby
     ... def square(x):
     ...     return x * x
     >>> memory = {}
-    >>> with memory_in_use(memory, more=True):
+    >>> with memory_in_use(memory, True):
     ...     square(3.0)
     9.0
-    >>> with memory_in_use(memory, more=False):
+    >>> with memory_in_use(memory, False):
     ...     square(3.000001), square(3.001) == 3.001**2
     (9.0, True)
     >>> square(3.000001) == 3.000001**2
@@ -79,8 +79,8 @@ def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
 def answered(function: Callable[..., Answer], *given: Any, **named: Any) -> Answer:
     """Result of a function that is called only once for equal arguments, which may hold arrays.
 
-    The last `ANSWERS` results are kept.  Where a memory is in use the function is always called,
-    since the last digits of its result depend on the memory.
+    The last `ANSWERS` results are kept.  Where a memory is in use (`memory_in_use`),
+    the function is always called, since the last digits of its result depend on the memory.
 
     >>> answered(dict, [("x", 1.0)]) is answered(dict, [("x", 1.0)])
     True
@@ -100,12 +100,12 @@ def answered(function: Callable[..., Answer], *given: Any, **named: Any) -> Answ
 def near(one: Any, other: Any, nothing: float) -> bool:
     """Whether numbers in nested tuples are near each other, and all other entries are equal.
 
-    A number is near that of `one` if they differ by at most `CLOSE` times that of `one`, or by at
-    most `nothing` where that of `one` is zero.
+    A number is near that of `one` if their difference is at most `CLOSE` times that of
+    `one`, or at most `nothing` where that of `one` is zero.
 
-    >>> near((0.0, (3.0, "a")), (1e-6, (3.00001, "a")), nothing=3e-5)
+    >>> near((0.0, (3.0, "a")), (1e-6, (3.00001, "a")), 3e-5)
     True
-    >>> near((0.0, 3.0), (1e-4, 3.0), nothing=3e-5), near((1e-7, 3.0), (2e-7, 3.0), nothing=3e-5)
+    >>> near((0.0, 3.0), (1e-4, 3.0), 3e-5), near((1e-7, 3.0), (2e-7, 3.0), 3e-5)
     (False, False)
     """
     if isinstance(one, tuple) and isinstance(other, tuple):

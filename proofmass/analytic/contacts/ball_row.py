@@ -56,8 +56,8 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter out of its domain, a negative time, or more than `MOST` impacts, as inelastic
-        balls may have within a finite time.
+        A parameter out of its domain, a negative time, or more than `MOST` impacts, which
+        inelastic balls may have within a finite time.
 
     Notes
     -----

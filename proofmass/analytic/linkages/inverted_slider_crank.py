@@ -100,13 +100,13 @@ def solve(
     dict of (n,) or () arrays: slide [m] from P to S along the rod, slide_rate, slide_acceleration;
     rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax,
     end_ay of E; slider_x, slider_y and the same of S; slide_margin [m], the slider's distance from
-    the nearer end of the rod, negative where it has left the rod (see `off_rod`); holding_moment
-    of the crank and holding_moment_bar [N m]; forces of pins [N] in the frame of a bar, _x along it
-    and _y to the left: crank_force_x, crank_force_y of the ground on the crank, bar_force_.. of the
-    ground on the bar, rod_force_.. of the crank on the rod, and, in the rod's frame, guide_force_..
-    of the rod on the slider at S, whose _x is zero, with guide_moment [N m] about S, and
-    pin_force_.. of the slider on the bar. rod_angle starts in [-pi, pi] and is unwrapped, which
-    needs steps below pi between samples.
+    the nearer end of the rod, negative where it has left the rod (see `off_rod`);
+    holding_moment of the crank and holding_moment_bar [N m]; forces of pins [N] in the frame of a
+    bar, _x along it and _y to the left: crank_force_x, crank_force_y of the ground on the crank,
+    bar_force_.. of the ground on the bar, rod_force_.. of the crank on the rod, and, in the rod's
+    frame, guide_force_.. of the rod on the slider at S, whose _x is zero, with guide_moment [N m]
+    about S, and pin_force_.. of the slider on the bar. rod_angle starts in [-pi, pi] and is
+    unwrapped, which needs steps below pi between samples.
 
     Raises
     ------
@@ -233,8 +233,8 @@ def _forces(
 ) -> dict[str, Array]:
     """Forces of pins and guide, from directions and lengths of crank, bar and rod.
 
-    `accelerations` are those of P, S and E less that of gravity, which is -`lift`; `turning` is the
-    moment that the rod gives the slider.
+    `accelerations` are those of P, S and E less that of gravity, which is -`lift`; `turning` is
+    the moment that the rod gives the slider.
     """
     crank, bar, rod = (a * b for a, b in zip(directions, lengths, strict=True))
     at_p, at_s, at_e = accelerations

@@ -97,7 +97,7 @@ def _frequency(length: float, gravity: float, amplitude: float) -> float:
 
 
 def _jacobi(u: Array, k: float, other: float) -> tuple[Array, Array, Array]:
-    """Jacobi sn, cn, dn of modulus k = sqrt(1 - other^2) by the AGM (DLMF 22.20(ii))."""
+    """Jacobi sn, cn, dn of modulus k, with `other` sqrt(1 - k^2), by the AGM (DLMF 22.20(ii))."""
     a, b, c = 1.0, other, k
     ratios = []
     while abs(c) > np.finfo(float).eps * a:

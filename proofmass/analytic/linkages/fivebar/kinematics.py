@@ -203,8 +203,8 @@ def twice_area(
     """Twice the area of triangles with three given sides, or a ValueError if one cannot be closed.
 
     The sides are `distance`, `one` and `two`; `size` bounds the numbers from which `distance` was
-    computed. The message is made of `open_at`, a format for the two entries of `pose` (2, ...) at
-    the first such triangle, and of `whose`, the names of the bars.
+    computed. The message is made of `open_at`, a format for the two entries of `pose` (2, ...)
+    at the first such triangle, and of `whose`, the names of the bars.
     """
     far, near = one + two, abs(one - two)
     gap = np.maximum(distance - far, near - distance)

@@ -148,8 +148,8 @@ def slice_area(
         ("angle of the platform", "rad"),
         ("area of the slice", "m²"),
         (Panel((ChartLine(psi, area),)),),
-        f"{slice_words(robot).capitalize()}; {volume(robot) / TURN:.6g} m² in the mean. Exact: at "
-        "one angle P reaches a rectangle.",
+        f"{slice_words(robot).capitalize()}; {volume(robot) / TURN:.6g} m² in the mean. "
+        "Exact: at one angle P reaches a rectangle.",
     )
 
 
@@ -207,7 +207,8 @@ def workspace_slice(
         panels.append(
             Panel(
                 (*edges, line_through(curves, "type 2")),
-                title=f"legs {signs(mode)}: {' + '.join(f'{area:.4g}' for area in shown)} m²",
+                title=f"legs {signs(mode)}: "
+                f"{' + '.join(f'{area:.4g}' for area in shown)} m²",
                 regions=drawn_regions(found, SIDES),
             )
         )
@@ -311,7 +312,8 @@ def leg_modes(
         panels.append(
             Panel(
                 robot_lines(robot, complex(x, y), psi, sliders),
-                title=f"legs {signs(mode)}: sliders at {', '.join(f'{s:.4g}' for s in sliders)} m",
+                title=f"legs {signs(mode)}: "
+                f"sliders at {', '.join(f'{s:.4g}' for s in sliders)} m",
             )
         )
     return Chart(
@@ -378,8 +380,8 @@ def direct_poses(
     return Chart(
         *XY,
         with_guides(robot, panels),
-        f"The platform has {there.size} poses with the sliders at {slider_1:g}, {slider_2:g} and "
-        f"{slider_3:g} m, all real roots of a sextic, so that there are at most six. The "
+        f"The platform has {there.size} poses with the sliders at {slider_1:g}, {slider_2:g} "
+        f"and {slider_3:g} m, all real roots of a sextic, so that there are at most six. The "
         "singularity measure is zero where two poses meet.",
         alike=True,
     )

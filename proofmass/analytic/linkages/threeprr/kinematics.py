@@ -587,9 +587,9 @@ def _pin_forces(
 ) -> dict[str, Array]:
     """Forces of pins and guides.
 
-    `pose` has the vectors of legs and arms, `ways` is the result of `inverse_jacobian`, `needed`
-    are the force and the moment about P that the platform needs from the legs, and `ends` the
-    accelerations of slider and corner of each leg less that of gravity.
+    `pose` has the vectors of legs and arms, `ways` is the result of `inverse_jacobian`.
+    `needed` are the force and the moment about P that the platform needs from the legs, and `ends`
+    the accelerations of slider and corner of each leg less that of gravity.
     """
     (e, arm), (move, turn), (force, moment) = pose, ways, needed
     on_leg, m = asked_of_pins(leg_mass, e, ends)
