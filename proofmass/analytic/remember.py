@@ -43,8 +43,8 @@ def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
     """Decorator: a function returns a stored result if the memory has one for near arguments.
 
     The memory is the one of `memory_in_use`; `near` compares arguments.  Without a memory, or if
-    it has no such result, the function is called.  The results of its last `KEPT` calls
-    are kept, so that it is not called again for equal arguments.
+    it has no such result, the function is called.  The results of the last `KEPT`
+    calls are kept, so that the function is not called again for equal arguments.
 
     >>> @nearby
     ... def square(x):

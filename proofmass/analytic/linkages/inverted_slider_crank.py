@@ -233,8 +233,8 @@ def _forces(
 ) -> dict[str, Array]:
     """Forces of pins and guide, from directions and lengths of crank, bar and rod.
 
-    `accelerations` are those of P, S and E less that of gravity, which is -`lift`; `turning` is
-    the moment that the rod gives the slider.
+    `accelerations` are those of P, S and E less that of gravity, which is -`lift`. The rod gives
+    the slider the moment `turning`.
     """
     crank, bar, rod = (a * b for a, b in zip(directions, lengths, strict=True))
     at_p, at_s, at_e = accelerations

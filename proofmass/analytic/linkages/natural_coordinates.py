@@ -208,7 +208,7 @@ def distance(start: AffinePoint, end: AffinePoint, length: float) -> Row:
 
 
 def product(u: AffinePoint, w: AffinePoint, sense: Array, value: float) -> Row:
-    """Row u' S w = value [m^2] for two vectors; `sense` S is `SCALAR` or `VECTOR`."""
+    """Row u' S w = value [m^2]; the matrix S is `SCALAR` or `VECTOR`."""
     (a, s), (b, t) = u, w
 
     def row(q: Array, rates: Array) -> tuple[float, Array, float]:

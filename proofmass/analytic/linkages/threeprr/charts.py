@@ -207,8 +207,7 @@ def workspace_slice(
         panels.append(
             Panel(
                 (*edges, line_through(curves, "type 2")),
-                title=f"legs {signs(mode)}: "
-                f"{' + '.join(f'{area:.4g}' for area in shown)} m²",
+                title=f"legs {signs(mode)}: {' + '.join(f'{area:.4g}' for area in shown)} m²",
                 regions=drawn_regions(found, SIDES),
             )
         )
@@ -312,8 +311,7 @@ def leg_modes(
         panels.append(
             Panel(
                 robot_lines(robot, complex(x, y), psi, sliders),
-                title=f"legs {signs(mode)}: "
-                f"sliders at {', '.join(f'{s:.4g}' for s in sliders)} m",
+                title=f"legs {signs(mode)}: sliders at {', '.join(f'{s:.4g}' for s in sliders)} m",
             )
         )
     return Chart(
