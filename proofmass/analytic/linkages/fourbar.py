@@ -79,10 +79,10 @@ def solve(
         b1 = ((y C' - C y')/r^2 + d x d')/D,  b2 = ((y C'' - C y'')/r^2 + D'/2 - b1 D')/D
 
     The moment that holds the crank at rest is gravity * sum(mass * dy/dangle) over the three
-    mid-lengths (uniform bars, gravity along -y), less rocker_load * b1. With inertia, the virtual
-    work of the bars' inertia for a unit crank rate is added. Weight and inertia of the coupler need
-    the moment m1 about P, those of the rocker m2 about B. The pin at Q applies the force R to the
-    coupler and -R to the rocker, with a x R = m1 and -b x R + rocker_load = m2::
+    mid-lengths (uniform bars, gravity along -y), less rocker_load * b1. With inertia, the power
+    of the bars' mass times acceleration at a unit crank rate is added. Weight and inertia of the
+    coupler need the moment m1 about P, those of the rocker m2 about B. The pin at Q applies the
+    force R to the coupler and -R to the rocker, with a x R = m1 and -b x R + rocker_load = m2::
 
         R = (m1 b + (m2 - rocker_load) a)/C
 

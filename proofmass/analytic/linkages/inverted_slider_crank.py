@@ -70,9 +70,9 @@ def solve(
         D'/u = s' + i s w,   D''/u = (s'' - s w^2) + i (s dw + 2 s' w)
 
     The moments that hold crank and bar at rest are gravity * sum(mass * dy/dangle) over the
-    mid-lengths of crank, bar and rod and over the slider. With inertia, the virtual work of the
-    inertia forces for a unit rate of that drive alone is added. Weight and inertia of the rod need
-    the moment m about P. The rod gives the slider a force N across the rod and the moment
+    mid-lengths of crank, bar and rod and over the slider. With inertia, the power of mass times
+    acceleration at a unit rate of that drive alone is added. Weight and inertia of the rod need the
+    moment m about P. The rod gives the slider a force N across the rod and the moment
     slider_inertia dw, which turns the slider with the rod::
 
         N = -(m + slider_inertia dw)/s i u

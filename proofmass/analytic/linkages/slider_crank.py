@@ -82,9 +82,9 @@ def solve(
     turns.
 
     The moment that holds the crank at rest is gravity * sum(mass * dy/dangle) over the mid-lengths
-    of the bars and the slider, less slider_load * ds/dangle. With inertia, the virtual work of the
-    inertia forces for a unit crank rate is added. Weight and inertia of the coupler a need the
-    moment m1 about P. The pin at S gives the coupler the force R, whose part along the guide's
+    of the bars and the slider, less slider_load * ds/dangle. With inertia, the power of mass times
+    acceleration at a unit crank rate is added. Weight and inertia of the coupler a need the moment
+    m1 about P. The pin at S gives the coupler the force R, whose part along the guide's
     direction u follows from the balance of the slider::
 
         R = ((R . u) a + m1 J u)/q

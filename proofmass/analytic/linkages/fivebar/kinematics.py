@@ -485,8 +485,8 @@ def solve(
     (q x b) J a/C for a unit rate of the right one. Half the weight of a uniform bar acts at each of
     its ends. Let F be the force on the tip less the weight of the tip and of half of both couplers.
     Virtual work then gives the moment that holds a crank at rest:
-    gravity/2 (crank_mass + coupler_mass) p_x - F . t. With inertia, the virtual work of the inertia
-    forces for a unit rate of that crank alone is added.
+    gravity/2 (crank_mass + coupler_mass) p_x - F . t. With inertia, the power of mass times
+    acceleration at a unit rate of that crank alone is added.
 
     Mass and force of the tip act on the left coupler. Weight and inertia of this coupler, with
     them, need the moment m1 about L; those of the right coupler need m2 about R. The pin at T
