@@ -98,8 +98,8 @@ def _events(
     check_restitution(e)
     if gap == 0.0 and e < 1.0:
         raise ValueError(
-            f"gap must be positive [m]: what inelastic balls that touch do depends on the order of "
-            f"their impacts; got gap = 0 and restitution = {e}"
+            f"gap must be positive [m]: the motion of inelastic balls that touch depends on the "
+            f"order of their impacts; got gap = 0 and restitution = {e}"
         )
     count = int(balls)
     now, at = 0.0, (2.0 * radius + gap) * np.arange(count)

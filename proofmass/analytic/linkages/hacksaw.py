@@ -269,7 +269,7 @@ def newton_sweep(
     guess: ArrayLike = SWEEP_GUESS,
     tolerance: float = 1e-6,
 ) -> dict[str, Array]:
-    """Sweep by Newton-Raphson: the solution of a pose is the first guess of the next one.
+    """Sweep by Newton-Raphson with continuation: a pose is the first guess of the next pose.
 
     Parameters
     ----------

@@ -82,8 +82,8 @@ def solve(
     swing, slips = played(shaft, most)
     if shaft.size > 2 and not slips[1:].any():
         raise ValueError(
-            f"friction holds the pendulum over all angles: it would slip at {most:.6g} rad from "
-            f"straight down, and comes to {np.abs(swing).max():.6g} rad"
+            f"friction holds the pendulum at all given angles: it slips at {most:.6g} rad from "
+            f"straight down, and only reaches {np.abs(swing).max():.6g} rad"
         )
     moment = mass * gravity * length * np.sin(swing)
     bearing = bearing_friction * senses(w, float(np.abs(w).max(initial=0.0)))
@@ -131,8 +131,8 @@ def slip_angle(*, length: float, mass: float, friction: float, gravity: float = 
     weight = mass * gravity * length
     if not 0.0 < friction < weight:
         raise ValueError(
-            f"friction must be positive and less than {weight:.6g} N m, with which the weight "
-            f"turns the pendulum at most, so that it slips; got {friction}"
+            f"friction must be positive and less than {weight:.6g} N m, the largest moment of "
+            f"the weight, so that the pendulum slips; got {friction}"
         )
     return float(np.arcsin(friction / weight))
 

@@ -86,7 +86,7 @@ def test_a_shaft_that_stands_rubs_as_before():
         ({"friction": np.nan}, [0.0, 1.0, 2.0], "friction must be positive"),
         ({"mass": -1.0}, [0.0, 1.0, 2.0], "mass must be positive"),
         ({"bearing_friction": -1.0}, [0.0, 1.0, 2.0], "bearing_friction must be zero or positive"),
-        ({}, [0.0, 0.1, 0.2], "friction holds the pendulum over all angles: .* 0.310789 rad"),
+        ({}, [0.0, 0.1, 0.2], "friction holds the pendulum at all given angles: .* 0.310789 rad"),
         ({}, [[0.0, 0.1]], "one row of angles"),
     ],
 )

@@ -246,7 +246,7 @@ def test_a_mode_that_is_not_there_is_named_with_what_is():
     for third, kind in ((-0.2, "short"), (2.5, "long")):
         path = np.array([[2.0] * 3, [0.5] * 3, [0.2, third, -9.0]])
         message = (
-            rf"\+1 is not there .*\(2, 0.5, {third}\) m; "
+            rf"\+1 does not exist .*\(2, 0.5, {third}\) m; "
             rf"the legs are too {kind} by ([\d.]+) m"
         )
         with pytest.raises(ValueError, match=message) as caught:
@@ -255,7 +255,10 @@ def test_a_mode_that_is_not_there_is_named_with_what_is():
         for share, alive in ((0.999, False), (1.001, True)):
             found = poses(path[:, 1], **{**WHERE, "leg": WHERE["leg"] + share * by})
             assert np.isfinite(found["psi"]).any() == alive
-    message = r"mode -2 is not there .* there are: \+1 at psi -0.250967 rad, -1 at psi 0.125104 rad"
+    message = (
+        r"mode -2 does not exist .* there are: "
+        r"\+1 at psi -0.250967 rad, -1 at psi 0.125104 rad"
+    )
     with pytest.raises(ValueError, match=message):
         threeprr.solve(SLIDERS, **WHERE, mode=-2)
 

@@ -57,7 +57,7 @@ def workspace(
     Parameters
     ----------
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
-    left_x, right_x : places of the fixed pins on the x axis [m]
+    left_x, right_x : positions of the fixed pins on the x axis [m]
     path, circle : a closed path of the tip that is drawn in addition [m]: corners x, y, x, y, ...;
         or centre x, y and radius of a circle
 
@@ -212,7 +212,7 @@ def working_modes(
     Parameters
     ----------
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
-    left_x, right_x : places of the fixed pins on the x axis [m]
+    left_x, right_x : positions of the fixed pins on the x axis [m]
     tip_x, tip_y : position of the tip [m]
 
     Returns
@@ -267,7 +267,7 @@ def crank_angles(
     Parameters
     ----------
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
-    left_x, right_x : places of the fixed pins on the x axis [m]
+    left_x, right_x : positions of the fixed pins on the x axis [m]
 
     Returns
     -------
@@ -357,7 +357,7 @@ def singular_poses(
     Parameters
     ----------
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
-    left_x, right_x : places of the fixed pins on the x axis [m]
+    left_x, right_x : positions of the fixed pins on the x axis [m]
 
     Returns
     -------
@@ -388,7 +388,8 @@ def singular_poses(
 def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
     """Titles and points of poses with one side in line: left pin, right pin, tip.
 
-    There is one pose for each side and each of stretched and folded, on an arc of the border.
+    There is at most one pose for each side and each of stretched and folded, on an arc of the
+    border.
     """
     seen: dict[str, complex] = {}
     for piece, side in reach_border(link):
@@ -420,7 +421,8 @@ def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
 def parallel_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
     """Titles and points of poses with the couplers in line: left pin, right pin, tip.
 
-    There is one pose for stretched and one for folded couplers, in the middle of the longest piece.
+    There is at most one pose for stretched and one for folded couplers, in the middle of the
+    longest piece.
     """
     longest: dict[bool, SingularPiece] = {}
     for one in type_2(link):

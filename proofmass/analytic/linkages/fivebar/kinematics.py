@@ -11,10 +11,10 @@ r"""Planar five-bar linkage with both cranks driven: motion, holding moments, in
 
 Functions have the parameters of `solve`: left_crank l, left_coupler c, right_coupler r, right_crank
 m, left_x and right_x, all in [m]. A length that is not positive, or a left_x or right_x that is not
-finite, raises a ValueError. Sources: the workspace as the intersection of two annuli is
-textbook knowledge, and so are the two types of singularity (C. Gosselin and J. Angeles, IEEE Trans.
-Robotics and Automation 6, 1990); neither B. Díaz Lozano, TFG, Universidad de Almería 2019, nor the
-five-bar notebook treats them.
+finite, raises a ValueError. Sources: the workspace as the intersection of two annuli is textbook
+knowledge, and so are the two types of singularity (C. Gosselin and J. Angeles, IEEE Trans. Robotics
+and Automation 6, 1990); neither B. Díaz Lozano, TFG, Universidad de Almería 2019, nor the five-bar
+notebook treats them.
 """
 
 from collections.abc import Collection
@@ -215,14 +215,14 @@ def twice_area(
         miss = f"miss by {gap[bad]:.6g} m"
         raise ValueError(
             f"{open_at.format(*(row[bad] for row in pose))}: the circles of {whose} "
-            + ("coincide, so they leave it open" if gap[bad] <= slack else miss)
+            + ("coincide, so the pose is not determined" if gap[bad] <= slack else miss)
         )
     heron = (far + distance) * (far - distance) * (distance + near) * (distance - near)
     return np.asarray(0.5 * np.sqrt(np.maximum(heron, 0.0)))
 
 
 def check(**values: float) -> None:
-    """Raise a ValueError that names a parameter out of its domain; name endings tell domains."""
+    """Raise a ValueError for a parameter out of its domain, which depends on its name's ending."""
     for name, value in values.items():
         if name.endswith("mode"):
             one_of(WORKING_MODES, **{name: value})
@@ -501,7 +501,7 @@ def solve(
     angle, rate, acceleration : (left, right) crank angle [rad], its first [rad/s] and second
         [rad/s^2] time derivative; angle (2,) or (2, n), the others broadcast to it
     left_crank, left_coupler, right_coupler, right_crank : lengths between pins [m]
-    left_x, right_x : places of the fixed pins on the x axis [m]
+    left_x, right_x : positions of the fixed pins on the x axis [m]
     mode : +1 T left of the directed line L -> R (C > 0), -1 right of it. C is zero only where the
         couplers are in line (type 2 singularity), so a mode is one continuous branch.
     left_crank_mass, left_coupler_mass, right_coupler_mass, right_crank_mass : masses of the bars

@@ -92,7 +92,9 @@ def workspace(
     heights = leg * np.cos(np.linspace(np.pi, 0.0, 721))
     rims = reach_of_place(heights, robot)
     lines = [
-        ChartLine(np.append(left, right[::-1]), np.append(heights, heights[::-1]), "reached at all")
+        ChartLine(
+            np.append(left, right[::-1]), np.append(heights, heights[::-1]), "reached at some angle"
+        )
         for left, right in rims.transpose(1, 2, 0)
         if np.isfinite(left).any()
     ]

@@ -625,7 +625,7 @@ def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Arra
             if others
             else (f"the legs are too {'short' if short > 0 else 'long'} by {abs(short):.6g} m")
         )
-        raise ValueError(f"mode {mode:+.0f} is not there at sliders ({triple}) m; {why}")
+        raise ValueError(f"mode {mode:+.0f} does not exist at sliders ({triple}) m; {why}")
     row = np.argmax(hits[mode], axis=0)[None]
     x, y, psi, singularity = (
         np.take_along_axis(found[name], row, 0)[0] for name in ("x", "y", "psi", "singularity")
