@@ -12,7 +12,8 @@ from proofmass.analytic.numerics import Array
 System = Callable[[Array], tuple[Array, Array]]
 """Function of the unknowns (unknowns,) that returns F (equations,) and its Jacobian."""
 RANK_MARGIN = 1e-5  # smaller singular values count as zero, as in the documents
-DRAWN = 1e-17  # smallest step or residual that a chart shows; smaller ones are rounding errors
+# Smallest step or residual that a chart shows; smaller ones are rounding errors
+DRAWN = 1e-17
 
 
 @dataclass(frozen=True)

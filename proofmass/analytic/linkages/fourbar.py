@@ -546,7 +546,8 @@ def dead_centres(
     one_of(MODES, mode=mode)
     grashof_margin(**lengths)
     e = np.array([coupler + crank, abs(coupler - crank)])
-    room = np.minimum(ground + rocker - e, e - abs(ground - rocker))  # of the triangle A-B-Q
+    # positive where the triangle A-B-Q exists
+    room = np.minimum(ground + rocker - e, e - abs(ground - rocker))
     e = np.where(room > rounding_of_sum(*lengths.values()), e, np.nan)
     at_crank = np.arccos((ground**2 + e**2 - rocker**2) / (2.0 * ground * e))
     at_rocker = np.arccos((ground**2 + rocker**2 - e**2) / (2.0 * ground * rocker))

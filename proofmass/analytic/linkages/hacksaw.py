@@ -204,7 +204,7 @@ def _close(
         raise ValueError(f"mode must be one of {MODES}, got {mode}")
     px, py = crank * np.cos(theta), crank * np.sin(theta)
     rise, gap = offset - py, np.abs(offset - py) - coupler
-    slack = 1e-15 * (crank + coupler + abs(offset))  # rounding error of the distance `gap`
+    slack = 1e-15 * (crank + coupler + abs(offset))  # rounding error of the distance
     if not gap.max(initial=0.0) <= slack:
         bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
         raise ValueError(

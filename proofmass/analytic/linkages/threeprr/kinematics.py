@@ -25,8 +25,10 @@ from proofmass.analytic.numerics import (
 
 SIGNS = tuple(product((1, -1), repeat=3))
 WORKING_MODES = tuple(range(1, len(SIGNS) + 1))
-GUIDES = np.array([[1.0], [-1.0], [-1.0j]])  # unit vectors as x + iy, as all vectors below
-CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])  # from P, at psi = 0 and side 1
+# Unit vectors along the guides as x + iy, as all vectors below
+GUIDES = np.array([[1.0], [-1.0], [-1.0j]])
+# Vectors from P to the corners of the platform at psi = 0, for a side of 1
+CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])
 
 
 def solve_inverse(
@@ -99,7 +101,8 @@ def solve_inverse(
     check(side, leg, guide2_x, guide3_x, guide3_y, mode, WORKING_MODES)
     shape, (point, velocity, push), (psi, w, dw) = _motion(pose, rate, acceleration)
     arm = side * CORNERS * np.exp(1j * psi)
-    d = (point + arm - origins(guide2_x, guide3_x, guide3_y)) / GUIDES  # along + i across the guide
+    # real part along the guide, imaginary part across it
+    d = (point + arm - origins(guide2_x, guide3_x, guide3_y)) / GUIDES
     signs, along = np.array(SIGNS[int(mode) - 1])[:, None], _along(d, leg, pose)
     e = (signs * along + 1j * d.imag) * GUIDES
     lean = dot(e, GUIDES)
@@ -190,7 +193,7 @@ def _motion(
 def _along(d: Complex, leg: float, pose: ArrayLike) -> Array:
     """Part of each leg along its guide, not negative; a ValueError where a leg is too short."""
     gap = np.abs(d.imag) - leg
-    slack = 4.0 * np.finfo(float).eps * (leg + np.abs(d).max(initial=0.0))  # rounding of `gap`
+    slack = 4.0 * np.finfo(float).eps * (leg + np.abs(d).max(initial=0.0))  # rounding error
     if not gap.max(initial=0.0) <= slack:
         n, k = np.unravel_index(np.argmin((gap <= slack).T), gap.T.shape)
         x, y, psi = np.asarray(pose, float).reshape(3, -1)[:, n]
@@ -379,7 +382,8 @@ def _polished(starts: Complex, c: Complex, side: float, leg: float) -> Complex:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # singular poses
             steps = np.array(inverse_jacobian(e, arm)) * 0.5 * (leg**2 - np.abs(e) ** 2)
             trial = trial + steps.sum(axis=1)
-    good = gap <= 1e-14 * (leg + side + np.abs(c).max(axis=0))  # rounding error of a leg's length
+    # within the rounding error of a leg's length
+    good = gap <= 1e-14 * (leg + side + np.abs(c).max(axis=0))
     found, gaps = np.full_like(starts, MISSING), np.full(real.shape, np.inf)
     found[:, real], gaps[real] = np.where(good, best, MISSING), gap
     return np.take_along_axis(found, np.argsort(gaps, axis=0)[None], 1)
