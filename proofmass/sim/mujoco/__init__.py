@@ -1,1 +1,1 @@
-"""MuJoCo: `engine` is all that the rest of the package asks for."""
+"""MuJoCo; the rest of the package imports only its module `engine`."""

@@ -1,4 +1,4 @@
-"""How fast MuJoCo's soft contacts creep under a load that friction should hold."""
+"""The speed at which MuJoCo's soft contacts creep under a load that friction should hold."""
 
 from proofmass.analytic.numerics import not_negative, positive
 
@@ -12,35 +12,38 @@ def creep_rate(
     impratio: float = 1.0,
     inverse_mass: float = 1.0,
 ) -> float:
-    """Speed at which a body slides that friction should hold, with the elliptic cone.
+    """Speed of creep of a body that friction should hold, with the elliptic cone.
 
-    In MuJoCo a constraint with the impedance d and the regularization R has in its own coordinate
+    A constraint of MuJoCo with the impedance d and the regularization R satisfies in its own
+    coordinate
 
         a + R f = -b v - k r,        R = (1 - d) / d A
 
-    with k = 0 in the directions of friction and R smaller by `impratio` there.  At a steady speed
-    a is 0 and each of n contacts holds m pull / n of a body of mass m, so that
+    with k = 0 in the directions of friction, where R is divided by `impratio`.  At a steady speed
+    a is 0 and each of n contacts carries m pull / n of a body of mass m, so that
 
         v = (1 - d) / d m A pull / (b n impratio),     b = 2 / (d timeconst), or damping / d
 
-    of a `solref` of a time constant and a damping ratio, or of minus a stiffness and damping.  The
-    rate depends neither on the step nor on the coefficient of friction nor on the weight, as long
-    as no contact holds all that its friction can: the others then hold its rest, and creep faster.
-    For A MuJoCo takes the `body_invweight0`: 1 / m of a body with a free joint or with two slides,
-    2 / (3 m) of one with two slides and a hinge.
+    where b follows from a `solref` of a time constant and a damping ratio, or from one of minus a
+    stiffness and minus a damping.  The speed depends neither on the step nor on the coefficient of
+    friction nor on the weight, as long as no contact has reached its largest friction force.  If
+    one has, the other contacts carry the remainder and creep faster.  MuJoCo sets A to the
+    `body_invweight0`: 1 / m of a body with a free joint or with two slides, 2 / (3 m) of a body
+    with two slides and a hinge.
 
     Parameters
     ----------
     pull : float
         Acceleration that the body would have along the floor without friction [m/s^2].
     contacts : int
-        How many points touch the floor: 4 of a box, 1 of a sphere.
+        Number of points that touch the floor: 4 of a box, 1 of a sphere.
     solref : tuple of two float
-        Of the contacts [s, 1], or both negative, as in MJCF [1/s^2, 1/s].
+        `solref` of the contacts: time constant and damping ratio [s, 1], or both numbers negative,
+        as in MJCF [1/s^2, 1/s].
     impedance : float
-        d [1], which must be the same for every depth: `dmin` and `dmax` of `solimp`.
+        d [1], which must be the same for every depth: `dmin` = `dmax` of `solimp`.
     impratio : float
-        The option of that name [1].
+        MuJoCo's option of that name [1].
     inverse_mass : float
         m A [1]: `body_invweight0` of the body times its mass.
 
@@ -52,7 +55,7 @@ def creep_rate(
     Raises
     ------
     ValueError
-        A parameter out of its domain.
+        A parameter is outside its domain.
 
     Examples
     --------

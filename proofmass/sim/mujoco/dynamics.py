@@ -1,14 +1,16 @@
 """Time stepping in MuJoCo, with ideal drives.
 
-A driven joint gets a flywheel so heavy that nothing in the model can disturb it, and in each
-step the torque that gives it the law's mean acceleration over that step.  What the joint really
-did is returned beside the curves, so that a comparison can be made at the actual drive state.
+Each driven joint gets a flywheel so heavy that no force in the model disturbs its motion.  In each
+step a torque gives the flywheel the mean acceleration of the motion profile over that step.  The
+actual motion of the driven joints is returned in addition to the curves, so that a reference can be
+evaluated at the actual drive state.
 
-A control that changes in time has in each step the value of the middle of the step: MuJoCo holds it
-over all stages of a step, so that its law is met to the second order, also by RK4.
+A control that changes in time is constant in each step, at its value in the middle of the step.
+MuJoCo keeps it constant over all stages of a step, so that its profile is reproduced to second
+order, with RK4 as well.
 
-`passive` steps any MJCF as it is, with contacts, tendons and whatever it holds, and without drives.
-Loops are neither closed nor checked and no motion is prescribed.
+`passive` steps any MJCF as it is, with its contacts, tendons and all else, and without drives.  It
+neither closes nor checks loops and prescribes no motion.
 """
 
 import re
@@ -36,30 +38,29 @@ from proofmass.sim.mujoco.settings import stepped_with
 from proofmass.sim.mujoco.settling import failure
 from proofmass.sim.protocol import Curves, Diverged, Run
 
-TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # in a warning of MuJoCo
-FLYWHEEL = 1e9  # times the inertia that the drive feels at the start pose
+TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # the time in a warning of MuJoCo
+FLYWHEEL = 1e9  # inertia of a flywheel, in multiples of the drive's load inertia in the start pose
 
 
 def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
-    """Close the loops at the drives' first values, give every joint its rate, fit the flywheels.
+    """Close the loops at the drives' first values, set the rates of all joints, add the flywheels.
 
-    Without drives, or where they leave a freedom, loops are closed as near to the start pose as can
-    be, and rates are nearest to those of the key.
+    Without drives, or where drives leave degrees of freedom, the loops are closed with the least
+    change of the start pose, and the rates are those nearest to the rates of the key.
 
     Returns
     -------
     torque : ndarray (steps, drives)
-        What to apply at the driven joints in each step [N m or N]: the law's mean acceleration over
-        it.
+        Torque on each flywheel in each step [N m or N], for the profile's mean acceleration in it.
     instant : ndarray (steps + 1, drives)
-        The torque of the law's acceleration at each time [N m or N], for reading a sample.
+        Torque for the profile's acceleration at each time [N m or N], needed to read a sample.
     """
     model, data = linkage.model, linkage.data
     if not run.drives:
         linkage.release()
         return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
     value, rate, acceleration = (part.T for part in run.motion(times))
-    if linkage.leaves_dof():  # such as the bends of rods: they start as the key has them
+    if linkage.leaves_dof():  # such as the joints within rods, which start at the key's values
         tangent = linkage.release(value[0], rate[0])
     else:
         tangent = linkage.move(value[0])
@@ -68,11 +69,11 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     mujoco.mj_fullM(model, data, inertia)
     flywheel = FLYWHEEL * np.diag(tangent.T @ inertia @ tangent)
     model.dof_armature[linkage.dofs] += flywheel
-    # what resists an ideal drive does not change its motion, and its moment is not read here
+    # damping and friction do not change the motion of an ideal drive; its moment is not read here
     model.dof_damping[linkage.dofs] = model.dof_dampingpoly[linkage.dofs] = 0
     model.dof_frictionloss[linkage.dofs] = 0
     pose, speed = data.qpos.copy(), data.qvel.copy()
-    mujoco.mj_setConst(model, data)  # the flywheel changes how stiff the engine makes a constraint
+    mujoco.mj_setConst(model, data)  # the stiffness of MuJoCo's constraints depends on the inertia
     data.qpos[:], data.qvel[:] = pose, speed
     return flywheel * np.diff(rate, axis=0) / np.diff(times)[:, None], flywheel * acceleration
 
@@ -80,17 +81,18 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
 def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Step through ``run.x`` (time) and read every sensor at every sample.
 
-    The moment of a drive is what the mechanism asks of it: what is applied here moves the
-    flywheels.
+    The moment of a drive is the moment that the mechanism needs; the torque that is applied here
+    moves the flywheel and is not part of it.
 
-    What a step computes belongs to its beginning, one step before the state it leaves behind.  A
-    sample is therefore read after the first step that starts from it; only RK4, which leaves the
-    accelerations of its last stage, needs a forward pass of its own there.
+    After a step MuJoCo shows sensors and accelerations of the state in which the step began, while
+    position and rates are those of its end.  A sample is therefore read after the first step that
+    begins at it.  RK4 shows the accelerations of its last stage, so that with RK4 each sample needs
+    a forward pass of its own.
 
     Raises
     ------
     Diverged
-        The engine reset itself, a value is not finite, or a loop came open.
+        The engine reset itself, a value is not finite, or a loop opened.
     """
     count, step = run.steps(model.opt.timestep)
     model.opt.timestep = step
@@ -134,16 +136,16 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 @dataclass(frozen=True)
 class HeldControls:
-    """Controls that change in a run.
+    """Controls that change in a run, constant in each step.
 
     Attributes
     ----------
     places : ndarray (loads,)
-        Where they stand in ``ctrl``.
+        Indices of the controls in ``ctrl``.
     held : ndarray (intervals, steps, loads)
-        What each step holds, the value of its middle [its unit].
+        Controls in each step, with their values in the middle of the step [its unit].
     instant : ndarray (samples, loads)
-        Those of the samples [its unit].
+        Controls at the samples [its unit].
     """
 
     places: NDArray[np.int32]
@@ -152,7 +154,7 @@ class HeldControls:
 
     @classmethod
     def of(cls, model: mujoco.MjModel, run: Run, times: Array, count: int) -> "HeldControls | None":
-        """Those of a run with steps between some times; None if it has none."""
+        """The changing controls of a run with steps between `times`; None if it has none."""
         if not run.loads:
             return None
         places = places_of_controls(model, (one.actuator for one in run.loads))
@@ -164,9 +166,10 @@ class HeldControls:
 def moments_of_drives(
     rows: Mapping[str, Array], dofs: NDArray[np.int32], armature: Array, damping: Array
 ) -> Array:
-    """What the mechanism asks of its drives [N m or N] (samples, drives).
+    """Moments that the mechanism needs from its drives [N m or N] (samples, drives).
 
-    The balance of each driven joint, with its own armature and damping and without the flywheel.
+    They follow from the balance of each driven joint, with the armature and the damping that the
+    model gives it and without the flywheel.
     """
 
     def own(name: str) -> Array:
@@ -186,17 +189,18 @@ def step_through(
     dofs: NDArray[np.int32],
     controls: HeldControls | None = None,
 ) -> None:
-    """Step over all samples; `torque` (intervals, steps, drives) has what each step applies.
+    """Step from sample to sample and record each; `torque` has shape (intervals, steps, drives).
 
-    A forward pass at a sample applies the `instant` torque, which is the law's own there; a step
-    applies its mean.  Controls that change are set alike.
+    A step applies its `torque`, for the mean acceleration of the motion profile in that step.  A
+    forward pass at a sample applies the `instant` torque, for the profile's acceleration at that
+    time.  Controls that change are set in the same way.
     """
     applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
     ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    rest = torque.shape[1] - 1  # steps of an interval after its first, at once where they can be
+    rest = torque.shape[1] - 1  # steps of an interval after its first; one call if all are alike
     steady = (torque[:, 1:] == torque[:, 1:2]).all(axis=(1, 2)).tolist()
     where: slice | NDArray[np.int32] = dofs
-    if dofs.size < 2:  # plain numbers are written three times as fast
+    if dofs.size < 2:  # a plain number is written three times as fast as an array
         where = slice(dofs[0], dofs[0] + 1) if dofs.size else slice(0, 0)
         torque, instant = torque.sum(axis=-1).tolist(), instant.sum(axis=-1).tolist()
     ctrl, places, held = data.ctrl, None, None
@@ -238,10 +242,10 @@ def step_through(
 def check(
     model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, curves: Curves, said: list[str]
 ) -> None:
-    """Raise `Diverged` if the run failed, with its curves until then.
+    """Raise `Diverged` if the run failed, with the curves until the failure.
 
-    MuJoCo itself resets the state and carries on in silence, so its warnings are read; the words of
-    the first, `said`, have its time.
+    MuJoCo resets a state that is not finite and continues; it reports this only in a warning.  The
+    texts of the warnings, `said`, contain the time of the reset.
     """
     gaps, pose = cast(Array, curves.violations), record.rows["qpos"]
     finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)
@@ -264,15 +268,15 @@ def check(
 
 
 def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
-    """Step from the present pose through ``run.x`` (time) with its controls, and read every sensor.
+    """Step from the present pose and controls through ``run.x`` (time), and read every sensor.
 
     Parameters
     ----------
     model : mujoco.MjModel
-        All sensors have names; those with several numbers become channels ``name[k]``.
+        All of its sensors have names; a sensor with several numbers gives channels ``name[k]``.
     data : mujoco.MjData
     run : Run
-        Of which ``x`` is used.
+        Only its ``x`` is used.
 
     Raises
     ------
@@ -283,7 +287,7 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     rows, began = np.empty((run.x.size, model.nsensordata)), time.perf_counter()
     for row in rows[:-1]:
         mujoco.mj_step(model, data)
-        row[:] = data.sensordata  # of the state that the step began with
+        row[:] = data.sensordata  # of the state in which the step began
         if count > 1:
             mujoco.mj_step(model, data, count - 1)
     mujoco.mj_forward(model, data)
@@ -300,7 +304,7 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 
 def check_finite(data: mujoco.MjData, rows: Array, times: Array) -> None:
-    """Raise `Diverged` if the run failed."""
+    """Raise `Diverged` if MuJoCo warned of a failure or a sensor is not finite."""
     if warning := failure(data):
         raise Diverged(warning)
     finite = np.isfinite(rows).all(axis=1)
@@ -309,7 +313,7 @@ def check_finite(data: mujoco.MjData, rows: Array, times: Array) -> None:
 
 
 def channels(model: mujoco.MjModel, rows: Array) -> dict[str, Array]:
-    """Curves by the names of their sensors."""
+    """The sensor readings of all samples as curves by channel name."""
     found = {}
     for s in range(model.nsensor):
         name, first, dim = model.sensor(s).name, model.sensor_adr[s], model.sensor_dim[s]

@@ -49,11 +49,11 @@ from proofmass.sim.protocol import (
     left_to_sidecar,
 )
 
-NOT_ASSEMBLED = 0.05  # of the model's extent: beyond this, closing a loop would be guessing
+NOT_ASSEMBLED = 0.05  # [extents] a start pose with loops open by more is refused as not assembled
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
-    """Raise `proofmass.sim.protocol.BadSetting` if MuJoCo cannot be set so."""
+    """Raise `proofmass.sim.protocol.BadSetting` if MuJoCo does not accept the settings."""
     MujocoSettings.read(settings)
 
 
@@ -65,9 +65,9 @@ def simulate(model: Path, run: Run) -> Curves:
     model : Path
         The MJCF file.
     run : Run
-        What to do; see `proofmass.sim.protocol.Run`.  Settings:
-        `proofmass.sim.mujoco.settings.MujocoSettings`; ``settled`` in a sweep, see
-        `proofmass.sim.mujoco.settling`; ``flex`` in equilibrium, see `proofmass.sim.mujoco.flex`.
+        See `proofmass.sim.protocol.Run`.  Its settings are those of
+        `proofmass.sim.mujoco.settings.MujocoSettings`; for ``settled`` in a sweep see
+        `proofmass.sim.mujoco.settling`, for ``flex`` in equilibrium `proofmass.sim.mujoco.flex`.
 
     Returns
     -------
@@ -78,10 +78,10 @@ def simulate(model: Path, run: Run) -> Curves:
     Raises
     ------
     BadModel
-        The model does not compile, lacks a named element, its start pose is not assembled, or
-        MuJoCo itself refuses to go on, such as with options that exclude each other.
+        The model does not compile, lacks a named element or is not assembled in its start pose, or
+        MuJoCo itself refuses it, such as for options that exclude each other.
     Unsupported
-        The model holds something that this kind of run does not cover; it is named.
+        The model contains an element that this kind of run does not cover; the message names it.
     Diverged
         The run failed.
     """
@@ -93,7 +93,7 @@ def simulate(model: Path, run: Run) -> Curves:
 
 @contextmanager
 def refusing() -> Iterator[None]:
-    """Tell what MuJoCo itself refuses as an error of the model."""
+    """Raise MuJoCo's own fatal errors as errors of the model."""
     try:
         yield
     except mujoco.FatalError as error:
@@ -101,7 +101,7 @@ def refusing() -> Iterator[None]:
 
 
 def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
-    """Do a run with a compiled model that is in its start pose, with its settings."""
+    """Do a run with a compiled model that has the run's settings and is in its start pose."""
     if run.kind == "passive":
         return passive(model, data, run)
     check_assembled(model, data, run.start)
@@ -111,7 +111,7 @@ def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 
 def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> None:
-    """Refuse a start pose whose loops are open by more than rounding of the key can explain."""
+    """Refuse a start pose whose loops are open by more than the rounding of the key explains."""
     mujoco.mj_kinematics(model, data)
     gaps = loop_gap(model, data)
     if gaps.size and not gaps.max() <= NOT_ASSEMBLED * model.stat.extent:
@@ -124,10 +124,10 @@ def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> Non
 
 
 def snippet(parameters: ParameterValues, model: Path | None = None) -> str:
-    """What to paste so that MuJoCo runs with settings.
+    """MJCF to paste into a model so that MuJoCo runs with these settings.
 
-    Equalities of the model whose own attributes, or whose class, would win are named, with what to
-    write into them, and so are joints with a range.
+    Comments name the equalities whose own attributes, or whose class, would override the settings,
+    with the attributes to write into them; and the joints with a range.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def snippet(parameters: ParameterValues, model: Path | None = None) -> str:
 
 
 def mjcf(parameters: ParameterValues, model: Path | None) -> Iterator[str]:
-    """Elements that MuJoCo merges with those before them."""
+    """Lines of MJCF that state settings; MuJoCo merges them with the elements before them."""
     every = {**(ENGINE_DEFAULTS if parameters.get("defaults") else {}), **parameters}
     root = ElementTree.Element("mujoco")
     write_options(root, {key: every[key] for key in PLACES if key in every})
@@ -167,9 +167,9 @@ def mjcf(parameters: ParameterValues, model: Path | None) -> Iterator[str]:
 
 
 def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[str, str]:
-    """What an equality itself must say, since what it or its class says would win.
+    """Attributes that an equality itself must have, since its own or its class's would override.
 
-    Numbers of its own after those that are given remain.
+    If the equality has more numbers in an attribute than are given, the further ones remain.
     """
     found = {}
     for key, value in softness.items():
@@ -180,9 +180,10 @@ def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[st
 
 
 def limits(model: Path, softness: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """What joints with a range must say for their limits to be as soft as loops.
+    """Attributes of joints with a range, by name, that make their limits as soft as loops.
 
-    They keep their damping ratios; numbers of their own after those that are given remain.
+    The limits keep their damping ratios.  If a joint has more numbers in an attribute than are
+    given, the further ones remain.
     """
     if not softness or not any(joint.get("range") for joint in read_tree(model).iter("joint")):
         return {}
@@ -192,17 +193,17 @@ def limits(model: Path, softness: Mapping[str, str]) -> dict[str, dict[str, str]
 
 
 def attributes(said: Mapping[str, str]) -> str:
-    """Attributes of an element."""
+    """Attributes as MJCF text."""
     return " ".join(f'{key}="{value}"' for key, value in said.items())
 
 
 def equalities(model: Path) -> list[ElementTree.Element]:
-    """Elements of an MJCF that hold loops together."""
+    """The equality elements of an MJCF, which close its loops."""
     return read_tree(model).findall("./equality/*")
 
 
 def pasted(model: Path, lines: str) -> str:
-    """The text of an MJCF with a snippet in it, and in its equalities what the snippet says."""
+    """The text of an MJCF with a snippet in it, whose softness equalities and limits also get."""
     root, added = read_tree(model), ElementTree.fromstring(f"<all>{lines}</all>")
     for softness in added.iterfind("./default/equality"):
         for loop in root.iterfind("./equality/*"):
@@ -214,7 +215,7 @@ def pasted(model: Path, lines: str) -> str:
 
 
 class Mujoco(Engine):
-    """MuJoCo as all commands know it."""
+    """MuJoCo as an engine of proofmass."""
 
     title = "MuJoCo"
     packages = ("mujoco",)
@@ -240,12 +241,12 @@ class Mujoco(Engine):
         drives: tuple[Drive, ...] = (),
         loads: tuple[ChangingLoad, ...] = (),
     ) -> OwnMotion:
-        """See `proofmass.sim.mujoco.own_motion`."""
+        """See `proofmass.sim.mujoco.own_motion.solve_own_motion`."""
         with refusing():
             return solve_own_motion(model, until, samples, seconds, start, drives, loads)
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
-        """See `proofmass.sim.mujoco.own_motion`."""
+        """See `proofmass.sim.mujoco.own_motion.solve_closely`."""
         with refusing():
             return solve_closely(model, run)
 
@@ -258,7 +259,7 @@ class Mujoco(Engine):
         return tried_settings.scans(self.title, about)
 
     def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-        """See `proofmass.sim.mujoco.tried_settings`."""
+        """See `proofmass.sim.mujoco.tried_settings.orders`."""
         return tried_settings.orders(scan, derivative, about)
 
     def perturbations(
@@ -272,22 +273,22 @@ class Mujoco(Engine):
         return tried_settings.recipes(self.title, about)
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
-        """MJCF; see `snippet`."""
+        """Settings as MJCF; see `snippet`."""
         return snippet(parameters, model)
 
     def holding(
         self, model: Path, parameters: ParameterValues, slower: float
     ) -> dict[str, ParameterValue]:
-        """A larger `impratio`, see `proofmass.sim.mujoco.contacts.creep_rate`."""
+        """Settings with a larger `impratio`; see `proofmass.sim.mujoco.contacts.creep_rate`."""
         own = float(str(parameters.get("impratio", compile_model(model).opt.impratio)))
         return {**parameters, "impratio": own * slower}
 
     def comment(self, text: str) -> str:
-        """A comment of MJCF."""
+        """Text as a comment of MJCF."""
         return f"<!--\n{indent(text, '  ')}\n-->"
 
     def pasted(self, model: Path, parameters: ParameterValues, steps: int) -> tuple[str, set[str]]:
-        """The model with the snippet in it; it says all but how poses are found."""
+        """The model with the snippet in it, which states all settings but `settled` and `flex`."""
         return pasted(model, snippet(parameters, model)), {*PLACES, "defaults"}
 
     def write_program(
@@ -299,11 +300,11 @@ class Mujoco(Engine):
         drive: Imposed,
         controls: str = "",
     ) -> str:
-        """See `proofmass.sim.mujoco.program`."""
+        """See `proofmass.sim.mujoco.program.write_program`."""
         return write_program(model, run, motion, head, drive, controls)
 
     def scheme_of(self, parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
-        """The scheme of the integrator."""
+        """The scheme of the integrator; see `proofmass.sim.mujoco.tried_settings.scheme_of`."""
         return tried_settings.scheme_of(parameters, model)
 
     def limit_problems(self) -> Iterator[LimitProblem]:

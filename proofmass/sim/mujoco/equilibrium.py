@@ -1,25 +1,30 @@
-"""A MuJoCo model with degrees of freedom beside its drives: springs, weights and stops at rest.
+"""Static equilibria of a MuJoCo model whose drives leave degrees of freedom.
 
-**Stops** are joint ranges, unilateral. At rest a stop pushes only inwards, and only where its joint
-lies on it.  The linear problem of each Newton step is a linear complementarity problem, solved by
-block pivoting: switch every joint whose state is wrong; after a few rounds only the first of them,
-which cannot cycle while the stiffness is positive definite (K. G. Murty, Note on a Bard-type scheme
-for solving the complementarity problem, Opsearch 11 (1974) 123-130).
+Springs and weights determine the pose, and so do the joint limits.
 
-**Equilibrium.** With f(q) the forces that must act on the joints to keep them at rest, A(q) the
-rows of the loops, the drives and the stops that hold, and N its null space, the model rests where
+**Joint limits** ("stops" in the code) are unilateral constraints.  In equilibrium a stop pushes
+only inwards, and only if its joint lies on it.  Each Newton step is a linear complementarity
+problem.  It is solved by block pivoting: every joint whose state is wrong is switched; after a few
+rounds only the first of these, which cannot cycle while the stiffness is positive definite
+(K. G. Murty, Note on a Bard-type scheme for solving the complementarity problem, Opsearch 11 (1974)
+123-130).
+
+**Equilibrium.** Let f(q) be the forces that must act on the joints to keep them at rest, A(q) the
+rows of the loops, the drives and the active stops, and N the null space of A.  The model is in
+equilibrium where
 
     N' f = 0,    f = A' s     (s: forces in the loops, moments of the drives, pushes of the stops)
 
-Newton's step closes the loops and goes along N with the Hessian of the Lagrangian
+Newton's step closes the loops and moves along N with the Hessian of the Lagrangian
 
     H = N' K N,    K = d/dq (f - A' s)  with s fixed,
 
-which has the curvature of the loops in it.  K costs most: it is found where a stride begins and
-where it ends, in between only while steps do not shorten fast.  The rest is stable while H is
-positive definite.  The path that the drives then follow has the tangent P - N H^-1 N' K P, with P
-any motion that moves the drives, closes the loops and keeps the stops.  A load that grows by one
-and does Q to the joints moves them by N H^-1 N' Q.
+which includes the curvature of the loops.  K costs most of the time: it is computed where a stride
+begins and where it ends, and in between only while the steps do not shorten fast.  The equilibrium
+is stable while H is positive definite.  Along the path of the drives its tangent is
+P - N H^-1 N' K P, where P is any motion that moves the drives, keeps the loops closed and the
+active stops in place.  A unit increase of a load that exerts the generalized force Q on the joints
+moves them by N H^-1 N' Q.
 """
 
 import mujoco
@@ -31,28 +36,28 @@ from proofmass.sim.mujoco.linkage import CLOSED, NEAR, STRIDE, Linkage
 from proofmass.sim.mujoco.model import refuse_dry_friction
 from proofmass.sim.protocol import BadModel, Run, Unsupported
 
-DEPENDENT = 1e-10  # of the largest singular value: rows that say nothing new, to rounding
-FLAT = 1e-9  # of the largest stiffness: less cannot be distinguished from none by differences
+DEPENDENT = 1e-10  # share of the largest singular value below which rows are linearly dependent
+FLAT = 1e-9  # share of the largest stiffness below which differences cannot tell it from zero
 
 
 class RestEquations:
-    """Ways x with ``rows x = -gap`` and, along the null space N of the rows, ``N' (f + K x) = 0``.
+    """Equations of a step x: ``rows x = -gap``, and ``N' (f + K x) = 0`` with N the null space.
 
     Parameters
     ----------
     rows, gap : ndarray (rows, nv), (rows,)
-        What holds the joints [SI], and how far it is open [m or rad]; rows may depend on each
-        other.
+        Jacobian of the constraints on the joints [SI], and constraint violation [m or rad].  The
+        rows may be linearly dependent.
     force, stiffness : ndarray (nv,), (nv, nv)
-        f and K: what must act on the joints to keep them at rest [N m or N], and how it changes
-        with them [SI].
+        f and K: forces that must act on the joints to keep them at rest [N m or N], and their
+        derivative by the joints [SI].
 
     Attributes
     ----------
     inverse, null : ndarray (nv, rows), (nv, dof)
         Pseudo-inverse of the rows, and N.
     hessian : ndarray (dof, dof)
-        N' K N: what their rest is stable by, when it is positive definite.
+        N' K N; the equilibrium is stable where it is positive definite.
     """
 
     def __init__(self, rows: Array, gap: Array, force: Array, stiffness: Array):
@@ -64,12 +69,12 @@ class RestEquations:
         self.hessian = self.null.T @ stiffness @ self.null
 
     def step(self, descend: bool = False) -> Array:
-        """The joints' way x; to `descend` it turns back where the stiffness is negative."""
+        """The step x; with `descend` it is reversed along motions of negative stiffness."""
         close = -self.inverse @ self.gap
         return close - self.yielding(self.force + self.stiffness @ close, descend)
 
     def yielding(self, force: Array, descend: bool = False) -> Array:
-        """How the degrees of freedom yield to forces on the joints."""
+        """Motion N H^-1 N' `force` of the degrees of freedom; with `descend` |H| replaces H."""
         push = self.null.T @ force
         if not descend:
             return np.asarray(self.null @ np.linalg.lstsq(self.hessian, push)[0])
@@ -79,41 +84,41 @@ class RestEquations:
         return np.asarray(self.null @ vectors @ away)
 
     def pushes(self, move: Array) -> Array:
-        """What the rows push with after a step."""
+        """Forces of the rows after a step."""
         return self.inverse.T @ (self.force + self.stiffness @ move)
 
     def left_open(self) -> float:
-        """How far a step leaves the rows open: rows that contradict each other."""
+        """Largest constraint violation after a step; not zero where rows contradict each other."""
         return float(np.abs(self.gap - self.rows @ self.inverse @ self.gap).max())
 
     def least(self) -> float:
-        """The least stiffness of the degrees of freedom, as a share of the joints' largest."""
+        """The least eigenvalue of `hessian` over the largest number in the stiffness matrix [1]."""
         values = np.linalg.eigvalsh((self.hessian + self.hessian.T) / 2)
         return float(values.min(initial=np.inf) / (np.abs(self.stiffness).max() or 1.0))
 
     def tangent(self, columns: slice) -> Array:
-        """How the rest moves when the rows of those numbers do (nv, columns)."""
+        """Motion of the equilibrium for unit displacements of the rows `columns` (nv, columns)."""
         motions = self.inverse[:, columns]
         return motions - self.yielding(self.stiffness @ motions)
 
 
 COVERED = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-BLOCKS = 10  # rounds in which all wrong joints switch at once
-TOUCHES = 1e-12  # [rad, or extents] rounding of a pose; beyond it a joint is past its stop
-PULLS = 1e-12  # of the largest force: rounding of a reaction
+BLOCKS = 10  # rounds in which all joints in a wrong state are switched at once
+TOUCHES = 1e-12  # [rad or extents] rounding of a pose; a joint further beyond a stop has passed it
+PULLS = 1e-12  # share of the largest force: rounding of the reaction of a stop
 
 
 class LimitedJoints:
-    """The limited joints of a model, without the `driven` ones.
+    """The joints of a model that have a range and are not `driven`.
 
     Attributes
     ----------
     dofs, adr : ndarray (stops,) of int
-        Where they stand in ``qvel`` and in ``qpos``.
+        Indices of the joints in ``qvel`` and in ``qpos``.
     side : ndarray (stops,) of int
-        -1 on the low stop, +1 on the high one, 0 between them.
+        State of each joint: -1 on the low stop, +1 on the high one, 0 between them.
     turns : int
-        How often a step may be asked for.
+        Largest number of rounds of pivoting in a Newton step.
     """
 
     def __init__(self, model: mujoco.MjModel, driven: Array, reach: Array):
@@ -133,34 +138,33 @@ class LimitedJoints:
         self.turns = BLOCKS + 2 * joints.size
 
     def beyond(self, place: Array) -> Array:
-        """Which stop each joint is past: -1, 0 or 1."""
+        """Which stop each joint has passed: -1 the low one, 1 the high one, 0 neither."""
         return (place > self.high + self.slack) * 1 - (place < self.low - self.slack)
 
     def begin(self, pose: Array) -> None:
-        """Hold every joint that is on a stop or past it."""
+        """Constrain every joint that is on a stop or past it."""
         place = pose[self.adr]
         self.side = (place >= self.high - self.slack) * 1 - (place <= self.low + self.slack)
 
     def held(self, pose: Array) -> tuple[Array, Array]:
-        """How far the held joints are past their stops, and their rows."""
+        """How far the constrained joints are past their stops [rad or m], and their rows."""
         on = self.side != 0
         bound = np.where(self.side < 0, self.low, self.high)
         return (pose[self.adr] - bound)[on], self.rows[on]
 
     def switch(self, pose: Array, move: Array, pushes: Array, scale: float, turn: int) -> bool:
-        """Release what is pulled and hold what is past its stop; whether anything was wrong.
+        """Release joints that their stops pull, constrain those past a stop; whether any changed.
 
         Parameters
         ----------
         pose, move : ndarray
-            Where the joints are, and the step that is asked for [rad or m].
+            Present values of the joints, and the Newton step [rad or m].
         pushes : ndarray
-            What all rows would push with after it [N or N m]; those of the held joints are the
-            last.
+            Forces of all rows after the step [N or N m]; those of the constrained joints come last.
         scale : float
-            The largest force there is [N].
+            The largest force on a joint [N].
         turn : int
-            How often this step was asked for before.
+            Number of rounds of this step before this one.
         """
         on = self.side != 0
         state = self.beyond(pose[self.adr] + move[self.dofs])
@@ -172,35 +176,46 @@ class LimitedJoints:
         return bool(wrong.size)
 
     def format_held(self) -> str:
-        """The joints that are held."""
+        """Names of the joints that are constrained to a stop."""
         return ", ".join(self.names[k] for k in np.flatnonzero(self.side))
 
 
-NUDGE = 6e-6  # [rad, or extents] cube root of rounding: central differences to 1e-10
-WIDER = 5e-4  # [rad, or extents] of differences of fourth order, to 1e-12, as rates are
-KINKED = 1e-5  # of the largest stiffness: over twice that it differs by more where a force kinks
-FAR = 0.5  # [rad, or extents] a start pose further from rest than this misses a drive
-MOST = {False: 15, True: 200}  # Newton steps to follow a rest, and to descend to one
-FAST = 0.1  # a step that shortens to this share of the last one needs no new stiffness
-EXACT = 1e-11  # [rad, or extents] what the next step may change where a rest is found
-LEVER = 1e3  # [rad or m per m] a joint moves so much for a gap only next to a limit position
-OFF, BRIEF = 0.3, 1e-3  # of what a tangent promises, and [rad, or extents] beside that
-TURNED = 0.5  # of the longer one: promises ahead and back differ by more across a snap
-SHORTEST = 1e-8  # of a stride, for `Resting.shortest`
+# step [rad or extents] of central differences, the cube root of rounding: errors of 1e-10
+NUDGE = 6e-6
+# step [rad or extents] of differences of fourth order, which rates need: errors of 1e-12
+WIDER = 5e-4
+# share of the largest stiffness: where differences over one and two steps differ by more, a force
+# has a kink in between
+KINKED = 1e-5
+FAR = 0.5  # [rad or extents] a start pose further from equilibrium than this lacks a drive
+MOST = {False: 15, True: 200}  # Newton steps, by whether the method descends or follows a path
+FAST = 0.1  # ratio of a Newton step to the one before, below which the old stiffness is good enough
+EXACT = 1e-11  # [rad or extents] size of the next Newton step at which an equilibrium is found
+LEVER = 1e3  # [rad or m per m] larger ratios of joint motion to loop opening mark a limit position
+# error of a tangent's prediction beyond which the pose has jumped: share of the motion, plus an
+# amount [rad or extents]
+OFF, BRIEF = 0.3, 1e-3
+# share of the longer of two predictions, by the tangents of both ends of a stride: if they differ
+# by more, the pose has snapped through
+TURNED = 0.5
+SHORTEST = 1e-8  # default of `RestingLinkage.shortest`, as a share of a stride
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE = "the equilibrium becomes unstable"
 REFUSED = {"tendon_limited": "a limited tendon", "actuator_dyntype": "an actuator with a state"}
 
 
 def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
-    """What a run follows: a linkage that its drives determine, or one that comes to rest.
+    """The linkage of a run: one that its drives determine, or one in equilibrium.
 
-    The start poses of rods are arcs, and as far from rest as it takes.
+    With rods the distance of the start pose from equilibrium is not limited, since rods start as
+    arcs.
 
     Raises
     ------
     Unsupported
-        A tendon has dry friction, or a joint in equilibrium.
+        A tendon has dry friction, or a joint has it in a run of kind equilibrium or in a sweep with
+        changing loads and degrees of freedom left; an equilibrium would be needed of a model with
+        what `REFUSED` lists.
     """
     refuse_dry_friction(model, run.kind)
     joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
@@ -215,7 +230,7 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
             f"the load of actuator {loads[0]!r}, which changes, and frictionloss of joint "
             f"{joint!r} in one sweep with {free} degree(s) of freedom left"
         )
-    loose = model.dof_frictionloss.copy()  # of joints that the drives leave
+    loose = model.dof_frictionloss.copy()  # without that of the driven joints
     loose[linkage.dofs] = 0.0
     rest = (
         RubbingLinkage(model, data, joints, free, far)
@@ -227,24 +242,24 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
 
 
 class RestNotFound(BadModel):
-    """No rest close by."""
+    """No equilibrium was found near the pose."""
 
 
 class UnstableRest(BadModel):
-    """The path of stable rests ends: from there the model falls to another one."""
+    """The path of stable equilibria ends; from there the model falls to another equilibrium."""
 
 
 class RestingLinkage(Linkage):
-    """A linkage with `free` degrees of freedom beside its drives, in stable equilibrium.
+    """A linkage in stable equilibrium, with `free` degrees of freedom that its drives leave.
 
-    The start pose is no further from it than `far`.
+    The start pose is no further from equilibrium than `far` [rad or extents].
 
     Attributes
     ----------
     shortest : float
-        Share of a stride [1]: a rest that cannot be followed so far fails.
+        Smallest part of a stride [1]; a path that cannot be followed so far has ended.
     rated : bool
-        Whether rates of the path are asked for, which takes a finer stiffness.
+        Whether rates along the path are needed, for which the stiffness is computed more exactly.
     """
 
     shortest = SHORTEST
@@ -268,14 +283,15 @@ class RestingLinkage(Linkage):
         self.reach = np.where(slide, model.stat.extent, 1.0)
         self.adr_of = model.jnt_qposadr[model.dof_jntid]
         self.stops = LimitedJoints(model, self.dofs, self.reach)
-        self.stuck, self.stuck_at = np.zeros(0, int), np.zeros(0)  # joints held by dry friction
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # soft; rows hold the stops
+        self.stuck, self.stuck_at = np.zeros(0, int), np.zeros(0)  # joints that friction sticks
+        # the engine's own limits are soft; rows of the equations constrain the joints instead
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
-        """Follow the rest to new values of the drives and loads; returns the tangent there.
+        """Follow the equilibrium to new values of the drives and loads; returns the tangent there.
 
-        Strides are halved where no stable rest lies close to the end of the tangent.
+        Strides are halved where no stable equilibrium lies near the end of the tangent.
         """
         if tangent is None:
             tangent = self.settle()
@@ -306,10 +322,10 @@ class RestingLinkage(Linkage):
         return tangent
 
     def jumped(self, pose: Array, promised: Array, behind: Array) -> bool:
-        """Whether joints moved from a pose over a snap to another path.
+        """Whether the joints snapped from `pose` to another path of equilibria.
 
-        They moved as was not promised, or the tangent here promises another way, `behind`, from
-        there.
+        They did if they moved otherwise than `promised` by the tangent at `pose`, or if the tangent
+        at the new pose predicts another motion, `behind`, for the same stride.
         """
         moved = np.zeros(self.model.nv)
         mujoco.mj_differentiatePos(self.model, moved, 1.0, pose, self.data.qpos)
@@ -320,10 +336,10 @@ class RestingLinkage(Linkage):
         return bool(off > OFF * size + BRIEF or (apart > TURNED * longer and longer > BRIEF))
 
     def together(self, values: Array, tangent: Array | None) -> None:
-        """None: a rest is followed one pose after the other, since it may end."""
+        """None, since a path of equilibria may end and is followed one pose after the other."""
 
     def ending(self, error: BadModel) -> BadModel:
-        """Why the path of rests ends at the present pose."""
+        """The error that says why the path of equilibria ends at the present pose."""
         here = self.data.qpos[self.adr]
         self.step(here, descend=False)
         if np.abs(self.balance.inverse).max() > LEVER:
@@ -334,10 +350,11 @@ class RestingLinkage(Linkage):
         return kind(f"{error} beyond {self.format_drives(here)}")
 
     def fall(self, values: Array) -> Array:
-        """Descend from the present pose to another rest, with drives and loads at `values`.
+        """Descend from the present pose to another equilibrium, with drives and loads at `values`.
 
-        Returns the tangent there.  The model falls so from where its path of rests ends, without
-        the swing that inertia would give it: of several rests below, that may choose another one.
+        Returns the tangent there.  This finds the equilibrium that the model falls to where its
+        path ends, without the overshoot due to inertia, which may lead to another equilibrium if
+        there are several.
         """
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, np.inf, descend=True)
@@ -346,7 +363,7 @@ class RestingLinkage(Linkage):
         return tangent
 
     def follow(self, values: Array) -> Array:
-        """Go to the stable rest next to the present pose; returns its tangent."""
+        """Go to the stable equilibrium next to the present pose; returns its tangent."""
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, STRIDE)
         if self.balance.least() <= FLAT:
@@ -354,7 +371,7 @@ class RestingLinkage(Linkage):
         return tangent
 
     def settle(self) -> Array:
-        """Descend from the start pose to rest, with the drives where they are."""
+        """Descend from the start pose to equilibrium, with the drives at their present values."""
         here = self.data.qpos[self.adr]
         held = f" when {self.format_drives(here)} is held" if self.joints else ""
         left = f"{self.free} degree(s) of freedom left{held}"
@@ -370,9 +387,9 @@ class RestingLinkage(Linkage):
         return tangent
 
     def rest(self, values: Array, far: float, descend: bool = False) -> Array:
-        """Newton's method from the present pose, no further than `far`; returns the tangent.
+        """Find an equilibrium by Newton's method, no further than `far`; returns the tangent.
 
-        To `descend`, it turns back where the stiffness is negative.
+        With `descend`, steps are reversed along motions of negative stiffness.
         """
         begin, limit, before, size = self.data.qpos.copy(), STRIDE, 0.0, np.inf
         last, fresh = np.zeros(self.model.nv), True
@@ -385,14 +402,14 @@ class RestingLinkage(Linkage):
                 self.step(values, descend, fresh=False)
                 return self.check()
             before, size = size, np.abs(move / self.reach).max()
-            limit *= 0.5 if move @ last < 0 else 1.0  # to and fro across a rest
+            limit *= 0.5 if move @ last < 0 else 1.0  # steps alternate across an equilibrium
             last = move * min(1.0, limit / max(size, NEAR))
             mujoco.mj_integratePos(self.model, self.data.qpos, last, 1.0)
             self.near(begin, far)
         raise RestNotFound("no rest was found")
 
     def near(self, begin: Array, far: float) -> None:
-        """Raise where a joint has left its beginning by more than `far`."""
+        """Raise `RestNotFound` if a joint has moved from the pose `begin` by more than `far`."""
         moved = np.zeros(self.model.nv)
         mujoco.mj_differentiatePos(self.model, moved, 1.0, begin, self.data.qpos)
         moved = np.abs(moved / self.reach)
@@ -403,9 +420,10 @@ class RestingLinkage(Linkage):
     def step(
         self, values: Array, descend: bool, fresh: bool = True, fine: bool = False
     ) -> tuple[bool, Array]:
-        """Newton's step with the stops that hold after it, and whether they held before it.
+        """Newton's step with the stops that are active after it, and whether these were before.
 
-        Unless it is to be `fresh`, the stiffness of the step before does.
+        Returns whether the active stops stayed the same, and the step.  Without `fresh` the
+        stiffness of the step before is used.
         """
         gap, jacobian = self.rows()
         pose, force = self.data.qpos.copy(), self.force()
@@ -428,7 +446,7 @@ class RestingLinkage(Linkage):
             if past.size and self.balance.left_open() > CLOSED:
                 if not older.size:
                     raise BadModel(f"the stops of {self.stops.format_held()} are in the way")
-                self.stops.side[older[0]], older = 0, older[1:]  # another joint came to its stop
+                self.stops.side[older[0]], older = 0, older[1:]  # another joint reached its stop
                 continue
             move = self.balance.step(descend)
             if not self.stops.switch(
@@ -439,7 +457,7 @@ class RestingLinkage(Linkage):
         return turn == 0, move
 
     def force(self) -> Array:
-        """What must act on the joints to keep them at rest (nv,); needs the pose of `rows`."""
+        """Forces that keep the joints at rest (nv,) [N m or N]; `rows` must have set the pose."""
         self.data.qvel[:] = 0
         mujoco.mj_fwdVelocity(self.model, self.data)
         mujoco.mj_fwdActuation(self.model, self.data)
@@ -448,7 +466,7 @@ class RestingLinkage(Linkage):
         return np.asarray(held - self.pushed())
 
     def lagrangian(self, pushes: Array, fine: bool = False) -> Array:
-        """K: how the forces change with the joints (nv, nv) while the loops keep their pushes."""
+        """K: derivative of the forces by the joints (nv, nv) for constant forces in the loops."""
         pose = self.data.qpos.copy()
 
         def slopes(step: float) -> Array:
@@ -473,7 +491,7 @@ class RestingLinkage(Linkage):
         return found
 
     def check(self) -> Array:
-        """The tangent of a rest whose loops and stops are closed, and which is not singular."""
+        """The tangent of an equilibrium; raises if loops or stops are open or it is singular."""
         gap = np.abs(self.balance.gap).max(initial=0.0)
         if not gap < CLOSED * max(1.0, self.model.stat.extent):
             raise BadModel(f"cannot be assembled: something stays open by {gap:.3g} (m or rad)")
@@ -487,7 +505,7 @@ class RestingLinkage(Linkage):
         return np.hstack([self.balance.tangent(self.driven), yields])
 
     def pushes(self) -> Array:
-        """What a unit of the control of each load that changes does to the joints (nv, loads)."""
+        """Generalized forces of a unit control of each changing load (nv, loads)."""
         model, data, found = self.model, self.data, np.zeros((self.model.nv, self.controls.size))
         control, flags = data.ctrl.copy(), model.opt.disableflags
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
@@ -502,21 +520,21 @@ class RestingLinkage(Linkage):
         return found
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
-        """None: a path of rests has no accelerations, and no channel may show them."""
+        """Zeros (nv,): no channel shows accelerations along a path of equilibria."""
         return np.zeros(self.model.nv)
 
     def loop_forces(self, needed: Array) -> Array:
-        """Forces in the rows of the active equalities at rest, beside drives and stops."""
+        """Forces in the rows of the active equalities at rest, without those of drives or stops."""
         rows = self.driven.start
         return np.asarray((self.balance.inverse.T @ needed)[:rows])
 
 
 class RubbingLinkage(RestingLinkage):
-    """A linkage at rest whose free joints have dry friction: it depends on how it came there.
+    """A linkage at rest whose undriven joints have dry friction; its pose depends on its path.
 
-    The bounds are those of the engine's own rows of friction, ``efc_frictionloss``.  The engine
-    lets a joint creep that it holds, since these rows are soft; here a joint sticks or slips, see
-    `proofmass.analytic.friction`.  A sweep begins at rest without friction.
+    The bounds of friction are those of the engine's own rows, ``efc_frictionloss``.  These rows are
+    soft, so that in the engine a sticking joint creeps; here a joint either sticks or slips, see
+    `proofmass.analytic.friction`.  A sweep begins in the equilibrium without friction.
     """
 
     def __init__(
@@ -542,13 +560,13 @@ class RubbingLinkage(RestingLinkage):
         self.slipped = np.zeros(self.rubbing.size, bool)
 
     def check_slipped(self) -> None:
-        """Raise `BadModel` if dry friction held all joints that the drives leave."""
+        """Raise `BadModel` if none of the joints with dry friction slipped in the whole sweep."""
         if not self.slipped.any():
             names = [repr(self.model.joint(self.model.dof_jntid[d]).name) for d in self.rubbing]
             raise BadModel(HOLDS_ALL.format(", ".join(names)))
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
-        """Follow the rest to new values of the drives, sticking and slipping; its tangent there."""
+        """Follow the pose to new values of the drives, with stick and slip; returns the tangent."""
         if tangent is None:
             return super().move(values)
         way = values - self.at()
@@ -561,7 +579,7 @@ class RubbingLinkage(RestingLinkage):
         return self.balance.tangent(self.driven)
 
     def rubs(self, velocity: Array, fastest: float) -> None:
-        """Let driven joints rub against their motion, and the others as they stick or slip."""
+        """Set the friction: of driven joints against their motion, of others by stick and slip."""
         super().rubs(velocity, fastest)
         if not self.begins:
             found = self.problem(self.way).goes(self.senses)
@@ -573,23 +591,23 @@ class RubbingLinkage(RestingLinkage):
         return self.data.qpos[self.adr]
 
     def kept(self) -> tuple[Array, Array]:
-        """The pose, and what stops it is on."""
+        """The present pose and its active stops, for `back`."""
         return self.data.qpos.copy(), self.stops.side.copy()
 
     def back(self, kept: tuple[Array, Array]) -> None:
-        """Come back to a pose."""
+        """Return to a pose that `kept` gave."""
         self.data.qpos[:], self.stops.side = kept[0], kept[1].copy()
         self.step(self.at(), descend=False)
 
     def go(self, values: Array) -> None:
-        """Follow the rest to values of the drives in the present state."""
+        """Follow the path to values of the drives without a change of stick and slip."""
         try:
             super().move(values, self.balance.tangent(self.driven))
         except BadModel as error:
             raise PathEnds(str(error)) from None
 
     def problem(self, way: Array) -> SlipProblem:
-        """The present rest in coordinates of its free motions, without its friction."""
+        """The present equilibrium in coordinates of its free motions, without friction."""
         self.way = way
         jacobian = self.rows()[1]
         _, bars = self.stops.held(self.data.qpos)
@@ -610,7 +628,7 @@ class RubbingLinkage(RestingLinkage):
         )
 
     def enter(self, senses: Array) -> None:
-        """Let joints stick where they are, or slip."""
+        """Let joints of sense 0 stick in their present place, and the others slip."""
         self.senses, self.begins = senses, False
         self.slipped |= senses != 0
         self.stuck = self.rubbing[senses == 0]
@@ -619,7 +637,7 @@ class RubbingLinkage(RestingLinkage):
         self.step(self.at(), descend=False)
 
     def loop_forces(self, needed: Array) -> Array:
-        """Forces in the rows of the active equalities, beside what friction holds."""
+        """Forces in the rows of the active equalities, without those of sticking joints."""
         if self.begins:
             return super().loop_forces(needed)
         return np.asarray((self.loose.inverse.T @ needed)[: self.driven.start])

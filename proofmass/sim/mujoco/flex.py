@@ -1,23 +1,23 @@
 """Rods as one-dimensional flexes of MuJoCo, added to an MJCF before it is compiled.
 
-A flex of dimension 1 is a discrete elastic rod (since MuJoCo 3.17): points that are joined by
-edges, with springs between the edges.
+A flex of dimension 1 is a discrete elastic rod (since MuJoCo 3.17): points joined by edges, with
+bending springs between neighbouring edges.
 
       |                         points of a clamped rod at -h/2, h/2, 3h/2, .. L, the first two on
     o-|-o---o---o---o---o       the ground: h = L / (n + 1/2), and springs at h/2, 3h/2, ..
-      |                         those of a pinned one at 0, h, 2h, .. L
+      |                         points of a pinned rod at 0, h, 2h, .. L
 
-A bend b costs EI/(2h) (2 tan b/2)^2: an error of second order in h, 0.7 to 2.9 times that of a
-chain.  Edges are soft constraints of the engine.
+A bend b has the energy EI/(2h) (2 tan b/2)^2, which gives an error of second order in h, 0.7 to 2.9
+times that of a chain of links.  Edges are soft constraints of the engine.
 
-    NAME.0, NAME.1, ...     bodies, one for each point; they do not turn
+    NAME.0, NAME.1, ...     bodies, one for each point, without rotation
     NAME.tip                site at the far end
-    NAME                    the flex, its edges, and the loop that holds the far end
+    NAME                    the flex, its edges, and the loop that constrains the far end
 
-The engine steps until nothing moves.  Its integrator ``discrete`` takes the flexes' stiffness
-implicitly, so that a step may last longer than their fast modes.  Loops and edges are the engine's
-own constraints: they give way with the square of the step, an edge by 4e-7 to 1e-5 of its length in
-cantilevers under P L^2/EI = 1 to 10.
+The engine steps until nothing moves.  Its integrator ``discrete`` treats the flexes' stiffness
+implicitly, so that a step may be longer than the period of their fast modes.  Loops and edges are
+the engine's own soft constraints: their violation falls with the square of the step, and is 4e-7 to
+1e-5 of the length of an edge in cantilevers under P L^2/EI = 1 to 10.
 """
 
 import time
@@ -51,7 +51,7 @@ from proofmass.sim.rods import (
     without_links_to_rods,
 )
 
-DAMPED = 0.3  # of a rod's time: damping in proportion to stiffness, critical for the slowest swing
+DAMPED = 0.3  # [`tempo` of the rod] damping over stiffness of a flex: critical for the slowest mode
 
 
 def points(rod: Rod) -> Chain:
@@ -60,9 +60,10 @@ def points(rod: Rod) -> Chain:
     Raises
     ------
     BadRod
-        Fewer than two segments, a length or stiffness that is not positive.
+        The rod has fewer than two segments, or a length or stiffness that is not positive.
     Unsupported
-        A clamp at the far end.
+        The rod has a clamp at the far end, an axial or shear stiffness, a torsion stiffness, or a
+        load per length.
     """
     check_rod(rod)
     if rod.ends[1] == "clamped":
@@ -84,23 +85,23 @@ def points(rod: Rod) -> Chain:
 
 
 def stations(one: Chain) -> Array:
-    """Arc length [m] of a rod's points; the first of a clamped one lies behind the clamp."""
+    """Arc length [m] of a rod's points; the first point of a clamped rod lies behind the clamp."""
     behind = 0.0 if one.jointed[0] else one.lengths[0]
     return one.vertices - behind * (one.vertices == 0)
 
 
 def fixed(one: Chain) -> int:
-    """How many points are on the body that the rod begins on."""
+    """How many points are fixed to the body on which the rod begins."""
     return 1 if one.jointed[0] else 2
 
 
 def moments(bends: Array) -> Array:
-    """Moments of bends [rad], over EI/h."""
+    """Bending moments at `bends` [rad], divided by EI/h [1]."""
     return np.asarray(2.0 * np.tan(bends / 2) / np.cos(bends / 2) ** 2)
 
 
 def tempo(rod: Rod) -> float:
-    """sqrt(m L^3 / EI) [s]: how slow it is."""
+    """sqrt(m L^3 / EI) [s], the time scale of a rod's slow motions."""
     return float(((rod.mass or LIGHT) * rod.length**3 / rod.stiffness) ** 0.5)
 
 
@@ -137,7 +138,7 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, one: Chain) -> None:
 
 
 def free(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
-    """Let a point move, and give it its share of the rod's mass."""
+    """Give a point three slides and its share of the rod's mass."""
     body.mass, body.explicitinertial = (rod.mass or LIGHT) * length / rod.length, True
     body.inertia = np.full(3, body.mass * length**2 / 12)
     for name, axis in zip("xyz", np.eye(3), strict=True):
@@ -152,25 +153,25 @@ DIRECTIONS = (S.mjSENS_FRAMEXAXIS, S.mjSENS_FRAMEYAXIS, S.mjSENS_FRAMEZAXIS, S.m
 NO_RATE = "the engine is at rest: no rates, no accelerations"
 NO_ENERGY = "MuJoCo counts no energy of a flex that bends"
 NO_TURN = "the points of a flex do not turn: directions are not read"
-PACE = 0.06  # of a rod's time, over its segments: the step; edges then stretch alike for all n
-BLOCK = 20  # steps between two looks at the speed
-STILL = 1e-10  # lengths of a rod in its time: the fastest joint at rest
-MOST = 100_000  # steps until a rest is given up
-PROMPT = 0.1  # steps: time constant of the constraints; shorter ones are hardly stiffer
-STIFF = 0.9999, 0.9999, 0.001  # solimp of the constraints, as MuJoCo caps it
+PACE = 0.06  # time step, in multiples of `tempo` / segments; edges then stretch alike for all n
+BLOCK = 20  # steps between two checks of the speed
+STILL = 1e-10  # [rod lengths per `tempo`] speed of the fastest joint below which a model is at rest
+MOST = 100_000  # steps after which the search for an equilibrium is given up
+PROMPT = 0.1  # [steps] time constant of the constraints; shorter ones are hardly stiffer
+STIFF = 0.9999, 0.9999, 0.001  # solimp of the constraints, the stiffest that MuJoCo accepts
 
 
 def equilibrium(path: Path, run: Run) -> Curves:
-    """Let a model come to rest whose rods are flexes.
+    """Find the equilibrium of a model whose rods are flexes, by time stepping.
 
-    Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.  The
-    settings of the result tell by how much an edge is stretched, at most.
+    Rods are read at the arc lengths ``run.x``; a sensor has one value, which is repeated for each
+    of these.  The settings of the result have the largest relative stretch of an edge.
 
     Raises
     ------
     Unsupported
-        Another run than a rest; drives; a rod that begins on a body that moves, or has a clamp at
-        its far end; a moment on a rod; dry friction.
+        The run is not an equilibrium with rods, or has drives; a rod begins on a body that moves,
+        has a clamp at its far end, or bears a moment; there is dry friction.
     Diverged
         The engine reset itself, or does not come to rest.
     """
@@ -208,7 +209,7 @@ def equilibrium(path: Path, run: Run) -> Curves:
 def recorder(
     model: mujoco.MjModel, data: mujoco.MjData, run: Run
 ) -> tuple[Recorder, dict[str, str]]:
-    """What reads the sensors, and the channels that are not read, with the reason."""
+    """The recorder of the sensors, and the channels that are not read, with the reasons."""
     sensors = tuple(c for c in run.channels if c not in of_rods(run))
     missing = {channel: NO_TURN for channel in sensors if channel.endswith(".angle")}
     record = Recorder(model, data, tuple(c for c in sensors if c not in missing), 1)
@@ -222,7 +223,7 @@ def recorder(
 
 
 def plane_of(path: Path, run: Run) -> MotionPlane:
-    """The plane that the rods bend in, from the model with chains for them."""
+    """The plane in which the rods bend, found from the model with chains in place of the flexes."""
     model, data = load(path, replace(run, settings={}))
     mujoco.mj_kinematics(model, data)
     return find_plane(model, data)
@@ -259,7 +260,7 @@ def assembled(path: Path, run: Run, chains: list[Chain]) -> tuple[mujoco.MjModel
 
 
 def no_moments(spec: mujoco.MjSpec, chains: list[Chain]) -> None:
-    """Raise where an actuator turns a point: it cannot."""
+    """Raise `Unsupported` if an actuator exerts a moment on a point, which cannot rotate."""
     tips = [f"{one.rod.name}.tip" for one in chains]
     for actuator in spec.actuators:
         if actuator.target in tips and any(actuator.gear[3:]):
@@ -267,7 +268,7 @@ def no_moments(spec: mujoco.MjSpec, chains: list[Chain]) -> None:
 
 
 def tune(model: mujoco.MjModel, run: Run) -> None:
-    """Step and constraints for a short way to rest; the run's settings come last."""
+    """Set the step and the constraints for fast settling; the run's settings override them."""
     step = PACE * min(tempo(rod) / rod.segments for rod in run.rods)
     own = {"timestep": step, "tolerance": 1e-14, "solref": (PROMPT * step, 1.0), "solimp": STIFF}
     configure(model, own | {key: value for key, value in run.settings.items() if key != "flex"})
@@ -280,7 +281,7 @@ def put(
     begin: mujoco.MjData,
     chains: list[Chain],
 ) -> None:
-    """The model's own joints as they are in `begin`, the rods as arcs that reach their ends."""
+    """Set the model's own joints as in `begin`, and the rods as arcs that reach their ends."""
     added = {
         model.joint(f"{one.rod.name}.{k}.{axis}").id
         for one in chains
@@ -299,7 +300,7 @@ def put(
 
 
 def pose(data: mujoco.MjData, one: Chain, plane: MotionPlane) -> RodPose:
-    """Vertices of a rod's links, their angles, and bends with which EI/h gives the moments."""
+    """Vertices and angles of a rod's links, and its moments over EI/h, which stand for bends."""
     places = np.array([data.body(f"{one.rod.name}.{k}").xpos for k in range(one.vertices.size)])
     places[0] = data.site(one.rod.start).xpos
     x, y = plane.flat(np.diff(places, axis=0)).T
@@ -308,6 +309,6 @@ def pose(data: mujoco.MjData, one: Chain, plane: MotionPlane) -> RodPose:
 
 
 def stretch(one: Chain, shape: RodPose) -> float:
-    """By how much of its length a link is longer or shorter than it should be, at most."""
+    """Largest relative change of the length of a rod's links [1]."""
     links = np.linalg.norm(np.diff(shape[0], axis=0), axis=1)
     return float(np.abs(links / one.lengths - 1.0).max())

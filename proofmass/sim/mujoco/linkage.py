@@ -1,13 +1,13 @@
 """A MuJoCo model whose loops are kept closed while some of its joints are driven.
 
-The loops are closed by Newton's method on the engine's own constraint rows, with the driven joints
-held; rates follow from the null space, accelerations from the rows' time derivative:
+Newton's method on the engine's own constraint rows closes the loops, with the driven joints at
+prescribed values.  Rates follow from the null space of the rows, accelerations from their time
+derivative:
 
     J(q) v = 0,   v_drive = rate            J a = -J' v,   a_drive = acceleration
 
-A path of many poses is followed in strides, as one pose after the other would be.  The poses
-between the ends of strides are guessed from these, by polynomials of third degree, and closed
-together.
+A path of many poses is followed in strides.  The poses between the ends of strides are interpolated
+by polynomials of third degree, and their loops are closed for all of them together.
 """
 
 from collections.abc import Iterator
@@ -36,50 +36,53 @@ AT_REST = (
     "mj_transmission",
 )
 """Parts of ``mj_fwdPosition``: all but those of inertia."""
-SETTLED = 1e-13  # [m or rad] the last Newton step; rounding of the pose is about 1e-15
-TOUCHES = 1e-12  # [rad or m] rounding of a pose; beyond it a joint is past its range
-NEAR = 1e-8  # [extents or rad] the last Newton step where the drives are held: its square is left
-LEFT = 1e-15  # [extents or rad] what such a step leaves: its size times the way from the inverse
-CHORD = 1e-3  # [extents or rad] way on which an inverse serves for the next step as well
-CLOSED = 1e-11  # [extents or rad] what may stay open of a loop
-UNSURE = 1e5  # [extents or rad per extent] a pose that moves so for a gap is singular, to rounding
-UNDRIVEN = np.zeros(0)  # values of no drives
-NUDGE = 1e-3  # [rad, or extents] a pose that is singular is not so when it is moved by that
-STRIDE = 0.1  # [rad, or extents] the drives move no further at once, so that the branch is kept
-FAR = 2.0  # [strides] a guess by a polynomial reaches no further
-BENDS = 0.3  # of a move, or of a way of the drives, that is off the tangent or the last way
-BLOCK = 1000  # poses that are closed together
-AHEAD = 1e-2  # [extents or rad] a guess between strides that is further off is none
-SHORTENS = 0.1  # of a Newton step: the next one is shorter, or the guess is none
-SURE = 1e8  # ratio of singular values below which a pose is not singular
-REGULAR = 1e3  # [extents or rad per extent] poses that move so for a gap are followed one by one
-THERE = 1e-12  # [extents or rad] the last Newton step of poses together, whose inverse is refined
-TURNS = 5  # Newton steps of poses together
+SETTLED = 1e-13  # [m or rad] size of the last Newton step of `release`; poses round by about 1e-15
+TOUCHES = 1e-12  # [rad or m] rounding of a pose; a joint further beyond its range has left it
+NEAR = 1e-8  # [extents or rad] size of a Newton step after which an error of its square remains
+# [extents or rad] error at which `place` stops: Newton step times distance from the inverse's pose
+LEFT = 1e-15
+CHORD = 1e-3  # [extents or rad] distance from its pose up to which an inverse is used again
+CLOSED = 1e-11  # [extents or rad] largest constraint violation of a closed loop
+# [extents or rad per extent] ratio of motion to constraint violation above which a pose counts as
+# singular, because of rounding
+UNSURE = 1e5
+UNDRIVEN = np.zeros(0)  # values or rates of no drives
+NUDGE = 1e-3  # [rad or extents] offset at which a pose next to a singular one is not singular
+STRIDE = 0.1  # [rad or extents] largest motion of drives in a stride: keeps the assembly mode
+FAR = 2.0  # [strides] largest extrapolation by a polynomial
+BENDS = 0.3  # largest deviation of a polynomial from its tangent, and of drives from their last line
+BLOCK = 1000  # poses whose loops are closed together
+AHEAD = 1e-2  # [extents or rad] largest error of an interpolated pose; else poses follow singly
+SHORTENS = 0.1  # largest ratio of a Newton step to the one before it, of interpolated poses
+SURE = 1e8  # ratio of singular values up to which a matrix is regular and inverted by elimination
+REGULAR = 1e3  # the same ratio for poses that are closed together; else poses follow singly
+THERE = 1e-12  # [extents or rad] size of the last Newton step of poses that are closed together
+TURNS = 5  # largest number of Newton steps of poses that are closed together
 
 
 class Linkage:
-    """The driven joints `dofs` of a model, and its loops.
+    """A model whose joints `dofs` are driven, with its loops.
 
     Attributes
     ----------
     dofs, adr : ndarray (drives,) of int
-        Where the driven joints stand in ``qvel`` and in ``qpos``.
+        Indices of the driven joints in ``qvel`` and in ``qpos``.
     sizes : ndarray (nv,)
-        What moves are measured in: the extent of the model [m], or radians.
+        Units in which motions of the joints are measured: the extent of the model [m], or 1 rad.
     spans : ndarray (rows + drives,)
-        The same of the active equalities' rows, then of the drives.
+        The same for the rows of the active equalities, then for the drives.
     shares : ndarray (rows + drives, nv)
-        Their quotients, that of the rows' Jacobian by one of lengths in extents.
+        Quotients `sizes` / `spans`, which scale the Jacobian to lengths in extents.
     inverse : ndarray (nv, rows + drives)
-        `invert` the Jacobian of the pose last closed.
+        Result of `invert` for the Jacobian of the last pose that was closed.
     stridden : tuple of ndarray
         Pose (nq,) and tangent (nv, drives) at the begin of the last stride, and pose at its end.
     rub : ndarray (nv,)
-        What dry friction asks of the joints, in the sense of their motion [N m or N].
+        Forces needed against dry friction, in the direction of the motion [N m or N].
     loaded : ndarray of int
-        Bodies with forces of their own, the dead loads of rods, which do not change in a run.
+        Bodies with applied forces, the dead loads of rods, which are constant in a run.
     controls : ndarray (loads,) of int
-        Where the controls of loads that change stand in ``ctrl``.
+        Indices of the controls of changing loads in ``ctrl``.
     """
 
     def __init__(
@@ -124,12 +127,12 @@ class Linkage:
         self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
 
     def span(self, i: int, kind: mujoco.mjtEq) -> list[float]:
-        """What the rows of equality number i are measured in [m or 1].
+        """Units in which the rows of equality number i are measured [m or 1].
 
         Raises
         ------
         Unsupported
-            It is of a kind that is not covered.
+            The equality is of a kind that is not covered.
         """
         extent = self.model.stat.extent
         if kind == EQ.mjEQ_JOINT:
@@ -144,7 +147,7 @@ class Linkage:
         return rows[kind]
 
     def rubs(self, velocity: Array, fastest: float) -> None:
-        """Let joints rub against their motion; those that stand, as when they came there."""
+        """Set dry friction against the motion; joints at rest keep the friction that they had."""
         if not self.model.dof_frictionloss.any():
             return
         self.rub = np.where(
@@ -156,8 +159,8 @@ class Linkage:
     def rows(self, inertia: bool = True) -> tuple[Array, Array]:
         """Residual and Jacobian of the active equalities at the present pose.
 
-        Without its `inertia`, on which forces at rest do not depend: of a chain of 80 links in
-        space that takes twenty times as long as all the rest.
+        With `inertia` False the inertia matrix, on which forces at rest do not depend, is not
+        computed: for a chain of 80 links in space it takes twenty times as long as all the rest.
         """
         if inertia:
             mujoco.mj_fwdPosition(self.model, self.data)
@@ -177,10 +180,10 @@ class Linkage:
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the branch to new values of the drives, in strides; returns the tangent there.
 
-        `values` are those of the drives, then the controls of loads that change, and so are the
-        columns of the tangent (nv, drives + loads).  `tangent` is that of the present pose; without
-        it the pose is closed first.  A stride that ends in a singular pose, where the tangent is
-        not sure, is taken with the next one.
+        `values` has the values of the drives, then the controls of changing loads; the columns of
+        the tangent (nv, drives + loads) have the same order.  `tangent` is that of the present
+        pose; without it the loops are closed first.  A stride that would end in a singular pose,
+        where the tangent is uncertain, is joined with the next one.
         """
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         if tangent is None:
@@ -207,10 +210,11 @@ class Linkage:
         return self.loaded_tangent(tangent)
 
     def ahead(self, target: Array, tangent: Array) -> Array:
-        """The move (nv,) to a guess of the pose at values of the drives, by the present tangent.
+        """Predicted motion (nv,) from the present pose to values of the drives.
 
-        Where the drives go on as in the last stride, by Hermite's polynomial of third degree
-        through its ends, unless it bends much.
+        It follows the present tangent.  If the drives move on in the direction of the last stride,
+        it follows Hermite's polynomial of third degree through the ends of that stride, unless this
+        deviates much from the tangent.
         """
         pose, (before, rates, end) = self.data.qpos, self.stridden
         way = target - pose[self.adr]
@@ -229,12 +233,12 @@ class Linkage:
         return move
 
     def path(self, values: Array) -> Iterator[Array]:
-        """The tangents at values (drives + loads, n), each with the model in its pose.
+        """Yield the tangent at each column of `values` (drives + loads, n), with the model there.
 
         Raises
         ------
         BadModel, Unsupported
-            As `move` does, where the path ends.
+            The path ends; see `move`.
         """
         tangent, drives = None, self.dofs.size
         for first in range(0, values.shape[1], BLOCK):
@@ -253,10 +257,11 @@ class Linkage:
                 yield tangent
 
     def together(self, values: Array, tangent: Array | None) -> tuple[Array, Array] | None:
-        """Poses (n, nv) of a path that is regular, and the `inverse` (n, nv, rows + drives) nearby.
+        """Poses (n, nv) of a regular path, closed together, and an `inverse` near each of them.
 
-        None where poses are as far from each other as strides, where one of them is singular or
-        cannot be closed, or where Newton's method does not go from a guess straight to its pose.
+        The inverses have shape (n, nv, rows + drives).  The result is None if the poses are as far
+        from each other as strides, if one of them is singular or cannot be closed, or if Newton's
+        method does not converge at once from an interpolated pose.
         """
         drives = values[: self.dofs.size].T
         far = np.abs(np.diff(drives, axis=0) / self.stride).max(axis=1, initial=0.0)
@@ -304,7 +309,7 @@ class Linkage:
         return np.array(residuals), np.array(jacobians)
 
     def invert_regular(self, jacobians: Array) -> Array | None:
-        """`invert` of many poses (n, nv, rows + drives); None if one of them is near a singular."""
+        """`invert` for many poses (n, nv, rows + drives); None if one is nearly singular."""
         scaled = self.scaled(jacobians)
         if scaled.shape[1] < self.model.nv or not np.isfinite(scaled).all():
             return None
@@ -316,24 +321,25 @@ class Linkage:
         return self.inverted(left, values, right)
 
     def refined(self, inverse: Array, jacobian: Array) -> Array:
-        """`invert` a Jacobian, from that of a pose which is off by the last Newton step.
+        """The inverse of a Jacobian, from the inverse at a pose that differs by a Newton step.
 
-        Rates would be off by as much, up to `THERE`, and not by the rounding of the pose alone; a
-        step of Newton's method on the inverse leaves the square of that.
+        Rates by the old inverse would have an error of that step, up to `THERE`, which is larger
+        than the rounding of the pose.  One step of Newton's method on the inverse squares the
+        error.
         """
         rows = np.vstack([jacobian, self.units])
         return np.asarray(2.0 * inverse - inverse @ (rows @ inverse))
 
     def loaded_tangent(self, tangent: Array) -> Array:
-        """The tangent of the drives, and that of loads, which move nothing."""
+        """The tangent (nv, drives + loads), with zeros for loads, which do not move a linkage."""
         if not self.controls.size:
             return tangent
         return np.pad(tangent, ((0, 0), (0, self.controls.size)))
 
     def place(self, values: Array) -> Array:
-        """Put the drives to `values`, close the loops, and return the tangent (nv, drives)."""
+        """Set the drives to `values`, close the loops, and return the tangent (nv, drives)."""
         self.data.qpos[self.adr] = values
-        inverse, far = np.empty((0, 0)), np.inf  # and the way from the pose that it is of
+        inverse, far = np.empty((0, 0)), np.inf  # the latter: distance from the inverse's pose
         for _ in range(50):
             residual, jacobian = self.rows()
             if far > CHORD:
@@ -350,7 +356,7 @@ class Linkage:
         return self.inverse[:, residual.size :]
 
     def lever(self) -> float:
-        """Largest move [extents or rad] for a gap of an extent, in the pose last closed."""
+        """Largest motion [extents or rad] for a constraint violation of an extent, at last pose."""
         return float(np.abs(self.inverse / self.shares.T).max())
 
     def closed(self, values: Array) -> tuple[Array, Array]:
@@ -359,7 +365,7 @@ class Linkage:
         Raises
         ------
         BadModel
-            The loops are open.
+            The loops are not closed.
         """
         residual, jacobian = self.rows()
         gaps = residual / self.spans[: residual.size]
@@ -372,7 +378,7 @@ class Linkage:
         return jacobian, residual
 
     def leaves_dof(self) -> bool:
-        """Whether the drives leave degrees of freedom, and not in a singular pose alone."""
+        """Whether the drives leave degrees of freedom in general, not only in a singular pose."""
         pose, free = self.data.qpos.copy(), self.dof()
         if free:
             moves = NUDGE * np.random.default_rng(0).uniform(-1.0, 1.0, self.model.nv) * self.sizes
@@ -382,22 +388,22 @@ class Linkage:
         return bool(free)
 
     def release(self, values: Array = UNDRIVEN, wanted: Array = UNDRIVEN) -> Array:
-        """Close the loops with the least change of the joints, and make the rates fit them.
+        """Close the loops with the least change of the joints, and make the rates satisfy them.
 
         Parameters
         ----------
         values, wanted : ndarray (drives,)
-            Places [rad or m] and rates [rad/s or m/s] of the driven joints; none, if left out.
+            Values [rad or m] and rates [rad/s or m/s] of the driven joints; empty without drives.
 
         Returns
         -------
         ndarray (nv, drives)
-            Least rates of all joints for a unit rate of each drive [SI].
+            Rates of all joints, of least norm, for a unit rate of each drive [SI].
 
         Raises
         ------
         BadModel
-            The loops stay open with the drives at their places.
+            The loops cannot be closed with the drives at these values.
         """
         self.data.qpos[self.adr] = values
         for _ in range(50):
@@ -417,8 +423,8 @@ class Linkage:
     def check_limits(self) -> None:
         """Raise `BadModel` if a joint or a tendon is beyond its range; needs the pose of `rows`.
 
-        The drives hold every joint, so nothing can give way there; the engine's own limits are
-        springs, whose forces would enter the holding moments.
+        The drives determine every joint, so that no joint can give way at a limit.  The engine's
+        own limits are springs, whose forces would enter the holding moments.
         """
         for word, kind in LIMITS.items() if self.limited else ():
             past = (self.data.efc_type == kind) & (self.data.efc_pos < -TOUCHES)
@@ -430,14 +436,14 @@ class Linkage:
                 )
 
     def dof(self) -> int:
-        """Degrees of freedom left at the present pose when the drives are held."""
+        """Degrees of freedom that the drives leave at the present pose."""
         rows = self.scaled(self.rows()[1])
         if not len(rows):  # numpy up to 2.4.0 refuses the rank of an empty matrix
             return int(self.model.nv)
         return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
 
     def scaled(self, jacobian: Array) -> Array:
-        """The loops' rows (..., rows, nv) and, below them, the drives', with lengths in extents."""
+        """Rows of the loops and, below them, of the drives (..., rows + drives, nv), in extents."""
         rows = jacobian.shape[-2]
         found = np.empty((*jacobian.shape[:-2], *self.shares.shape))
         np.multiply(jacobian, self.shares[:rows], out=found[..., :rows, :])
@@ -445,10 +451,11 @@ class Linkage:
         return found
 
     def eliminated(self, scaled: Array, most: float) -> Array | None:
-        """The inverse of what `scaled` gives, in SI, by elimination.
+        """The inverse in SI of the matrix from `scaled`, by elimination.
 
-        It takes less time than singular values.  None where there are more rows than joints, zeros
-        not counted, and where the ratio of the largest to the least of these may be above a bound.
+        Elimination takes less time than singular values.  The result is None unless the matrix has
+        as many rows that are not zero as columns, and if the ratio of its largest to its least
+        singular value may exceed `most`.
         """
         rows = scaled.any(axis=(*range(scaled.ndim - 2), -1))
         if np.count_nonzero(rows) != self.model.nv:
@@ -466,7 +473,7 @@ class Linkage:
         return found * self.shares.T
 
     def inverted(self, left: Array, values: Array, right: Array) -> Array:
-        """The pseudo-inverse of what `scaled` gives, by its singular values, in SI."""
+        """The pseudo-inverse in SI of the matrix from `scaled`, by its singular values."""
         turned = np.swapaxes(right, -1, -2) / values[..., None, :]
         return np.asarray(turned @ np.swapaxes(left, -1, -2) * self.shares.T)
 
@@ -475,10 +482,10 @@ class Linkage:
         return ", ".join(f"{j} = {v:.6g}" for j, v in zip(self.joints, values, strict=True))
 
     def invert(self, jacobian: Array) -> Array:
-        """Pseudo-inverse of the loops' rows and, below them, the drives' (nv, rows + drives).
+        """Pseudo-inverse of the rows of the loops and the drives (nv, rows + drives).
 
-        Its last columns are the motions that the drives allow.  A planar loop in 3-D carries rows
-        that are always zero, hence no plain inverse.
+        Its last columns are the motions of all joints for unit motions of the drives.  A planar
+        loop has rows that are always zero, so that there is no inverse in the strict sense.
         """
         scaled = self.scaled(jacobian)
         if (found := self.eliminated(scaled, SURE)) is not None:
@@ -516,7 +523,7 @@ class Linkage:
         return np.array([poly(data.qpos[adr] - model.qpos0[adr]) * velocity[dof] ** 2])
 
     def needed(self) -> Array:
-        """What must act on the joints for the present rates and accelerations, loops open (nv,)."""
+        """Forces (nv,) that the open tree needs on its joints for its rates and accelerations."""
         model, data, force = self.model, self.data, np.empty(self.model.nv)
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_fwdActuation(model, data)
@@ -525,7 +532,7 @@ class Linkage:
         return force - data.qfrc_passive - data.qfrc_actuator - self.pushed()
 
     def pushed(self) -> Array:
-        """What the forces on bodies, loads of rods, do to the joints (nv,)."""
+        """Generalized forces (nv,) of the forces on bodies, which are the dead loads of rods."""
         model, data, found = self.model, self.data, np.zeros(self.model.nv)
         loads, places = data.xfrc_applied, data.xipos
         for body in self.loaded.tolist():
@@ -541,9 +548,9 @@ class Linkage:
     def balance_forces(self, tangent: Array, sensors: bool) -> Array:
         """Moments (or forces) of the drives for the present rates and accelerations (drives,).
 
-        By virtual work.  The engine's ``qfrc_inverse`` at a drive is not it: on a closed loop that
-        leaves out what the loop carries.  `sensors`: the engine's sensors of forces then show what
-        rigid loops transmit, and not what its soft ones would.
+        They follow from virtual work.  The engine's ``qfrc_inverse`` at a drive is not the moment
+        of the drive, since it leaves out what a closed loop transmits.  With `sensors` the engine's
+        force sensors are set to the forces that rigid loops transmit, not its own soft ones.
         """
         model, data, needed = self.model, self.data, self.needed()
         if sensors:
@@ -555,7 +562,7 @@ class Linkage:
 
 
 def between(drives: Array, knots: Array, ends: Array, ways: Array) -> Array:
-    """Poses guessed from those at knots, with the values of the drives.
+    """Interpolate poses between the known poses at knots, for given values of the drives.
 
     Parameters
     ----------
@@ -564,15 +571,16 @@ def between(drives: Array, knots: Array, ends: Array, ways: Array) -> Array:
     knots : ndarray (knots,) of int
         Numbers of the poses that are known, the first and the last among them [1].
     ends : ndarray (knots, nv)
-        These poses [rad or m].
+        The known poses [rad or m].
     ways : ndarray (knots, nv, drives)
-        How they move with the drives, rad or m for each rad or m [1].
+        Tangents at the known poses, rad or m for each rad or m [1].
 
     Returns
     -------
     ndarray (n, nv) [rad or m]
-        On the line of the drives from a knot to the next Hermite's polynomials of third degree,
-        beside it the ways of both knots.
+        Hermite's polynomials of third degree on the straight line of the drives from one knot to
+        the next.  If the drives leave that line, the tangents of both knots, weighted by the
+        distance along the line, give the motion that is added.
     """
     k = np.clip(np.searchsorted(knots, np.arange(len(drives)), "right") - 1, 0, knots.size - 2)
     start, line = drives[knots[k]], drives[knots[k + 1]] - drives[knots[k]]

@@ -1,4 +1,4 @@
-"""Loading a MuJoCo model and reading its sensors; shared by all kinds of runs."""
+"""Loading of a MuJoCo model and reading of its sensors, for all kinds of runs."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     Raises
     ------
     BadModel
-        When the file does not compile or lacks something the run names.
+        The file does not compile, or lacks an element that the run names.
     """
     return begin(compile_model(path, run.rods), run)
 
@@ -53,11 +53,11 @@ def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjDat
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, key_of(model, run))
     for actuator in range(model.nactuator):
-        # its motor is the drive; what is left in ctrl are constant loads
+        # the drive replaces a motor on its joint; the other controls are constant loads
         if joint_of(model, actuator) in driven:
             first = model.actuator_ctrladr[actuator]
             data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
-            model.actuator_biasprm[actuator] = 0.0  # of a servo
+            model.actuator_biasprm[actuator] = 0.0  # so that a servo exerts no force either
     for body, force in dead_loads(model, run.rods):
         data.xfrc_applied[body, :3] += force
     configure(model, run.settings)
@@ -65,14 +65,14 @@ def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjDat
 
 
 def key_of(model: mujoco.MjModel, run: Run) -> int:
-    """Number of the key that a run starts from."""
+    """Number of the key from which a run starts."""
     if run.kind == "passive":
         return max(0, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, run.start))
     return named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
 
 
 def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
-    """The id of a named element, or an error that lists the names there are."""
+    """The id of a named element; if there is none, an error lists the names in the model."""
     index = mujoco.mj_name2id(model, kind, name)
     if index < 0:
         count = {
@@ -86,11 +86,11 @@ def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
 
 
 def refuse_dry_friction(model: mujoco.MjModel, kind: str, soft: bool = False) -> None:
-    """Raise `Unsupported` where joints or tendons have friction that a run at rest leaves out.
+    """Raise `Unsupported` if joints or tendons have dry friction that a run at rest does not cover.
 
-    At rest it may be anything between its two bounds, so that no pose and no moment is determined;
-    but in a sweep by how the pose was reached, where the friction of joints is not the engine's own
-    `soft` one.
+    At rest dry friction may have any value between its two bounds, so that it determines neither
+    pose nor moments.  In a sweep the friction of joints follows from the path to the pose and is
+    covered, unless it is the engine's own `soft` friction.
     """
     for word, values, name in (
         ("joint", model.dof_frictionloss, lambda d: model.joint(model.dof_jntid[d]).name),
@@ -110,14 +110,17 @@ def refuse_dry_friction(model: mujoco.MjModel, kind: str, soft: bool = False) ->
 def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """Distance between the two points of every active ``connect`` [m], shape (loops,).
 
-    Measured from the bodies' poses, not from the engine's own constraint residual.
+    It is computed from the poses of the bodies, not from the engine's own constraint residual.
     """
     pairs = [anchors(model, i, pose_of(data)) for i in connects(model)]
     return np.array([float(np.linalg.norm(one - two)) for one, two in pairs])
 
 
 def is_acceleration(model: mujoco.MjModel, sensor: int) -> bool:
-    """Whether a sensor stands for the acceleration of a joint, for which MJCF has none."""
+    """Whether a sensor is a ``user`` sensor on a joint, which here stands for its acceleration.
+
+    MJCF has no sensor of a joint's acceleration.
+    """
     return bool(
         model.sensor_type[sensor] == S.mjSENS_USER
         and model.sensor_objtype[sensor] == mujoco.mjtObj.mjOBJ_JOINT
@@ -125,11 +128,11 @@ def is_acceleration(model: mujoco.MjModel, sensor: int) -> bool:
 
 
 class Recorder:
-    """Keeps what a run shows at its samples, as whole rows; curves are cut out at the end.
+    """Records whole arrays of MuJoCo's data at each sample; channels are extracted at the end.
 
     Two readings differ from ``sensordata``: a ``user`` sensor on a joint is the joint's
-    acceleration, see `is_acceleration`; and ``framelinacc`` is given as the
-    acceleration of the point, with the gravity that MuJoCo adds to it taken off.
+    acceleration, see `is_acceleration`; and ``framelinacc`` is the acceleration of the point
+    itself, of which MuJoCo's reading is the difference to gravity.
     """
 
     def __init__(
@@ -161,20 +164,20 @@ class Recorder:
         return index, part
 
     def sample(self, k: int) -> None:
-        """Keep the state, and what the engine shows of it, as sample k."""
+        """Record the state, and the sensors and accelerations of it, as sample k."""
         self.sample_state(k)
         self.sample_shown(k)
 
     def sample_state(self, k: int) -> None:
-        """Keep the state alone; what the engine shows of it comes with the next step."""
+        """Record the state alone; the engine computes its sensors in the next step."""
         for view, rows in self.state:
             rows[k] = view
 
     def keep_forces(self) -> None:
-        """Keep from now on what acts on the joints, too.
+        """Record the generalized forces on the joints as well, from now on.
 
-        ``qfrc_inverse`` is then what the accelerations of the bodies need: that of an open tree
-        without armatures.
+        ``qfrc_inverse`` is then the generalized force that the accelerations of the bodies need,
+        for the open tree without armatures.
         """
         self.inverse = np.empty(self.model.nv)
         views = {
@@ -189,7 +192,7 @@ class Recorder:
             self.shown.append((view, self.rows[name]))
 
     def sample_shown(self, k: int) -> None:
-        """Keep sensors, accelerations and places of the state that the last step began with."""
+        """Record sensors, accelerations and positions of the state in which the last step began."""
         if self.inverse.size:
             velocity = self.data.qvel.copy()
             self.data.qvel[:] = self.rows["qvel"][k]
@@ -199,12 +202,12 @@ class Recorder:
             rows[k] = view
 
     def cut(self, samples: int) -> None:
-        """Forget all samples from that number on."""
+        """Keep only the first `samples` samples."""
         self.samples = samples
         self.rows = {name: rows[:samples] for name, rows in self.rows.items()}
 
     def curves(self) -> dict[str, Array]:
-        """All channels over all samples."""
+        """The curves of all channels over all samples."""
         return {channel: self._curve(*place) for channel, place in self.sensors.items()}
 
     def gaps(self) -> Array:

@@ -1,21 +1,23 @@
 """A model's own motion, solved in several ways: with finer and finer steps, and without steps.
 
-A model that no sidecar speaks of starts from its key, or from its initial pose, and its actuators
-have the controls of the key.  Its equations are those of MuJoCo, with soft contacts, soft loops and
-limits as they are.  They are solved
+A model without a sidecar starts from its key, or from its initial pose, with the controls of the
+key.  Its equations of motion are those of MuJoCo, with the soft contacts, loops and limits of the
+model.  They are solved
 
 * with the model's integrator and step, and with 1/2, 1/4, 1/8, .. of that step;
-* by DOP853, which integrates the accelerations of ``mj_forward`` and chooses its steps by the error
-  that it allows itself, with two allowances;
+* by DOP853, which integrates the accelerations of ``mj_forward`` and chooses its steps by an error
+  tolerance, with two tolerances;
 * once more with a start pose that differs by 1e-9 of the model's size;
-* with settings that somebody would try: RK4, and contacts and loops that are four times as stiff.
+* with other settings that a user might try: RK4, and contacts and loops with time constants that
+  are four times as short.
 
-Joints may be driven.  As in a run (`proofmass.sim.mujoco.dynamics`) they have flywheels, which the
-equations have as well: 1e9 times the inertia that the drive feels at the start, so that a motion
-that is prescribed exactly differs by a share of 1e-9.  Without steps the driven joints are where
-their laws have them; in steps each gets the mean acceleration of its law over the step.
+Joints may be driven.  As in a run (`proofmass.sim.mujoco.dynamics`) they have flywheels, which are
+part of the equations: 1e9 times the load inertia of the drive in the start pose, so that the motion
+differs from an exactly prescribed one by a share of 1e-9.  Without steps the driven joints follow
+their motion profiles exactly; with steps each gets the mean acceleration of its profile over the
+step.
 
-`proofmass.self_consistency` judges what came of it.
+`proofmass.self_consistency` judges the results.
 """
 
 import copy
@@ -48,28 +50,30 @@ from proofmass.sim.mujoco.settling import failure
 from proofmass.sim.protocol import ChangingLoad, Curves, Drive, NotSolved, OwnMotion, OwnRun, Run
 
 HALVINGS, FEWEST = 6, 3
-SHORT = 1.0  # s
+"""Largest and smallest number of halvings of the step."""
+SHORT = 1.0
+"""A first run that takes less processor time [s] is timed again."""
 LONGEST = 300.0
-"""Processor time of a motion without steps that is a reference [s]."""
+"""Largest processor time of a motion without steps that serves as a reference [s]."""
 CLOSE, ROUGH = 1e-9, 1e-6
-"""What DOP853 allows itself, relative and in SI units."""
+"""Narrow and wide error tolerance of DOP853, relative and in SI units."""
 DISTURBANCE = 1e-9
-"""Of the start pose, as a share of the model's size and in rad."""
+"""Change of the start pose, as a share of the model's size and in rad."""
 STIFFER = 4.0
-"""By how much the time constants of contacts and loops are shortened."""
+"""Divisor of the time constants of contacts, loops and limits."""
 MANY = 60
-"""Bodies of which three points are watched; of more, one of each."""
+"""Largest number of bodies of which three points each are recorded; of more, one point each."""
 SHARES = {"steps": 0.4, "close": 0.25, "rough": 0.1, "disturbed": 0.1, "others": 0.15}
-"""Of the processor time that all may take."""
+"""Shares of the processor time for the ways to solve a motion."""
 
 
 class OutOfTime(Exception):
-    """The processor time of a way to solve it is over."""
+    """The processor time for one way to solve a motion is over."""
 
 
 @dataclass
 class Watched:
-    """What is written down of a run at each of its samples."""
+    """Record of a run: points, energy, penetration and constraint violation at each sample."""
 
     points: Callable[[mujoco.MjData], Array]
     inputs: "InputsInTime"
@@ -79,16 +83,16 @@ class Watched:
     gap: list[float] = field(default_factory=list)
 
     def sample(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Write down the present state, with the contacts and the loops of the last forward pass.
+        """Record the present state, with the contacts and the loops of the last forward pass.
 
         Raises
         ------
         FloatingPointError
-            It is not finite.
+            The state is not finite.
         """
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)  # a step has left that of its beginning
+        mujoco.mj_makeM(model, data)  # a step leaves the inertia matrix of its beginning
         mujoco.mj_energyPos(model, data)
         mujoco.mj_energyVel(model, data)
         row = self.points(data)
@@ -101,7 +105,7 @@ class Watched:
         self.gap.append(float(np.abs(loops).max(initial=0.0)))
 
     def run(self, name: str, step: float, began: float, stopped: Exception | None = None) -> OwnRun:
-        """What was written down, as a run, and what ended it early."""
+        """The record as an `OwnRun`; `stopped` is the exception that ended it early."""
         return OwnRun(
             name,
             step,
@@ -117,18 +121,18 @@ class Watched:
 
 @dataclass(frozen=True)
 class InputsInTime:
-    """What is done to a model in time: joints that are driven, and controls that change.
+    """Inputs of a model in time: driven joints, and controls that change.
 
     Attributes
     ----------
     run : Run
-        Its drives and loads.
+        The run with the drives and loads.
     adr, dofs : ndarray (drives,)
-        Where the driven joints stand in ``qpos`` and in ``qvel``.
+        Indices of the driven joints in ``qpos`` and in ``qvel``.
     flywheels : ndarray (drives,)
-        What their armatures got [kg m^2 or kg].
+        Inertias of the flywheels, which were added to the armatures [kg m^2 or kg].
     places : ndarray (loads,)
-        Where the controls that change stand in ``ctrl``.
+        Indices of the controls that change in ``ctrl``.
     """
 
     run: Run
@@ -139,9 +143,9 @@ class InputsInTime:
 
     @classmethod
     def begun(cls, model: mujoco.MjModel, run: Run, linkage: Linkage | None) -> "InputsInTime":
-        """Those of a run, with the model in the first pose of its drives and with flywheels.
+        """The inputs of a run; the model gets the first pose of its drives, and the flywheels.
 
-        Without drives, and so without a linkage of them, the model stays as it is.
+        Without drives `linkage` is None and the model stays as it is.
         """
         places = places_of_controls(model, (one.actuator for one in run.loads))
         loads = np.array(places, np.int32)
@@ -155,21 +159,21 @@ class InputsInTime:
 
     @property
     def any(self) -> bool:
-        """Whether there are any."""
+        """Whether there are driven joints or changing controls."""
         return bool(self.dofs.size or self.places.size)
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Times at which a derivative of a law jumps [s]."""
+        """Times at which a derivative of a motion profile or of a control jumps [s]."""
         drives, loads = self.run.drives, self.run.loads
         return breaks_of([*(one.law for one in drives), *(one.law for one in loads)])
 
     def energy(self, data: mujoco.MjData) -> float:
-        """That of the flywheels [J]."""
+        """Kinetic energy of the flywheels [J]."""
         return float(0.5 * self.flywheels @ data.qvel[self.dofs] ** 2)
 
     def apply(self, data: mujoco.MjData, t: float) -> None:
-        """Put the driven joints where their laws have them at a time [s], and set the controls."""
+        """Set the driven joints by their motion profiles at time `t` [s], and set the controls."""
         if self.dofs.size:
             value, rate, acceleration = (p[:, 0] for p in self.run.motion(np.array([t])))
             data.qpos[self.adr], data.qvel[self.dofs] = value, rate
@@ -178,7 +182,7 @@ class InputsInTime:
             data.ctrl[self.places] = self.run.controls(np.array([t]))[0][:, 0]
 
     def step(self, model: mujoco.MjModel, data: mujoco.MjData, count: int) -> None:
-        """Take some steps."""
+        """Take `count` steps, each with its own torques and controls."""
         h = float(model.opt.timestep)
         times = data.time + h * np.arange(count + 1)
         torque = self.flywheels * np.diff(self.run.motion(times)[1].T, axis=0) / h
@@ -203,11 +207,11 @@ def solve_own_motion(
     path : Path
         The MJCF file.
     until, samples : float, int
-        How long it is followed [s], and at how many moments about, whole steps apart.
+        Duration of the motion [s], and approximate number of samples, which are whole steps apart.
     seconds : float
-        Processor time that all of it may take, about [s].
+        Approximate processor time for all ways together [s].
     start : str
-        Key that it starts from, or else the first one.
+        Key from which the motion starts; the first key if there is none of that name.
     drives, loads : tuple
         Joints that are driven, and controls that change.
 
@@ -241,7 +245,7 @@ def solve_own_motion(
 
     limit = {way: share * seconds for way, share in SHARES.items()}
     runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
-    if runs[0].seconds < SHORT:  # what is done for the first time takes longer
+    if runs[0].seconds < SHORT:  # the first run in a process takes longer
         runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
     halvings, n = affordable(runs[0], limit["steps"])
     for k in range(1, halvings + 1):
@@ -274,9 +278,9 @@ def solve_own_motion(
 
 
 def affordable(own: OwnRun, limit: float) -> tuple[int, int]:
-    """How often the step may be halved in some processor time [s], and the samples followed.
+    """Number of halvings of the step that fit into a processor time [s], and number of samples.
 
-    Where not even three halvings of the whole run fit, less of it is followed.
+    If not even `FEWEST` halvings of the whole run fit, fewer samples are computed.
 
     >>> none = np.zeros((101, 1, 1, 3))
     >>> run = OwnRun("Euler, 2 ms", 2e-3, 0.1, none, *3 * (np.zeros(101),))
@@ -291,7 +295,7 @@ def affordable(own: OwnRun, limit: float) -> tuple[int, int]:
 
 
 def format_integrator(integrator: mujoco.mjtIntegrator, step: float) -> str:
-    """An integrator with its step, in words.
+    """Name of an integrator with its step.
 
     >>> format_integrator(mujoco.mjtIntegrator.mjINT_EULER, 0.002)
     'Euler, 2 ms'
@@ -305,7 +309,7 @@ def changed_copy(
     integrator: mujoco.mjtIntegrator | None = None,
     stiffer: float = 1.0,
 ) -> mujoco.MjModel:
-    """A model with another step [s], another integrator, and shorter time constants."""
+    """A copy with another step [s], another integrator, and time constants divided by `stiffer`."""
     changed = copy.copy(model)
     if step != model.opt.timestep:
         stay_awake(changed)
@@ -323,7 +327,7 @@ def changed_copy(
 def disturbed_start(
     model: mujoco.MjModel, data: mujoco.MjData, size: float, driven: NDArray[np.int32]
 ) -> mujoco.MjData:
-    """A copy of the start, all coordinates but driven ones moved by random shares of a size."""
+    """A copy of the start with each undriven coordinate moved by a random share of `size`."""
     start = copy.copy(data)
     if size and model.nv:
         shares = np.random.default_rng(20).uniform(-1.0, 1.0, model.nv)
@@ -338,10 +342,10 @@ def disturbed_start(
 
 
 def watched_points(model: mujoco.MjModel) -> Callable[[mujoco.MjData], Array]:
-    """Gives of a state three points of each body that may move (bodies, 3 points, 3) [m].
+    """A function that gives three points of each movable body in a state (bodies, 3 points, 3) [m].
 
-    They are its centre of mass and two that are a radius of gyration from it; of many bodies the
-    first alone.
+    The points are the centre of mass and two points at a radius of gyration from it.  With more
+    than `MANY` bodies it gives the centre alone (bodies, 1, 3).
     """
     moving = np.flatnonzero(model.body_weldid[: model.nbody] > 0)
     inertia, mass = model.body_inertia[moving], model.body_mass[moving]
@@ -370,7 +374,7 @@ def by_steps(
     name: str,
     limit: float,
 ) -> OwnRun:
-    """Step over all samples with `count` steps in each, until the processor time is over [s]."""
+    """Step through all samples, `count` steps apart, for at most `limit` of processor time [s]."""
     began, step = time.process_time(), float(model.opt.timestep)
     stopped: Exception | None = None
     stride = max(1, min(count, 100))
@@ -405,12 +409,12 @@ def without_steps(
     allowed: float,
     limit: float,
 ) -> OwnRun:
-    """Integrate the accelerations of ``mj_forward`` by DOP853, until its time is over [s]."""
+    """Integrate accelerations of ``mj_forward`` by DOP853, for at most `limit` processor time [s]."""
     model, data, inputs = copy.copy(model), copy.copy(data), kept.inputs
     free_of_steps(model, inputs)
     began = time.process_time()
     stopped: Exception | None = None
-    with collected_warnings(), np.errstate(all="ignore"):  # what is not finite is reported
+    with collected_warnings(), np.errstate(all="ignore"):  # values that are not finite are reported
         mujoco.mj_forward(model, data)
         try:
             for t, state in integrated(model, data, times, allowed, began + limit, inputs):
@@ -424,22 +428,23 @@ def without_steps(
 
 
 def stay_awake(model: mujoco.MjModel) -> None:
-    """Let no body fall asleep: MuJoCo counts the steps in which it is still, of any size."""
+    """Switch sleeping off, since it depends on a number of steps at rest, whatever their size."""
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
 def free_of_steps(model: mujoco.MjModel, inputs: "InputsInTime | None" = None) -> None:
-    """Let accelerations depend on the state alone, and solve for them to rounding.
+    """Make accelerations depend on the state alone, and have them solved to rounding.
 
-    MuJoCo measures what its solver gains by the mean inertia, of which flywheels make the most.
+    MuJoCo scales the tolerance of its solver by the mean inertia, to which flywheels contribute
+    most.
     """
     stay_awake(model)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # which depends on the step
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # it depends on the step
     model.opt.tolerance = 1e-14 / (FLYWHEEL if inputs and inputs.dofs.size else 1.0)
 
 
 def solve_closely(path: Path, run: Run) -> Curves:
-    """Do a motion by DOP853 with an allowance of 1e-9, and read every sensor at every sample.
+    """Solve a motion by DOP853 with a tolerance of 1e-9, and read every sensor at every sample.
 
     Loops are closed at the start as in a run with steps, see `proofmass.sim.mujoco.dynamics`.
 
@@ -448,7 +453,7 @@ def solve_closely(path: Path, run: Run) -> Curves:
     BadModel
         The model does not compile, or lacks a named element.
     Unsupported
-        Equalities beside drives are others than connect and joint.
+        A model with drives has an equality other than connect and joint.
     NotSolved
         A value is not finite, or the processor time is over.
     """
@@ -470,7 +475,7 @@ def solve_closely(path: Path, run: Run) -> Curves:
             for k, (t, state) in enumerate(integrated(model, data, run.x, CLOSE, late, inputs)):
                 put(model, data, t, state)
                 inputs.apply(data, t)
-                for _ in range(2):  # the first one shows the kinetic energy of the state before
+                for _ in range(2):  # after one pass the kinetic energy is that of the state before
                     mujoco.mj_forward(model, data)
                 record.sample(k)
         except (OutOfTime, FloatingPointError) as error:
@@ -490,7 +495,7 @@ def integrated(
     until: float,
     inputs: InputsInTime,
 ) -> Iterator[tuple[float, Array]]:
-    """Time and state (poses, rates, activations) at each sample; anew from break to break."""
+    """Time and state (poses, rates, activations) at each sample; DOP853 restarts at each break."""
     from scipy.integrate import DOP853  # slow to load
 
     turn, last = Turning(model), np.inf
@@ -525,7 +530,7 @@ def integrated(
 
 
 def put(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> None:
-    """Put a model into a state."""
+    """Set time and state of a model, with quaternions normalized."""
     data.time = t
     data.qpos[:], data.qvel[:] = state[: model.nq], state[model.nq : model.nq + model.nv]
     data.act[:] = state[model.nq + model.nv :]
@@ -533,7 +538,7 @@ def put(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> N
 
 
 class Turning:
-    """How coordinates change with rates: quaternions by half their product with the rates."""
+    """Time derivatives of coordinates; those of quaternions are half their product with the rates."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         quaternions, scalars, rates, turns = list[int](), list[int](), list[int](), list[int]()
@@ -552,11 +557,11 @@ class Turning:
         self.quaternions, self.turns = quaternions, turns
 
     def rates(self, pose: Array, speed: Array) -> Array:
-        """Rates of the coordinates (poses,)."""
+        """Time derivatives (poses,) of the coordinates for the rates `speed` of a model."""
         found = np.empty_like(pose)
         found[self.scalars] = speed[self.rates_of]
         for q, v in zip(self.quaternions, self.turns, strict=True):
-            w, x, y, z = pose[q : q + 4].tolist()  # of few numbers faster than as arrays
+            w, x, y, z = pose[q : q + 4].tolist()  # few numbers are faster than arrays
             a, b, c = speed[v : v + 3].tolist()
             found[q : q + 4] = (
                 0.5 * (-x * a - y * b - z * c),
