@@ -1,1 +1,1 @@
-"""Simulators, one folder each: ``NAME/engine.py`` holds ``simulate(model, run) -> Curves``."""
+"""Simulators, each in a folder; ``NAME/engine.py`` has ``simulate(model, run) -> Curves``."""

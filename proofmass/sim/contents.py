@@ -1,4 +1,4 @@
-"""What a compiled MJCF holds: names, units of channels, anchors of loops, size and mass."""
+"""Contents of a compiled MJCF: names, units of channels, anchors of loops, size and mass."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
@@ -11,7 +11,7 @@ from proofmass.sim.plane import PARALLEL, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
 from proofmass.sim.rods import format_rod_parts, rod_parts
 
-KEPT = 64  # models whose sizes are remembered
+KEPT = 64  # number of models whose size and mass are cached
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 UNITS = {
     S.mjSENS_FRAMEPOS: "m",
@@ -77,7 +77,7 @@ def sensors(model: mujoco.MjModel) -> list[str]:
 
 
 def place_sensors(model: mujoco.MjModel) -> list[str]:
-    """The names of the sensors that tell where something is, or how it is turned."""
+    """The names of the sensors of positions and orientations."""
     every = (model.sensor(s).name for s in range(model.nsensor))
     return [name for name, kind in zip(every, model.sensor_type, strict=True) if S(kind) in PLACES]
 
@@ -92,11 +92,11 @@ def loose_bodies(model: mujoco.MjModel) -> list[str]:
 
 
 def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
-    """The channels of each sensor that tell of a motion in the plane of a planar mechanism.
+    """The channels of each sensor that describe a motion in the plane of a planar mechanism.
 
-    Of an x axis that is its angle, of a linear vector the parts in the plane, if that is one of two
-    axes of the world, and of an angular vector the part normal to it.  Of a quaternion, and of all
-    vectors of a mechanism that leaves a plane, these are all parts.
+    For an x axis this is its angle; for a linear vector its components in the plane, if two axes of
+    the world span that plane; for an angular vector the component normal to it.  For a quaternion,
+    and for all vectors of a mechanism that leaves every plane, these are all components.
     """
     found, across = {}, normal_part(model, key)
     for s, name in enumerate(sensors(model)):
@@ -113,17 +113,17 @@ def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
 
 
 def parts_of(model: mujoco.MjModel, s: int) -> tuple[str, ...]:
-    """The parts of what sensor number s shows: of a vector, of a quaternion, or one without name.
+    """The parts of sensor number s: of a vector, of a quaternion, or "" for a single number.
 
-    A sensor of more numbers has none.
+    A sensor with more numbers has none.
     """
     return {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}.get(int(model.sensor_dim[s]), ())
 
 
 def normal_part(model: mujoco.MjModel, key: str) -> str | None:
-    """The part of a vector that is normal to the plane of a mechanism.
+    """The axis of the world, x, y or z, that is normal to the plane of a mechanism.
 
-    Empty if the plane is inclined, None if the mechanism leaves every plane.
+    The result is empty if the plane is inclined, None if the mechanism leaves every plane.
     """
     data = mujoco.MjData(model)
     if key in keys(model):
@@ -137,7 +137,7 @@ def normal_part(model: mujoco.MjModel, key: str) -> str | None:
 
 
 def measures_actuator(model: mujoco.MjModel, sensor: str) -> bool:
-    """Whether a sensor shows the force of an actuator, which may be the moment of a drive."""
+    """Whether a sensor measures the force of an actuator, which may be the moment of a drive."""
     return S(int(model.sensor_type[sensors(model).index(sensor)])) == S.mjSENS_ACTUATORFRC
 
 
@@ -147,13 +147,13 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
     Returns
     -------
     str or None
-        None where MJCF leaves it open: a ``user`` sensor of something else than a joint, the force
-        of an actuator with a gear, which may be a length.
+        None if MJCF does not determine it: for a ``user`` sensor that is not on a joint, and for
+        the force of an actuator with a gear, which may be a length.
 
     Raises
     ------
     BadModel
-        The sensor, or the rod, has no such part; the sensor's actuator has no gear.
+        The sensor, or the rod, has no such part; or the gear of the sensor's actuator is 0.
     KeyError
         There is no such sensor and no such rod.
     """
@@ -174,7 +174,7 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
 
 
 def format_parts(model: mujoco.MjModel, s: int) -> str:
-    """The channels of sensor number s in words."""
+    """The channels of sensor number s, as a phrase for messages."""
     name, parts = model.sensor(s).name, parts_of(model, s)
     if len(parts) < 2:
         return str(name)
@@ -184,7 +184,7 @@ def format_parts(model: mujoco.MjModel, s: int) -> str:
 
 
 def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:
-    """The SI unit of sensor number s if it shows a joint, its actuator, or a straight tendon."""
+    """The SI unit of sensor number s if it is on a joint, its actuator, or a straight tendon."""
     joint, force = int(model.sensor_objid[s]), kind in FORCES
     if kind in OF_TENDONS and straight_tendon(model, joint):
         return OF_TENDONS[kind]
@@ -205,7 +205,7 @@ def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | Non
 
 @lru_cache(KEPT)
 def size(model: mujoco.MjModel, key: str) -> float:
-    """Largest distance between two joints, sites or centres of mass in the pose of a key [m]."""
+    """Largest distance between joints, sites and centres of mass in the pose of a key [m]."""
     data = mujoco.MjData(model)
     if key in keys(model):
         mujoco.mj_resetDataKeyframe(model, data, keys(model).index(key))
@@ -216,12 +216,12 @@ def size(model: mujoco.MjModel, key: str) -> float:
 
 @lru_cache(KEPT)
 def mass(model: mujoco.MjModel) -> float:
-    """Mass of all that moves [kg]."""
+    """Mass of all bodies that can move [kg]."""
     return float(model.body_mass[model.body_weldid != 0].sum())
 
 
 def may_touch(model: mujoco.MjModel) -> bool:
-    """Whether contacts may arise: of geoms of two bodies, or of a pair that the model names."""
+    """Whether contacts may arise, between geoms of two bodies or in a pair that the model names."""
     off = mujoco.mjtDisableBit
     if model.opt.disableflags & int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
         return False
@@ -245,33 +245,33 @@ def joint_of(model: mujoco.MjModel, actuator: int) -> int:
 
 
 def places_of_controls(model: mujoco.MjModel, actuators: Iterable[str]) -> list[int]:
-    """Where the controls of some actuators stand in ``ctrl``."""
+    """Indices in ``ctrl`` of the controls of some actuators."""
     return [int(model.actuator_ctrladr[model.actuator(name).id]) for name in actuators]
 
 
 def follows_joint(model: mujoco.MjModel, a: int) -> bool:
-    """Whether the force of an actuator is linear in value and rate of its joint."""
+    """Whether an actuator on a joint has a force that is linear in the joint's value and rate."""
     affine = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
     return joint_of(model, a) >= 0 and bool(affine)
 
 
 def is_off(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether a flag, or the group of an actuator, switches it off."""
+    """Whether a flag of the model, or the group of an actuator, disables it."""
     off = model.opt.disableactuator & 1 << int(model.actuator_group[actuator])
     return bool(off or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION))
 
 
 def actuators_on(model: mujoco.MjModel, joint: int) -> list[int]:
-    """The actuators that act on a joint, by number, without those that are switched off."""
+    """Numbers of the actuators that act on a joint and are not disabled."""
     return [
         a for a in range(model.nactuator) if joint_of(model, a) == joint and not is_off(model, a)
     ]
 
 
 def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
-    """Why the force of an actuator is not its control times a number; empty if it is.
+    """Why an actuator is not a motor, whose force is its control times a number; empty if it is.
 
-    Its control may have a range.
+    The control of a motor may have a range.
     """
     if (
         model.actuator_gaintype[actuator] != mujoco.mjtGain.mjGAIN_FIXED
@@ -290,7 +290,10 @@ def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
 
 
 def takes_control(model: mujoco.MjModel, actuator: int) -> str:
-    """Why the force of an actuator is not linear in its control; empty if it is, within a range."""
+    """Why the force of an actuator is not linear in its control; empty if it is.
+
+    The control may have a range.
+    """
     affine = mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE
     if (
         model.actuator_gaintype[actuator] != mujoco.mjtGain.mjGAIN_FIXED
@@ -302,17 +305,17 @@ def takes_control(model: mujoco.MjModel, actuator: int) -> str:
 
 
 def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
-    """Gear (6,) of an actuator; that of one with several outputs is its first output's."""
+    """Gear (6,) of an actuator; if it has several outputs, that of the first."""
     return np.asarray(model.actuator_gear[model.actuator_outadr[actuator]])
 
 
 def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
-    """Gear of the actuator of a joint, by which its force is multiplied to act on the joint.
+    """Gear of an actuator on a joint: the ratio of the joint's moment to the actuator's force.
 
     Raises
     ------
     BadModel
-        It is 0, so that the joint's moment is no force of the actuator.
+        The gear is 0, so that no force of the actuator gives the joint's moment.
     """
     if not (gear := float(gear_of(model, actuator)[0])):
         raise BadModel(
@@ -323,7 +326,7 @@ def gear_of_force(model: mujoco.MjModel, actuator: int) -> float:
 
 
 def straight_tendon(model: mujoco.MjModel, tendon: int) -> tuple[int, int] | None:
-    """The two sites of a tendon that goes straight from one to the other; None of another."""
+    """The two sites of a tendon that goes straight between them; None for any other tendon."""
     first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
     kinds = model.wrap_type[first : first + count]
     if count != 2 or (kinds != mujoco.mjtWrap.mjWRAP_SITE).any():
@@ -339,7 +342,7 @@ def connects(model: mujoco.MjModel) -> list[int]:
 
 
 def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[Array, Array]:
-    """World position of the two points that ``connect`` number i holds together.
+    """Positions in the world of the two points that ``connect`` number i constrains to coincide.
 
     `pose` has ``site_xpos``, ``xpos`` and ``xmat`` of one pose, or of many along the first axis.
     """
@@ -358,7 +361,7 @@ def anchors(model: mujoco.MjModel, i: int, pose: Mapping[str, Array]) -> tuple[A
 
 
 def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
-    """Bodies that the two points of ``connect`` number i belong to."""
+    """The bodies of the two points of ``connect`` number i."""
     pair = model.eq_obj1id[i], model.eq_obj2id[i]
     if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
         return int(model.site_bodyid[pair[0]]), int(model.site_bodyid[pair[1]])
@@ -366,14 +369,14 @@ def anchor_bodies(model: mujoco.MjModel, i: int) -> tuple[int, int]:
 
 
 def pose_of(data: mujoco.MjData) -> dict[str, Array]:
-    """The present pose, as `anchors` wants it."""
+    """The present pose in the form that `anchors` takes."""
     return {"site_xpos": data.site_xpos, "xpos": data.xpos, "xmat": data.xmat}
 
 
 def highest_frequency(model: mujoco.MjModel, key: str) -> float:
-    """The fastest oscillation on the springs of the joints in a start pose [rad/s].
+    """The highest natural frequency on the springs of the joints in a start pose [rad/s].
 
-    0 without springs, and for models with loops, which make it slower.
+    It is 0 without springs, and for models with loops, which would lower it.
     """
     stiffness = model.jnt_stiffness
     on_one = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))

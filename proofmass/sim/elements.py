@@ -1,8 +1,8 @@
 """The elements of an MJCF file by their numbers, and the file with some of its numbers changed.
 
-A number stands in an attribute of an element, whether the file states it or leaves it to a default.
-`written` changes the elements' attributes and leaves the rest of the file as it is.  MuJoCo's own
-writer is not used: it rounds to six digits, and does not take a model that waits for its rods.
+A number is part of an attribute of an element, which the file may state or leave to a default.
+`written` changes attributes and leaves the rest of the file as it is.  MuJoCo's own writer is not
+used, since it rounds to six digits and does not accept a model whose rods are still missing.
 """
 
 import math
@@ -24,10 +24,10 @@ from proofmass.sim.protocol import BadModel, Rod, Unsupported
 from proofmass.sim.rods import without_links_to_rods
 
 LOOSE = 1e-9
-"""Of a unit vector: a part that counts as none."""
+"""Component of a unit vector [1] below which it counts as zero."""
 ORIENTATIONS = "quat", "euler", "axisangle", "xyaxes", "zaxis"
 COPIES = "include", "replicate", "attach", "composite", "flexcomp"
-"""Elements by which a file has others than those it states one by one."""
+"""Elements that add elements to a model which its file does not state one by one."""
 FIELDS = {
     ("inertial", "pos"): "body_ipos",
     ("inertial", "mass"): "body_mass",
@@ -46,7 +46,7 @@ FIELDS = {
     ("key", "qvel"): "key_qvel",
     ("key", "ctrl"): "key_ctrl",
 }
-"""Where the compiled model has the numbers of an attribute."""
+"""Fields of the compiled model with the numbers of an attribute."""
 OF_DOFS = {"damping": "dof_damping", "armature": "dof_armature", "frictionloss": "dof_frictionloss"}
 
 
@@ -56,11 +56,12 @@ class NotWritten(BadModel):
 
 @dataclass(frozen=True)
 class Place:
-    """Where a number stands: an attribute of element number `index` of its tag.
+    """The place of a number: an attribute of element number `index` of its tag.
 
-    `part` is the component; of ``turn`` and ``inertia``, which are no attributes, it has no
-    meaning: they turn a frame in the plane [rad], and multiply an inertia by 1 + the change.  `rod`
-    is the name of the rod whose key of the sidecar it is.
+    `part` is the component of the attribute.  It has no meaning for ``turn`` and ``inertia``, which
+    are not attributes: a change of ``turn`` rotates a frame in the plane [rad], and a change of
+    ``inertia`` multiplies an inertia by 1 + the change.  `rod` is the name of the rod, if the
+    number is a key of a rod in the sidecar.
     """
 
     tag: str
@@ -77,13 +78,13 @@ class Number:
     Attributes
     ----------
     kind : str
-        What it is, such as ``mass``: numbers of a kind are tried together.
+        Its kind, such as ``mass``; all numbers of a kind are changed together.
     of : str
-        The element that has it, and the part of it.
+        The element, and the component, to which it belongs.
     value : float
-        [its unit]; 1 of an inertia, which is changed as a whole.
+        Its value [its unit]; 1 for an inertia, which is changed as a whole.
     unit : str
-        SI unit; that of a share is 1.
+        SI unit; 1 for a share.
     step : float
         The change that is tried [its unit].
     place : Place
@@ -98,28 +99,28 @@ class Number:
 
     @property
     def name(self) -> str:
-        """Kind and element, in words."""
+        """Kind and element, for messages."""
         return f"{self.kind} of {self.of}" if self.of else self.kind
 
     @property
     def relative(self) -> bool:
-        """Whether a change of it is stated as a share of its value."""
+        """Whether a change is stated as a share of the value, which is then not 0."""
         return self.value != 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """An MJCF file and what it compiles to.
+    """An MJCF file and its compiled models.
 
     Attributes
     ----------
     path : Path
     full, bare : MjModel
-        With its rods, and without them: the same where it has none.
+        The model with its rods, and without them; the same object if there are none.
     key : str
-        The start pose.
+        Name of the key with the start pose.
     rods : tuple of Rod
-        Those that it has as chains.
+        Rods that the model has as chains of links.
     """
 
     path: Path
@@ -138,11 +139,11 @@ class Source:
 
     @cached_property
     def data(self) -> mujoco.MjData:
-        """The start pose without rods."""
+        """The data of the model without rods, in the start pose."""
         return self.posed(self.bare)
 
     def posed(self, model: mujoco.MjModel) -> mujoco.MjData:
-        """A model in its start pose."""
+        """The data of a model in the start pose."""
         data = mujoco.MjData(model)
         names = [model.key(k).name for k in range(model.nkey)]
         if self.key in names:
@@ -168,7 +169,7 @@ class Source:
 
 
 def source_of(path: Path, key: str, rods: tuple[Rod, ...] = ()) -> Source:
-    """Compile a file to what its numbers are read from."""
+    """Compile a file, with and without its rods."""
     full = compile_model(path, rods)
     if not rods:
         return Source(path, full, full, key)
@@ -178,9 +179,9 @@ def source_of(path: Path, key: str, rods: tuple[Rod, ...] = ()) -> Source:
 
 
 class ModelElements:
-    """The elements of a file, by their numbers in the compiled model.
+    """The elements of a file, by tag and by their numbers in the compiled model.
 
-    `found` has None for an element within a ``frame``, whose numbers are not those of the body.
+    `found` has None for an element within a ``frame``, whose numbers differ from the compiled ones.
     """
 
     def __init__(self, source: Source) -> None:
@@ -210,7 +211,7 @@ class ModelElements:
         self.refuse_other_counts()
 
     def walk(self, body: Element, framed: bool) -> None:
-        """Number a body, what it has, and then the bodies that hang on it."""
+        """Number a body, its joints and sites, and then its child bodies, in MuJoCo's order."""
         self.found["body"].append(None if framed else body)
         later: list[tuple[Element, bool]] = []
 
@@ -231,7 +232,7 @@ class ModelElements:
             self.walk(child, within)
 
     def refuse_other_counts(self) -> None:
-        """Raise NotWritten where the file has others than the compiled model."""
+        """Raise NotWritten if the file has another number of elements than the compiled model."""
         bare, full = self.source.bare, self.source.full
         added = sum(1 + (rod.ends[1] == "clamped") for rod in self.source.rods if rod.end)
         for tag, count in (
@@ -249,7 +250,7 @@ class ModelElements:
                 )
 
     def element(self, place: Place) -> Element:
-        """The element of a number; an ``option`` or ``inertial`` that is missing is added."""
+        """The element of a number; a missing ``option`` or ``inertial`` is added."""
         if place.tag == "option":
             option = self.root.find("option")
             return ElementTree.SubElement(self.root, "option") if option is None else option
@@ -264,7 +265,7 @@ class ModelElements:
 
 
 def written(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
-    """The text of the file with numbers changed by so much; those of rods are not in it.
+    """The text of the file with changes added to some of its numbers; those of rods are skipped.
 
     Raises
     ------
@@ -297,20 +298,20 @@ def written(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
 
 
 def attribute_text(values: Iterable[float]) -> str:
-    """Numbers of an attribute, with all digits."""
+    """Text of an attribute, with all digits of its numbers."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def weigh(
     model: mujoco.MjModel, element: Element, b: int, by: Mapping[tuple[str, int], float]
 ) -> None:
-    """Write mass, centre and inertia of a body, which the file may leave to its geoms."""
+    """Write changed mass, centre and inertia of a body, which the file may leave to its geoms."""
     stated = "pos" in element.attrib
     for key in (*ORIENTATIONS, "fullinertia"):
         element.attrib.pop(key, None)
     centre, frame = np.array(model.body_ipos[b]), model.body_iquat[b]
     if by.get(("mass", 0)) and not (stated or model.body_mass[b]):
-        # the compiled centre of a body without mass is its place in its parent
+        # the compiled centre of a body without mass is its position in its parent
         centre, frame = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     for k in range(3):
         centre[k] += by.get(("pos", k), 0.0)
@@ -322,7 +323,7 @@ def weigh(
 
 
 def turn(source: Source, element: Element, tag: str, index: int, angle: float) -> None:
-    """Turn a body, a site or the axis of a slide about the normal of the plane."""
+    """Rotate a body, a site or the axis of a slide by `angle` [rad] about the plane's normal."""
     model, normal = source.bare, source.normal
     normal = np.array([0.0, 0.0, 1.0]) if normal is None else normal
     owner = {"body": model.body_parentid, "site": model.site_bodyid, "joint": model.jnt_bodyid}
@@ -343,7 +344,7 @@ def turn(source: Source, element: Element, tag: str, index: int, angle: float) -
 def add(
     source: Source, tree: ModelElements, element: Element, place: Place, by: Mapping[int, float]
 ) -> None:
-    """Add to components of an attribute, which the file may leave to a default."""
+    """Add changes to components of an attribute, which the file may leave to a default."""
     values = np.array(present(source, element, place), float)
     for part, change in by.items():
         values[part] += change
@@ -357,7 +358,7 @@ def add(
 
 
 def present(source: Source, element: Element, place: Place) -> Any:
-    """The numbers of an attribute as they are compiled, those of a hinge in radians."""
+    """The compiled numbers of an attribute, those of a hinge in radians."""
     tag, i, attribute = place.tag, place.index, place.attribute
     bare, full = source.bare, source.full
     if tag == "tendon":
@@ -386,7 +387,7 @@ def present(source: Source, element: Element, place: Place) -> Any:
 def changed_rods(
     rods: Sequence[Rod], changes: Sequence[tuple[Number, float]]
 ) -> dict[str, dict[str, Any]]:
-    """The keys of rods that changes are of, and their new values."""
+    """The new values of the keys of rods that changes affect, by rod and key."""
     found: dict[str, dict[str, Any]] = {}
     for number, change in changes:
         if number.place.tag == "rod":

@@ -1,8 +1,8 @@
-"""Compiling an MJCF file; both simulators start from the compiled numbers.
+"""Compilation of an MJCF file; both simulators start from the compiled numbers.
 
-MuJoCo reads a NaN as a zero and only warns.  Its warnings come here, so that no MUJOCO_LOG.TXT is
-written into the user's folder: while a model is compiled they are collected, otherwise they go to
-standard error.
+MuJoCo reads a NaN as a zero and only warns.  A handler here receives its warnings, so that MuJoCo
+writes no MUJOCO_LOG.TXT into the user's folder: within `collected_warnings` they are collected,
+otherwise they go to standard error.
 """
 
 import re
@@ -22,7 +22,7 @@ from proofmass.sim.protocol import BROKEN, BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
 NATIVE = "mujoco"
-"""The engine whose format MJCF is: it runs any model as it is, and poses the drawings."""
+"""The engine whose own format is MJCF: it runs any model, and gives the poses of drawings."""
 OFF = mujoco.mjtDisableBit
 CONSTRAINTS = {
     OFF.mjDSBL_EQUALITY: ("eq_active0",),
@@ -47,14 +47,15 @@ NOT_FINITE = {
     "NaN": re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE),
     "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE),
 }
-NUMBERS = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")  # that every run computes with
-LIMITS = ("range", "margin")  # numbers that may be infinite: there is no limit
+# first letters of fields whose numbers every run uses
+NUMBERS = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")
+LIMITS = ("range", "margin")  # last letters of fields that may be infinite, for no limit
 
 _thread = local()
 
 
 def _warn(message: str) -> None:
-    """Take a warning of MuJoCo."""
+    """Handle a warning of MuJoCo: collect it in this thread, or print it to standard error."""
     collected = getattr(_thread, "warnings", None)
     if collected is None:
         print(f"MuJoCo: {message}", file=sys.stderr)
@@ -67,7 +68,7 @@ mujoco.set_mju_user_warning(_warn)
 
 @contextmanager
 def collected_warnings() -> Iterator[list[str]]:
-    """Collect what MuJoCo warns of meanwhile, in this thread."""
+    """Collect MuJoCo's warnings in this thread while the context is open."""
     _thread.warnings = found = list[str]()
     try:
         yield found
@@ -76,18 +77,18 @@ def collected_warnings() -> Iterator[list[str]]:
 
 
 def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
-    """Compile a model, completed with rods, or say in one line why it does not.
+    """Compile a model, completed with rods; an error says in one line why that failed.
 
-    What its flags disable is left out of the compiled numbers; see `leave_out_disabled`.
+    Numbers of what the model's flags disable are zero; see `leave_out_disabled`.
 
     Raises
     ------
     BadModel
-        Not a file, malformed, or with a number that is NaN or infinite.
+        The path is no file, the file is malformed, or a number is NaN or infinite.
     BadRod
-        A rod that cannot be built.
+        A rod cannot be built.
     MemoryError
-        The model is larger than the memory there is.
+        The model needs more memory than is available.
     """
     if not path.is_file():
         raise BadModel(f"{path.name}: no such file, or no regular file")
@@ -100,8 +101,8 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
         except (ValueError, mujoco.FatalError) as error:
             refuse_numbers(path, warnings)
             raise refusal(error, f"{path.name}: ") from None
-        except RuntimeError as error:  # of C++, which MuJoCo passes on without its words
-            BROKEN.add("MuJoCo")  # the next model of which it warns would hang, in MuJoCo 4.0.0
+        except RuntimeError as error:  # an exception of C++, whose message MuJoCo drops
+            BROKEN.add("MuJoCo")  # in MuJoCo 4.0.0 the next model that causes a warning would hang
             raise BadModel(
                 f"{path.name}: MuJoCo cannot compile it and says no more than "
                 f'"{error}"; it does so where there is no memory for a model as '
@@ -124,7 +125,7 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
 
 
 def compiles(path: Path) -> bool:
-    """Whether MuJoCo itself takes a file, whatever `compile_model` says of it."""
+    """Whether MuJoCo itself compiles a file, even if `compile_model` refuses it."""
     try:
         mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError):
@@ -133,19 +134,19 @@ def compiles(path: Path) -> bool:
 
 
 def refusal(error: Exception, file: str = "") -> BadModel | MemoryError:
-    """What MuJoCo says when it takes a model no further, as the error that it is."""
+    """A fatal error of MuJoCo as a `MemoryError`, or else as a `BadModel` with its message."""
     if "allocate memory" in str(error):
         return MemoryError()
     return BadModel(f"{file}{' '.join(str(error).split())}")
 
 
 def read_tree(path: Path) -> Element:
-    """The elements of an MJCF file, also of one whose comments a strict reader of XML refuses.
+    """The elements of an MJCF file, without its comments, which need not be well-formed XML.
 
     Raises
     ------
     BadModel
-        It is no strict XML in another place: MuJoCo takes text and bytes that XML does not.
+        The file is not well-formed XML elsewhere; MuJoCo accepts text and bytes that XML forbids.
     """
     try:
         return ElementTree.fromstring(COMMENT.sub(b"", path.read_bytes()))
@@ -157,16 +158,17 @@ def read_tree(path: Path) -> Element:
 
 
 def with_attributes(path: Path, changes: Mapping[str, Mapping[str, Any] | None]) -> str:
-    """The text of an MJCF file with other attributes of some elements.
+    """The text of an MJCF file with changed attributes of some elements.
 
-    Numbers are written with all their digits, which MuJoCo's own writer rounds to six.
+    Numbers are written with all their digits; MuJoCo's own writer would round them to six.
 
     Parameters
     ----------
     path : Path
     changes : mapping
-        By element, such as ``site pin``, ``body crank/inertial`` or ``body crank/geom``: tag and
-        name, and tags below it. Its attributes, texts or numbers; None removes all such elements.
+        Attributes by element.  An element is given by its tag and name, and tags below it, such as
+        ``site pin``, ``body crank/inertial`` or ``body crank/geom``.  Values of attributes are
+        texts or numbers; None in place of attributes removes all such elements.
 
     Returns
     -------
@@ -197,9 +199,10 @@ def with_attributes(path: Path, changes: Mapping[str, Mapping[str, Any] | None])
 def leave_out_disabled(model: mujoco.MjModel) -> None:
     """Set to zero, in place, the numbers of what the model's disable flags turn off.
 
-    MuJoCo keeps these numbers and passes over them when it steps.  Whoever else reads them, the
-    gravity that is taken off a sensor or a spring that is rebuilt in another engine, would have to
-    ask for the flag each time.  Flags of actuators need nothing: their forces are the engine's own.
+    MuJoCo keeps these numbers and ignores them when it steps.  Other code that reads them, such as
+    the correction of a sensor for gravity or the copy of a spring in another engine, would have to
+    check the flag each time.  Flags of actuators need no change, since only the engine itself
+    computes their forces.
     """
     for flag, fields in LEFT_OUT.items():
         if model.opt.disableflags & int(flag):
@@ -217,7 +220,7 @@ def refuse_numbers(path: Path, warnings: Sequence[str]) -> None:
 
 
 def infinite(model: mujoco.MjModel) -> str:
-    """The first array of a compiled model with an infinite number that a run computes with."""
+    """Name of the first field that runs use and that has an infinite number; empty if none has."""
     if not np.isfinite([model.opt.timestep, *model.opt.gravity]).all():
         return "option"
     names = (name for name in dir(model) if name.startswith(NUMBERS) and not name.endswith(LIMITS))
@@ -229,10 +232,11 @@ def infinite(model: mujoco.MjModel) -> str:
 
 
 def place(path: Path, what: str) -> str:
-    """The first attribute of a file with such a number: ``<geom name='rod'>: pos='nan 0 0'``.
+    """The first attribute of a file with a number of kind `what`, "NaN" or "infinite".
 
-    Empty if there is none, as when an included file has it.  The file is read by patterns, since
-    MuJoCo takes files that a strict reader of XML does not.
+    It is given as ``<geom name='rod'>: pos='nan 0 0'``, or empty if there is none, as when an
+    included file has it.  The file is read by patterns, since MuJoCo accepts files that a strict
+    reader of XML does not.
     """
     text = COMMENT.sub(b"", path.read_bytes()).decode(errors="replace")
     for tag, attributes in ELEMENT.findall(text):

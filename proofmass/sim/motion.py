@@ -1,17 +1,18 @@
-"""The animation of a planar mechanism: its bodies at many poses, and how far curves move them.
+"""The animation of a planar mechanism: its bodies at many poses, and deviations due to curves.
 
-The poses are those of the model: kinematics at the values of the drives, rest, or a free motion.
-What curves say beyond that is small, and is brought to the bodies by the Jacobians J of what is
-measured: a change dq of the joints changes the measured positions and angles s by
+The poses are those of the model: by kinematics at the values of the drives, in equilibrium, or in
+a free motion.  Curves of the reference and of solvers deviate little from these poses.  The
+deviations are transferred to the bodies by the Jacobian J of the measured positions and angles s,
+which a change dq of the joints changes by
 
-    ds = J dq,        dq = least squares of ds, with the loops held together much more weakly
+    ds = J dq,        dq = least squares of ds, with much smaller weights of the loops
 
-so that a loop that a solver leaves open is drawn open.  What is too large for that, as where a
-solver jumps to another equilibrium at another place than the model, is fitted by Newton's method
-from the pose that is nearest in what is measured.
+so that a loop that a solver leaves open is drawn open.  Deviations that are too large for a linear
+step, as where a solver jumps to another equilibrium at another drive value than the model, are
+fitted by Newton's method from the known pose whose measured values are nearest.
 
-A mechanism that leaves every plane is projected, and drawn as the model moves it, without what
-curves say.
+A mechanism that leaves every plane is projected and drawn as the model moves it, without deviations
+due to curves.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -37,12 +38,12 @@ from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import Run
 from proofmass.sim.rods import chain, joints_of
 
-LOOPS = 1e-3  # weight of a loop's gap beside what is measured: a square of 1e-6
-RANK = 1e-9  # singular values below this share of the largest tell nothing
-TOUCHES = 1e-3  # [rad, or share of the size] a joint so near to the end of its range stands on it
-ROUNDING = 1e-13  # share of the size, or rad, that poses may be off
-ROUNDS = 4  # of Newton's method, from poses that are near
-NEAR = 0.05  # [rad, or share of the size] beyond it a pose bends visibly: its square is 2e-3
+LOOPS = 1e-3  # weight of a loop's constraint violation relative to measured values; squared 1e-6
+RANK = 1e-9  # share of the largest singular value below which singular values count as zero
+TOUCHES = 1e-3  # [rad, or share of the size] distance at which a joint is drawn on its limit
+ROUNDING = 1e-13  # share of the size, or rad, by which poses may deviate
+ROUNDS = 4  # number of steps of Newton's method
+NEAR = 0.05  # [rad, or share of the size] largest deviation for a linear step: its square is 2e-3
 J, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
 FRAMES = {
     OBJ.mjOBJ_SITE: ("site_xpos", "site_xmat"),
@@ -52,21 +53,21 @@ FRAMES = {
 }
 Curve = Mapping[str, Array]
 Measured = Mapping[str, tuple[Curve, Curve]]
-"""By solver: the reference's curves, and the differences to them, at the run's x; both in SI."""
+"""By solver: the reference's curves, and the solver's differences to them, at the run's x [SI]."""
 
 
 @dataclass(frozen=True)
 class Gauge:
-    """A place or an angle that is measured.
+    """A measured position or angle.
 
     Attributes
     ----------
     read : callable
-        Of a pose, what is shown, and its change with each joint.
+        Gives the measured value in a pose, and its derivative by each joint.
     scale : float
-        1 rad of an angle, the size of the mechanism of a place [m].
+        Unit of deviations: 1 for an angle [rad], the size of the mechanism for a position [m].
     turns : bool
-        Whether it is an angle.
+        Whether an angle is measured.
     """
 
     read: Callable[[mujoco.MjData], tuple[float, Array]]
@@ -79,7 +80,7 @@ Gauges = Mapping[str, Gauge]
 
 @dataclass(frozen=True)
 class MovedBody:
-    """A rigid body; `outlines` (points, 2) stand about its origin, as it is at the first pose."""
+    """A rigid body; `outlines` (points, 2) [m] are relative to its origin in the first pose."""
 
     name: str
     outlines: tuple[Array, ...]
@@ -87,22 +88,22 @@ class MovedBody:
 
 @dataclass(frozen=True)
 class Spot:
-    """A joint, one side of a loop, a guide or a clamp: a place `at` of a body.
+    """A joint, one side of a loop, a guide or a clamp, at a point `at` of a body.
 
     Attributes
     ----------
     name, kind : str
         Kind is hinge, slide, pin, guide or clamp.
     body : int
-        Number of the body; -1 of the ground.
+        Number of the body; -1 for the ground.
     at : ndarray (2,)
-        About the body's origin [m], as it is at the first pose.
+        Position relative to the body's origin in the first pose [m].
     driven, ground, spring : bool
-        Whether it is driven, stands on the ground, has a spring.
+        Whether it is driven, is on the ground, has a spring.
     to : ndarray (2,), optional
-        The other end of a guide [m]; a point ahead of a clamp.
+        The other end of a guide [m]; for a clamp a point ahead on the rod.
     parent : int
-        Number of the body against which a joint's body moves; -1 of the ground.
+        Number of the body relative to which a joint's body moves; -1 for the ground.
     """
 
     name: str
@@ -120,8 +121,8 @@ class Spot:
 class MovedCoil:
     """A spring or damper between two points.
 
-    `body` are the numbers of their bodies, -1 of the ground; `at` (2, 2) is where they are about
-    the bodies' origins, as these are at the first pose [m].
+    `body` has the numbers of the points' bodies, -1 for the ground; `at` (2, 2) has the positions
+    of the points relative to the bodies' origins in the first pose [m].
     """
 
     name: str
@@ -138,28 +139,27 @@ class Motion:
     picture : Picture
         The same poses as outlines in the world.
     index : ndarray (poses,) of int
-        Samples of the run that the poses belong to [1].
+        Numbers of the samples of the run at which the poses are [1].
     bodies, spots : tuple of MovedBody, tuple of Spot
     places : ndarray (poses, bodies, 3)
-        Position and turn of each body [m, m, rad]: as the reference has it, if curves tell that,
-        otherwise as the model has it.
+        Position and angle of each body [m, m, rad], according to the reference if its curves
+        determine them, otherwise according to the model.
     away : dict of str to ndarray (poses, bodies, 3)
-        By solver, how far its curves are from the reference's [m, m, rad]; not a number at poses
-        that a solver does not have.
+        By solver, deviation of the bodies by its curves from those by the reference [m, m, rad];
+        NaN at poses without curves of the solver.
     rods : dict of str to tuple of int
-        Bodies that are the links of a rod, in their order.
+        Numbers of the bodies that are the links of a rod, in their order.
     at_limit : dict of str to ndarray (poses,) of bool
-        By joint that comes there, whether it stands on the end of its range [1].
+        By joint that reaches an end of its range, whether it is there [1].
     used : tuple of str
-        The curves that tell where the bodies are.
+        The curves that determine the bodies.
     unfit : float
-        How far the bodies so placed are from the reference's curves at most, as a share of the
-        size [1].
+        Largest deviation of the bodies from the reference's curves, as a share of the size [1].
     jumps : tuple of int
         Poses that are reached by a jump to another equilibrium from the pose before.
     along : str
-        The axis of the world that a mechanism in space is seen along; empty of a planar one. The
-        picture has its bodies then, which are no rigid outlines, and `bodies` is empty.
+        The axis of the world along which a mechanism in space is seen; empty for a planar one.  In
+        space only the picture has the bodies, whose outlines change, and `bodies` is empty.
     coils : tuple of MovedCoil
         Springs and dampers between two points.
     """
@@ -182,7 +182,7 @@ class Motion:
 def motion(
     model: Path, run: Run, measured: Measured, count: int = 121, keep: Iterable[int] = ()
 ) -> Motion:
-    """The mechanism at up to `count` samples of a run, or as far as it comes.
+    """The mechanism at up to `count` samples of a run, as far as its poses can be found.
 
     Samples before and after a jump to another equilibrium are among them.
 
@@ -210,7 +210,7 @@ def motion(
     index = index[:1] if run.kind == "equilibrium" else index
     rows, jumps, stopped = follow(compiled, data, replace(run, x=run.x[index]))
     between = [np.arange(index[k - 1], index[k]) for k in jumps if k]
-    if any(samples.size > 1 for samples in between):  # where between two poses does it jump?
+    if any(samples.size > 1 for samples in between):  # find the jump between two poses
         index = np.unique(np.concatenate([index, *between]))
         data.qpos[:] = start
         rows, jumps, stopped = follow(compiled, data, replace(run, x=run.x[index]))
@@ -247,7 +247,7 @@ def motion(
 
 
 class MovingScene(PictureScene):
-    """The rigid bodies of a model, the spots on them, and how they move with what is measured."""
+    """The rigid bodies of a model, the spots on them, and their motion with measured values."""
 
     def __init__(self, model: mujoco.MjModel, start: Array, run: Run):
         super().__init__(model, start)
@@ -268,7 +268,7 @@ class MovingScene(PictureScene):
                 self.rods[rod] = (*self.rods.get(rod, ()), k)
 
     def bodies(self, poses: dict[str, Array]) -> tuple[MovedBody, ...]:
-        """All rigid bodies, with their outlines about their origins."""
+        """All rigid bodies, with their outlines relative to their origins."""
         first = {name: rows[:1] for name, rows in poses.items()}
         found = []
         for root in self.roots:
@@ -278,7 +278,7 @@ class MovingScene(PictureScene):
         return tuple(found)
 
     def spots(self, poses: dict[str, Array], drawn: Picture) -> tuple[Spot, ...]:
-        """Joints on the bodies that they move, guides on those that bear them, sides of loops."""
+        """Joints on the bodies that they move, guides on the parent bodies, sides of loops."""
         model, found = self.model, list[Spot]()
         curved = np.any(getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))), axis=1)
         marks = {mark.name: mark for mark in drawn.marks}
@@ -338,7 +338,7 @@ class MovingScene(PictureScene):
         return tuple(found)
 
     def limits(self, poses: dict[str, Array]) -> dict[str, Array]:
-        """Which joints stand on the end of their range, and at which poses."""
+        """Joints that reach an end of their range, with the poses at which they are there."""
         model, found = self.model, {}
         for j in np.flatnonzero(model.jnt_limited):
             values = poses["qpos"][:, model.jnt_qposadr[j]]
@@ -353,7 +353,7 @@ class MovingScene(PictureScene):
     def placed_by(
         self, poses: dict[str, Array], measured: Measured, index: Array
     ) -> tuple[Array, dict[str, Array], tuple[str, ...], float]:
-        """Places of the bodies, what solvers are away, by which curves, and how badly these fit."""
+        """Fields `places`, `away`, `used` and `unfit` of a `Motion`, from measured curves."""
         shape = (len(index), len(self.roots), 3)
         places, unfit = np.empty(shape), 0.0
         away = {solver: np.full(shape, np.nan) for solver in measured}
@@ -369,7 +369,7 @@ class MovingScene(PictureScene):
                 unfit = max(unfit, self.fit({n: gauges[n] for n in wanted}, wanted))
             self.update()
             places[k] = self.places()
-            moves = dict[tuple[str, ...], Array]()  # of solvers that show the same
+            moves = dict[tuple[str, ...], Array]()  # shared by solvers with the same curves
             for solver, (_, differences) in measured.items():
                 if off := at_sample(differences, gauges, sample):
                     shown = tuple(off)
@@ -383,7 +383,7 @@ class MovingScene(PictureScene):
     def away(
         self, known: "KnownPoses", off: dict[str, float], places: Array, moves: Array
     ) -> Array:
-        """How far the bodies are from their places where gauges show something else."""
+        """Deviation of the bodies from `places` for deviations `off` of the gauges."""
         gauges = {name: known.gauges[name] for name in off}
         if max(abs(o) / gauges[n].scale for n, o in off.items()) < NEAR:
             return np.asarray(moves @ list(off.values()))
@@ -398,26 +398,26 @@ class MovingScene(PictureScene):
         return found
 
     def update(self) -> None:
-        """Bring all that depends on the joints to their present values."""
+        """Compute the kinematics for the present values of the joints."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
 
     def tells(self, gauges: Gauges) -> bool:
-        """Whether what is measured moves with a joint that no drive holds."""
+        """Whether a measured value changes with a joint that is not driven."""
         driven = [self.model.joint(d.joint).dofadr[0] for d in self.run.drives]
         self.update()
         rows = [np.delete(gauge.read(self.data)[1], driven) for gauge in gauges.values()]
         return any(np.abs(row).max(initial=0.0) > RANK for row in rows)
 
     def places(self) -> Array:
-        """Position and turn of each body (bodies, 3), from how it stood at the start pose."""
+        """Position, and angle from the first pose, of each body (bodies, 3)."""
         at = self.flat(self.data.xpos[self.roots])
         turned = self.data.xmat.reshape(-1, 3, 3) @ self.before.transpose(0, 2, 1)
         lead = self.flat(turned[self.roots] @ self.basis[0])
         return np.column_stack([at, np.arctan2(lead[:, 1], lead[:, 0])])
 
     def rates(self) -> Array:
-        """How bodies move with the joints: (bodies, 3, joints)."""
+        """Derivatives of position and angle of the bodies by the joints (bodies, 3, joints)."""
         found = np.empty((len(self.roots), 3, self.model.nv))
         for k, root in enumerate(self.roots):
             move, turn = self.jacobian(root, self.data.xpos[root])
@@ -425,13 +425,13 @@ class MovingScene(PictureScene):
         return found
 
     def jacobian(self, body: int, point: Array) -> tuple[Array, Array]:
-        """How a point of a body moves, and the body turns, with the joints: (3, joints) each."""
+        """Jacobians of a point of a body and of its rotation by the joints, (3, joints) each."""
         move, turn = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
         mujoco.mj_jac(self.model, self.data, move, turn, point, body)
         return move, turn
 
     def fit(self, gauges: Gauges, wanted: dict[str, float]) -> float:
-        """Move the joints so that the gauges show what is wanted; how far they are off after it."""
+        """Move the joints to the wanted values of the gauges; returns the largest deviation left."""
         for _ in range(ROUNDS):
             self.update()
             lacking = self.lacking(gauges, wanted)
@@ -443,32 +443,32 @@ class MovingScene(PictureScene):
         return float(np.abs(self.lacking(gauges, wanted) / scales).max())
 
     def lacking(self, gauges: Gauges, wanted: dict[str, float]) -> Array:
-        """What the gauges show too little; angles without whole turns."""
+        """Wanted values of the gauges minus present ones; angles without whole turns."""
         off = np.array([wanted[name] - gauge.read(self.data)[0] for name, gauge in gauges.items()])
         turns = np.array([gauge.turns for gauge in gauges.values()])
         return np.where(turns, turned(off), off)
 
     def change(self, gauges: Gauges, off: Array) -> Array:
-        """The change of the joints that the gauges show, and that closes the loops."""
+        """The change of the joints that changes the gauges by `off` and closes the loops."""
         matrix, scales, lengths = self.rows(gauges)
         gaps = [self.flat(two.reshape(3) - one.reshape(3)) for one, two in self.loops()]
         ways = np.concatenate([off, np.zeros(len(self.run.drives)), *gaps])
         return np.asarray(lengths * np.linalg.lstsq(matrix, ways / scales, rcond=RANK)[0])
 
     def moves(self, gauges: Gauges) -> Array:
-        """How bodies move with what the gauges show, loops held: (bodies, 3, gauges)."""
+        """Derivatives of the bodies by the gauges, with closed loops (bodies, 3, gauges)."""
         matrix, scales, lengths = self.rows(gauges)
         joints = lengths[:, None] * np.linalg.pinv(matrix, rcond=RANK) / scales
         return np.asarray(self.rates() @ joints[:, : len(gauges)])
 
     def loops(self) -> list[tuple[Array, Array]]:
-        """Both ends of all loops [m]."""
+        """Positions of both points of all loops [m]."""
         return [anchors(self.model, i, pose_of(self.data)) for i in connects(self.model)]
 
     def rows(self, gauges: Gauges) -> tuple[Array, Array, Array]:
-        """Changes of the gauges, the drives and the loops with the joints, all of them as numbers.
+        """Derivatives of gauges, drives and loops by the joints, without units (rows, joints).
 
-        And what each row, and each joint, is measured in: (rows, joints), (rows,), (joints,).
+        The units of the rows (rows,) and of the joints (joints,) are returned in addition.
         """
         model, data = self.model, self.data
         lengths = np.where(model.jnt_type == J.mjJNT_SLIDE, self.size, 1.0)
@@ -487,7 +487,7 @@ class MovingScene(PictureScene):
         return np.array(rows) * lengths / np.array(scales)[:, None], np.array(scales), lengths
 
     def gauge(self, channel: str) -> Gauge | None:
-        """What a channel that is a place or an angle shows, and how it changes with the joints."""
+        """The gauge of a channel that is a position or an angle; None for any other channel."""
         model = self.model
         name, _, part = channel.partition(".")
         if name not in sensors(model):
@@ -534,15 +534,16 @@ class MovingScene(PictureScene):
 
 
 class KnownPoses:
-    """Poses of a model, among which one is looked for that is near to what gauges show."""
+    """Known poses of a model, from which the one nearest to wanted values of gauges is chosen."""
 
     def __init__(self, scene: MovingScene, gauges: Gauges, qpos: Array):
         self.scene, self.gauges, self.qpos = scene, gauges, qpos
 
     def near(self, wanted: dict[str, float], pose: Array) -> Array:
-        """The pose itself if it is near to what is wanted, otherwise the nearest that is known.
+        """The pose itself if it is near to the wanted values, otherwise the nearest known pose.
 
-        The drives of the latter are those of the pose; how far they moved counts as well.
+        The distance includes that of the drives.  The known pose is returned with the drives of
+        `pose`.
         """
         scene, data = self.scene, self.scene.data
         gauges = {name: self.gauges[name] for name in wanted}
@@ -564,7 +565,7 @@ class KnownPoses:
 
     @cached_property
     def shown(self) -> Curve:
-        """What all gauges show at the known poses."""
+        """Values of all gauges at the known poses."""
         scene, found = self.scene, {name: np.empty(len(self.qpos)) for name in self.gauges}
         for k, pose in enumerate(self.qpos):
             scene.data.qpos[:] = pose
@@ -575,7 +576,10 @@ class KnownPoses:
 
 
 def at_sample(curves: Curve, gauges: Gauges, sample: int) -> dict[str, float]:
-    """What the gauges show at a sample; nothing where a curve ended, or one is no number there."""
+    """Curves of the gauges at a sample; empty if one of them is not finite there.
+
+    A curve that has ended is left out.
+    """
     found = {
         name: float(curves[name][sample])
         for name in gauges
@@ -585,10 +589,10 @@ def at_sample(curves: Curve, gauges: Gauges, sample: int) -> dict[str, float]:
 
 
 def turned(angles: Array) -> Array:
-    """Angles without whole turns, from -pi to pi."""
+    """Angles reduced by whole turns to -pi to pi [rad]."""
     return np.asarray((angles + np.pi) % (2 * np.pi) - np.pi)
 
 
 def extent(curves: Curve) -> int:
-    """How many samples curves have."""
+    """Number of samples of the longest curve."""
     return max(map(len, curves.values()), default=0)

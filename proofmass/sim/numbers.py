@@ -1,9 +1,10 @@
-"""The numbers of an MJCF that a run computes with.
+"""The numbers of an MJCF that a run uses.
 
-`numbers_of` lists those that can act on a motion in the plane of a planar mechanism: masses,
-inertias, places, directions, springs, dampers, friction, ranges, gravity, loads, and how hard loops
-and stops are held.  Left out are what is drawn only, places normal to the plane, and what the
-engine is set to: time step, integrator, iterations.  `proofmass.sim.elements` changes them.
+`numbers_of` lists the numbers that can affect a motion in the plane of a planar mechanism: masses,
+inertias, positions, directions, springs, dampers, friction, ranges, gravity, loads, and the
+softness of loops and joint limits.  It leaves out numbers that only affect drawings, positions
+normal to the plane, and settings of the engine: time step, integrator, iterations.
+`proofmass.sim.elements` changes these numbers.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,9 +18,9 @@ from proofmass.sim.elements import FIELDS, OF_DOFS, ModelElements, Number, Place
 from proofmass.sim.mjcf import LEFT_OUT, OFF
 
 SHARE = 0.1
-"""Of a number, or of its natural size where it is 0: the change that is tried."""
+"""The change that is tried, as a share of a number, or of its natural size if it is 0."""
 NONE = 1e-12
-"""Of a natural size: a number that counts as 0."""
+"""Share of its natural size below which a number counts as 0."""
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 DIRECTED = (S.mjSENS_FRAMEXAXIS, S.mjSENS_FRAMEYAXIS, S.mjSENS_FRAMEZAXIS, S.mjSENS_FRAMEQUAT)
 OWN_FRAME = (
@@ -35,14 +36,17 @@ LIMITS = "solreflimit", "solimplimit"
 
 @dataclass(frozen=True)
 class Sizes:
-    """Natural sizes: what a number is measured by where it is 0."""
+    """Natural sizes of a model, which scale the changes of numbers that are 0.
+
+    They are a length [m], a mass [kg] and a time [s].
+    """
 
     length: float
     mass: float
     time: float
 
     def of(self, hinge: bool, mass: int, time: int) -> float:
-        """Mass^m time^t, times length^2 where it acts on a hinge."""
+        """Natural size of mass^`mass` time^`time`, times length^2 for a quantity of a hinge."""
         return self.mass**mass * self.time**time * (self.length**2 if hinge else 1.0)
 
 
@@ -55,9 +59,9 @@ def numbers_of(
     ----------
     source : Source
     sizes : Sizes
-        What a number that is 0 is changed by.
+        Natural sizes, for the changes of numbers that are 0.
     driven : sequence of str
-        Joints that are driven; without any the start values are numbers as well.
+        Joints that are driven; without any, the start values are among the numbers.
     loads : sequence of str
         Actuators whose controls change along the run, so that those of the key have no effect.
 
@@ -66,7 +70,7 @@ def numbers_of(
     NotWritten
         See `written`.
     """
-    ModelElements(source)  # which says whether the file can be changed
+    ModelElements(source)  # raises if the file cannot be changed
     found = [
         *of_bodies(source, sizes),
         *of_joints(source, sizes),
@@ -116,19 +120,19 @@ KINDS = {
     "softness of the loop": "1",
     "softness of the stop": "1",
 }
-"""Kinds of numbers in the order in which they are listed, and the unit of most."""
+"""Kinds of numbers in the order of the list, each with the unit of most numbers of its kind."""
 
 
 def measured(
     kind: str, of: str, value: float, place: Place, natural: float, unit: str = ""
 ) -> Number:
-    """A number with the change that is tried: a share of it, or of its natural size."""
+    """A number with the change that is tried, a share of it or of its natural size."""
     value = value if abs(value) > NONE * natural else 0.0
     return Number(kind, of, value, unit or KINDS[kind], SHARE * (abs(value) or natural), place)
 
 
 def called(model: mujoco.MjModel, what: str, index: int) -> str:
-    """The name of an element; its number if it has none."""
+    """The name of an element, or its number if it has no name."""
     return getattr(model, what)(index).name or f"number {index + 1}"
 
 
@@ -138,7 +142,7 @@ def moving(model: mujoco.MjModel) -> list[int]:
 
 
 def of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Where bodies hang, how they are turned, what they weigh."""
+    """Positions, orientations, masses, centres of mass and inertias of bodies."""
     model = source.bare
     for b in range(1, model.nbody):
         name, parent = called(model, "body", b), int(model.body_parentid[b])
@@ -166,14 +170,14 @@ def of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
 
 
 def acting(model: mujoco.MjModel, field: str) -> bool:
-    """Whether no disable flag turns off what a field of the compiled model stands for."""
+    """Whether no flag of the model disables a field of the compiled model."""
     return not any(
         field in fields and model.opt.disableflags & int(flag) for flag, fields in LEFT_OUT.items()
     )
 
 
 def of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Anchors, directions and zeros of hinges and slides, and what acts in them."""
+    """Anchors, directions, zeros, springs, damping, friction and ranges of hinges and slides."""
     model = source.bare
     for j in range(model.njnt):
         if (unit := SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[j])))) is None:
@@ -222,7 +226,7 @@ def of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
 
 
 def springs(source: Source, sizes: Sizes, j: int, name: str, hinge: bool) -> Iterator[Number]:
-    """Stiffness of a joint with its polynomial, and where the spring is at rest."""
+    """Coefficients of the stiffness polynomial of a joint, and the rest position of its spring."""
     model = source.bare
     if not acting(model, "jnt_stiffness"):
         return
@@ -241,7 +245,7 @@ def springs(source: Source, sizes: Sizes, j: int, name: str, hinge: bool) -> Ite
 
 
 def soft(kind: str, name: str, place: Place, values: Iterable[float]) -> Iterator[Number]:
-    """Numbers of a solref or solimp; those that are 0 have no meaning, or are a choice."""
+    """Numbers of a `solref` or `solimp`; those that are 0 are left out as not continuous."""
     for k, value in enumerate(values):
         if value:
             of = f"{name}, {place.attribute.removesuffix('limit')} {k + 1}"
@@ -249,7 +253,7 @@ def soft(kind: str, name: str, place: Place, values: Iterable[float]) -> Iterato
 
 
 def read_sites(source: Source) -> dict[int, bool]:
-    """The sites that something reads or that hold something, and whether their directions count."""
+    """Numbers of the sites that the model or a rod refers to, and whether orientation matters."""
     full, bare, found = source.full, source.bare, dict[int, bool]()
     names = {bare.site(s).name: s for s in range(bare.nsite)}
 
@@ -283,7 +287,7 @@ def read_sites(source: Source) -> dict[int, bool]:
 
 
 def of_sites(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Places, and directions where they count, of sites that something names."""
+    """Positions, and orientations where they matter, of the sites of `read_sites`."""
     model = source.bare
     for s, directed in sorted(read_sites(source).items()):
         name = called(model, "site", s)
@@ -297,7 +301,7 @@ def of_sites(source: Source, sizes: Sizes) -> Iterator[Number]:
 
 
 def of_world(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Gravity in the plane."""
+    """Components of gravity in the plane."""
     gravity = source.full.opt.gravity
     if source.full.opt.disableflags & int(OFF.mjDSBL_GRAVITY):
         return
@@ -309,7 +313,7 @@ def of_world(source: Source, sizes: Sizes) -> Iterator[Number]:
 
 
 def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Points of loops that no site has, polynomials of coupled joints, and how hard loops are."""
+    """Anchors of loops without sites, polynomials of coupled joints, and softness of loops."""
     model = source.full
     own = len(ModelElements(source).found["equality"])
     for e in range(own):
@@ -341,7 +345,7 @@ def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
 
 
 def of_tendons(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Stiffness, damping, and lengths without force, of springs between two sites."""
+    """Stiffness, damping and free lengths of springs between two sites."""
     model = source.full
     for t in range(model.ntendon):
         if straight_tendon(model, t) is None:
@@ -366,7 +370,7 @@ def of_tendons(source: Source, sizes: Sizes) -> Iterator[Number]:
 def of_actuators(
     source: Source, sizes: Sizes, driven: Sequence[str], loads: Sequence[str]
 ) -> Iterator[Number]:
-    """Gears, gains, and the constant loads of actuators that drive nothing."""
+    """Gears and gains of actuators, and constant loads of those that move no driven joint."""
     model = source.full
     elements = ModelElements(source).found["actuator"]
     for a in range(model.nactuator):
@@ -393,7 +397,7 @@ def of_actuators(
 
 
 def of_start(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Values and rates of the joints in the start key, which a free motion begins with."""
+    """Values and rates of the joints in the start key, with which a free motion begins."""
     model, key = source.bare, source.start
     if key < 0:
         return
@@ -411,7 +415,7 @@ def of_start(source: Source, sizes: Sizes) -> Iterator[Number]:
 
 
 def of_rods(source: Source) -> Iterator[Number]:
-    """What the sidecar says of the rods."""
+    """Numbers of the rods in the sidecar."""
     for k, rod in enumerate(source.rods):
         for kind, attribute in (
             ("length", "length"),

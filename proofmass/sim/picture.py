@@ -1,9 +1,9 @@
-"""What a mechanism looks like at some poses of a run: lines, polygons, joints and springs.
+"""Pictures of a mechanism at some poses of a run: lines, polygons, joints and springs.
 
-A mechanism that leaves every plane is projected: see `side_view`.
+A mechanism that leaves every plane is projected, see `side_view`.
 
-The poses are the engine's own.  Bodies are their geoms, or lines between their joints and loops
-where a geom does not reach these.
+The poses are those of the engine.  A body is drawn as its geoms, and also as lines between its
+joints and loops if its geoms do not reach these.
 """
 
 import time
@@ -44,10 +44,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Mark:
-    """A joint or a loop: `kind` is hinge, ball, slide, pin or clamp; `at` is where, (poses, 2) [m].
+    """A joint, a loop or a clamp at positions `at` (poses, 2) [m].
 
-    A slide also has its guide's ends, (poses, 2, 2): as far as it is travelled during the run; a
-    clamp has itself and a point ahead on the rod.
+    `kind` is hinge, ball, slide, pin or clamp.  `guide` (poses, 2, 2) [m] has the ends of the range
+    that a slide covers in the run, or the position of a clamp and a point ahead on its rod.
     """
 
     name: str
@@ -75,15 +75,15 @@ class Picture:
     axes : tuple of str
         The two world axes that span the drawing; empty names when the plane is inclined.
     x, inputs : ndarray (poses,), (drives, poses)
-        The run's parameter [SI] and the drives [rad or m].
+        The run's parameter [SI] and the values of the drives [rad or m].
     ground, links, marks
-        What there is to draw; everything has `poses` along its first axis.
+        The parts of the drawing, whose arrays have the poses along their first axis.
     tracks : tuple of str
-        Sensors that record a place in the world, whose paths may be drawn beside it.
+        Sensors of a position in the world, whose paths may be added to the drawing.
     stopped : str
-        Why there are no poses beyond the last.
+        Why there are no poses beyond the last; empty if the run was followed to its end.
     coils : tuple of Coil
-        Springs and dampers between two points; with `poses` along the first axis as well.
+        Springs and dampers between two points, also with the poses along the first axis.
     """
 
     axes: tuple[str, str]
@@ -97,7 +97,7 @@ class Picture:
     coils: tuple[Coil, ...] = ()
 
     def at(self, poses: list[int]) -> "Picture":
-        """The same with these poses only."""
+        """The picture with these poses only."""
 
         def cut(link: Link) -> Link:
             return replace(link, outlines=tuple(o[poses] for o in link.outlines))
@@ -122,7 +122,7 @@ ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 
 
 class PictureScene:
-    """What belongs to which rigid body of a model, and the plane it is seen in."""
+    """The parts of the rigid bodies of a model, and the plane in which they are drawn."""
 
     def __init__(self, model: mujoco.MjModel, start: Array):
         self.model, self.data = model, mujoco.MjData(model)
@@ -143,7 +143,7 @@ class PictureScene:
             self.axes, self.basis = ("xyz"[shown[0]], "xyz"[shown[1]]), np.eye(3)[shown]
 
     def drawn(self, rows: dict[str, Array], run: Run) -> Picture:
-        """Everything there is to draw, at all poses of `rows`."""
+        """The picture at all poses of `rows`, without x, inputs and `stopped`."""
         model = self.model
         roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
         rod_of = {
@@ -190,7 +190,7 @@ class PictureScene:
         )
 
     def is_free(self, joint: int) -> bool:
-        """Whether a joint holds nothing in the drawing: one of a body that is free in the plane."""
+        """Whether a joint is not drawn, since its body is free in the plane or in space."""
         model, body = self.model, int(self.model.jnt_bodyid[joint])
         own = model.body_jntadr[body] + np.arange(model.body_jntnum[body])
         kinds = sorted(model.jnt_type[own].tolist())
@@ -198,7 +198,7 @@ class PictureScene:
         return bool(model.jnt_type[joint] == J.mjJNT_FREE or (planar and not self.along))
 
     def floors(self, outlines: list[Array]) -> Iterator[Array]:
-        """Slabs (poses, 4, 2) of the planes that are seen on their edge, as wide as what moves."""
+        """Slabs (poses, 4, 2) for planes that are seen edge-on, wide enough for all `outlines`."""
         model, data = self.model, self.data
         for g in np.flatnonzero(model.geom_type == G.mjGEOM_PLANE):
             up = self.flat(data.geom_xmat[g].reshape(3, 3)[:, 2])
@@ -212,20 +212,20 @@ class PictureScene:
             yield np.broadcast_to(slab, (len(outlines[0]), 4, 2))
 
     def flat(self, vectors: Array) -> Array:
-        """Components in the drawing: (..., 3) to (..., 2)."""
+        """Components of vectors in the plane of the drawing: (..., 3) to (..., 2)."""
         return vectors @ self.basis.T
 
     def local(self, body: int, world: Array) -> Array:
-        """A place of the start pose, or several, in a body's frame."""
+        """Points `world` in the start pose, (3,) or (points, 3), in a body's frame."""
         return (world - self.data.xpos[body]) @ self.data.xmat[body].reshape(3, 3)
 
     def placed(self, body: int, points: Array, rows: dict[str, Array]) -> Array:
-        """Points (k, 3) of a body's frame in the drawing, at all poses: (poses, k, 2)."""
+        """Points (k, 3) in a body's frame, as points of the drawing at all poses (poses, k, 2)."""
         turn = rows["xmat"][:, body].reshape(-1, 3, 3)
         return self.flat(rows["xpos"][:, None, body] + points @ turn.transpose(0, 2, 1))
 
     def outlines(self, root: int, rows: dict[str, Array]) -> tuple[Array, ...]:
-        """A rigid body: its geoms, and lines between its points if these do not reach them all."""
+        """Outlines of a rigid body: its geoms, and lines between `points` that these miss."""
         found = [self.placed(b, p, rows) for b, p in self.geoms(root)]
         points = self.points(root)
         if not points:
@@ -238,11 +238,11 @@ class PictureScene:
         return tuple(found)
 
     def points(self, root: int) -> list[Array]:
-        """Where other bodies are joined to a rigid body, and its measured sites; in its frame."""
+        """Points of a rigid body in its frame: joints to other bodies, loops, measured sites."""
         model, data, found = self.model, self.data, []
         for j in range(model.njnt):
             child = int(model.jnt_bodyid[j])
-            first = model.body_jntadr[child] == j  # else another joint lies between it and parent
+            first = model.body_jntadr[child] == j  # other joints do not touch the parent body
             parent = int(model.body_weldid[model.body_parentid[child]]) if first else -1
             if J(model.jnt_type[j]) in (J.mjJNT_HINGE, J.mjJNT_BALL) and root in (child, parent):
                 found.append(data.xanchor[j])
@@ -283,7 +283,7 @@ class PictureScene:
                 yield body, self.local(body, data.geom_xpos[g] + outline)
 
     def silhouette(self, g: int, turn: Array, size: Array) -> Array | None:
-        """Outline (points, 3) of a geom about its centre; None for what has none, like a plane."""
+        """Outline (points, 3) of a geom about its centre; None if it has none, like a plane."""
         kind, axis = G(self.model.geom_type[g]), turn[:, 2]
         if self.along and kind in (G.mjGEOM_BOX, G.mjGEOM_CYLINDER):
             return solid(kind, size, np.cross(*self.basis) @ turn) @ turn.T
@@ -303,11 +303,11 @@ class PictureScene:
         world = corners @ turn.T
         try:
             return np.asarray(world[ConvexHull(self.flat(world)).vertices])
-        except QhullError:  # a flat thing seen on its edge
+        except QhullError:  # a flat geom seen edge-on
             return None
 
     def joint(self, j: int, rows: dict[str, Array], run: Run) -> Mark:
-        """A joint, with the guide of a slide: from its zero to where it comes."""
+        """The mark of a joint; the guide of a slide covers the range that it reaches in the run."""
         model, body = self.model, int(self.model.jnt_bodyid[j])
         first = model.body_jntadr[body] == j
         ground = bool(first and model.body_weldid[model.body_parentid[body]] == 0)
@@ -318,7 +318,7 @@ class PictureScene:
             return Mark(name, kind, self.flat(at), driven, ground)
         way = rows["qpos"][:, model.jnt_qposadr[j]] - model.qpos0[model.jnt_qposadr[j]]
         axis = rows["xaxis"][:, j]
-        from_zero = [] if ground else [0.0]  # on a moving body: from where it hangs on that
+        from_zero = [] if ground else [0.0]  # on a moving body the guide starts at the zero
         ends = np.array([min([way.min(), *from_zero]), max([way.max(), *from_zero])])
         guide = at[:, None] + axis[:, None] * ends[:, None]
         return Mark(
@@ -326,7 +326,7 @@ class PictureScene:
         )
 
     def pin(self, i: int, rows: dict[str, Array]) -> Mark:
-        """The point that closes a loop."""
+        """The mark of a loop, in the middle of its two points."""
         one, two = anchors(self.model, i, rows)
         ground = 0 in self.model.body_weldid[list(anchor_bodies(self.model, i))]
         return Mark(
@@ -334,19 +334,19 @@ class PictureScene:
         )
 
     def walled(self, rod: Rod) -> bool:
-        """Whether a rod begins in a clamp that does not move."""
+        """Whether a rod begins in a clamp on the ground."""
         first = self.model.body(chain(rod).names[0])
         return rod.ends[0] == "clamped" and not self.model.body_weldid[first.parentid[0]]
 
     def clamp(self, rod: Rod, rows: dict[str, Array]) -> Mark:
-        """Where a rod begins in a wall, and which way it leaves it."""
+        """The mark of a rod's clamp on the ground, with the direction of the rod."""
         first = self.model.body(chain(rod).names[0])
         ends = self.placed(first.id, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), rows)
         return Mark("", "clamp", ends[:, 0], ground=True, guide=ends)
 
 
 def springs_between_sites(model: mujoco.MjModel) -> list[tuple[int, tuple[int, int]]]:
-    """Numbers of the springs and dampers between two sites, and these."""
+    """Springs and dampers between two sites: number of the tendon, and numbers of the sites."""
     return [
         (t, sites)
         for t in range(model.ntendon)
@@ -356,13 +356,13 @@ def springs_between_sites(model: mujoco.MjModel) -> list[tuple[int, tuple[int, i
 
 
 EDGES = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4]
-"""A closed way along all edges of a box; its corners by the signs of x, y and z, -1 first."""
+"""A closed path along all edges of a box, of corners in the order of signs of x, y, z, -1 first."""
 
 
 def solid(kind: mujoco.mjtGeom, size: Array, view: Array) -> Array:
-    """A closed line (points, 3) in the axes of a box or cylinder that shows it from any side.
+    """A closed line (points, 3) in the axes of a box or cylinder that depicts it from any side.
 
-    A cylinder has its rims and two lines along it, at the edges of what is seen along `view` (3,).
+    For a cylinder it has both rims, and two lines along it, at the contour seen along `view` (3,).
     """
     if kind == G.mjGEOM_BOX:
         return (size * np.array(list(product((-1, 1), repeat=3))))[EDGES]
@@ -374,15 +374,16 @@ def solid(kind: mujoco.mjtGeom, size: Array, view: Array) -> Array:
 
 
 def side_view(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, tuple[str, str], Array]:
-    """How a mechanism that leaves every plane is seen: from a side.
+    """The projection of a mechanism that leaves every plane, seen from a side.
 
-    Up is what gravity pulls down, or z; across is the other axis of the world that the start pose
-    reaches further along, or x.
+    The vertical axis is the axis of the world along gravity, or z without gravity.  The horizontal
+    axis is that of the other two along which the start pose extends further, or the first of them.
 
     Returns
     -------
     str, tuple of str, ndarray (2, 3)
-        The axis that it is seen along, those across and up, and the latter two as vectors [1].
+        The axis of the view, the horizontal and the vertical axis, and the latter two as vectors
+        [1].
     """
     gravity = np.abs(model.opt.gravity)
     up = int(gravity.argmax()) if gravity.any() else 2
@@ -394,7 +395,7 @@ def side_view(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, tuple[st
 
 
 def distance(point: Array, outline: Array) -> float:
-    """From a point to a closed polygon or a line (points, 2); zero inside [m]."""
+    """Distance of a point from a closed polygon or a line (points, 2); zero inside [m]."""
     start, end = outline, np.roll(outline, -1, axis=0)
     along, to = end - start, point - start
     share = np.clip((to * along).sum(1) / np.maximum((along**2).sum(1), 1e-300), 0, 1)
@@ -406,19 +407,19 @@ def distance(point: Array, outline: Array) -> float:
     return float(np.linalg.norm(to - share[:, None] * along, axis=1).min())
 
 
-SECONDS = 5.0  # at most for stepping a free motion
-NEAREST = 1e-3  # of a stride: a drawing need not come nearer to where rests end
+SECONDS = 5.0  # largest wall time [s] for stepping a motion
+NEAREST = 1e-3  # share of a stride to which a drawing locates the end of a path of equilibria
 
 
 def picture(model: Path, run: Run, count: int = 121) -> Picture:
-    """The mechanism at `count` poses, evenly over the run, or as far as it comes.
+    """The mechanism at `count` poses, evenly over the run, as far as these can be found.
 
     Raises
     ------
     Unsupported
         The model has no joint.
     BadModel
-        It does not compile.
+        The model does not compile.
     """
     compiled, data = load(model, run)
     scene = PictureScene(compiled, data.qpos)
@@ -433,9 +434,9 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
 def follow(
     model: mujoco.MjModel, data: mujoco.MjData, run: Run
 ) -> tuple[list[dict[str, Array]], list[int], str]:
-    """Poses along the run, those that the model jumps to, and why there are no more.
+    """Poses along the run, numbers of those reached by a jump, and why there are no more.
 
-    When not even the first can be had, it is the start pose as it stands in the MJCF.
+    If not even the first pose can be found, the only pose is the start pose of the MJCF.
     """
     mujoco.mj_kinematics(model, data)
     rows, jumps = list[dict[str, Array]](), list[int]()
@@ -455,10 +456,10 @@ def follow(
 
 
 def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
-    """Put the model into each pose that the drives want; whether it fell there from another rest.
+    """Put the model into its pose at each drive value; yields whether it fell from another pose.
 
-    A sweep of the engine ends where its rests become unstable.  What is drawn goes on beyond, as
-    the engine's own steps and the reference do.
+    A sweep of the engine ends where its equilibrium becomes unstable.  Here the model falls to
+    another equilibrium and the motion continues, as with the engine's own steps and the reference.
     """
     linkage, tangent = linkage_of(model, data, run), None
     if isinstance(linkage, RestingLinkage):
@@ -478,14 +479,14 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
 
 
 def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
-    """Put the model into each pose that the drives want, or step what they leave in time."""
+    """Put the model into its pose at each time, by steps if drives leave degrees of freedom."""
     linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
     if not linkage.leaves_dof():
         yield from swept(model, data, run)
         return
     late, begin = time.monotonic() + SECONDS, float(run.x[0])
     model.opt.timestep = step = common_step(run.x, model.opt.timestep)
-    shown = np.bincount(np.rint((run.x - begin) / step).astype(int))  # samples at each step
+    shown = np.bincount(np.rint((run.x - begin) / step).astype(int))  # number of samples per step
     times = begin + step * np.arange(len(shown), dtype=float)
     change = changes_of_controls(model, data, run)
     for k, torque in enumerate((*start(linkage, run, times)[0], None)):
@@ -501,7 +502,7 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
 
 
 def common_step(x: Array, longest: float) -> float:
-    """The longest step of which whole numbers lead to some of the samples of an even grid.
+    """The longest time step <= `longest` whose multiples lead to all of `x`, part of an even grid.
 
     >>> common_step(np.array([0.0, 2.0, 5.0, 7.0]), 0.6)
     0.5
@@ -514,7 +515,7 @@ def common_step(x: Array, longest: float) -> float:
 
 
 def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
-    """Let the model move freely from time to time."""
+    """Step a free motion of the model from sample to sample."""
     late, data.time = time.monotonic() + SECONDS, run.x[0]
     change, half = changes_of_controls(model, data, run), 0.5 * model.opt.timestep
     for moment in run.x:
@@ -530,7 +531,7 @@ def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bo
 def changes_of_controls(
     model: mujoco.MjModel, data: mujoco.MjData, run: Run
 ) -> Callable[[float], None]:
-    """What sets the controls of the loads of a run to those of a time [s] within it."""
+    """A function that sets the controls of a run's loads to their values at a time [s] in it."""
     places = places_of_controls(model, (one.actuator for one in run.loads))
     last = float(run.x[-1])
 

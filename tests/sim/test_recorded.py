@@ -264,7 +264,7 @@ def test_a_drive_between_the_samples_is_refused(edit, models: Path) -> None:
     drive = '{ value = "Theta2", rate = "w2", acceleration = "A2" }'
     edit(f"{HACKSAW}.toml", r'x = "Tiempo"', f'x = "Tiempo"\ndrive.crank = {drive}')
     (error,) = check([models / f"{HACKSAW}.toml"], jobs=1, causes=False).errors
-    assert "taken where rows stand at the samples of the run alone" in error.wrong
+    assert "used only if the file has rows at the samples of the run" in error.wrong
 
 
 CELLS = {

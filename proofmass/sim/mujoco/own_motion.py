@@ -409,7 +409,7 @@ def without_steps(
     allowed: float,
     limit: float,
 ) -> OwnRun:
-    """Integrate accelerations of ``mj_forward`` by DOP853, for at most `limit` processor time [s]."""
+    """Integrate the accelerations of ``mj_forward`` by DOP853, in a processor time `limit` [s]."""
     model, data, inputs = copy.copy(model), copy.copy(data), kept.inputs
     free_of_steps(model, inputs)
     began = time.process_time()
@@ -538,7 +538,7 @@ def put(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> N
 
 
 class Turning:
-    """Time derivatives of coordinates; those of quaternions are half their product with the rates."""
+    """Time derivatives of coordinates: for quaternions half their product with the rates."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         quaternions, scalars, rates, turns = list[int](), list[int](), list[int](), list[int]()

@@ -1,7 +1,7 @@
-"""A run of MuJoCo in time as a Python program that needs nothing but MuJoCo and NumPy.
+"""Writing of a dynamics run of MuJoCo as a Python program that needs only MuJoCo and NumPy.
 
-The links of rods are written as elements of an MJCF with all their digits: MuJoCo's own writer
-rounds numbers to six.
+The links of rods are written as elements of an MJCF with all digits of their numbers, since
+MuJoCo's own writer rounds numbers to six digits.
 """
 
 import base64
@@ -43,22 +43,23 @@ IMPOSED = (
     *(Imposed("servo", gain) for gain in (2.0, 1.0, 0.5, 0.2)),
     *(Imposed("equality", gain) for gain in (0.5, 0.25, 0.1)),
 )
-"""How a program may impose a motion: by a flywheel on the joint that nothing in the model can
-disturb, with the torque that moves it; by a position servo, of the natural frequency gain / step
-and critically damped; or by an equality that holds the joint at its target, of the time constant
-step / gain."""
+"""How a program may impose a motion: by a flywheel on the joint, so heavy that no force in the
+model disturbs it, with the torque that moves the flywheel; by a position servo with the natural
+frequency gain / step and critical damping; or by an equality that constrains the joint to its
+target, with the time constant step / gain."""
 DISABLING = {"servo": ("actuation",), "equality": ("equality", "constraint")}
-"""Flags of a model that switch such a drive off."""
+"""Flags of a model that disable a drive of this kind."""
 MORE = "act", "mocap_pos", "mocap_quat", "xfrc_applied"
-"""What a key may set beside positions, rates and controls, and the dead loads of rods."""
-STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that drives
+"""Arrays of the initial state that a program sets in addition to positions, rates and controls: the
+others that a key may set, and the dead loads of rods."""
+STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that imposes a motion
 FOLDERS = {"mesh": "meshdir", "hfield": "assetdir", "texture": "texturedir", "skin": "assetdir"}
 CARRIED = 1_000_000
-"""Bytes of meshes and the like that a program holds; if there are more it reads them by path."""
+"""Bytes of meshes and other files that a program contains; larger ones it reads by their paths."""
 INDENTED = 24
-"""Columns that a line of a model begins with, at most."""
+"""Largest indentation of a line of a model, in columns."""
 WIDE = 100
-"""Columns of a program; only what cannot be broken is wider."""
+"""Width of a program in columns; only lines that cannot be broken are wider."""
 ACTUATORS = (
     "general",
     "motor",
@@ -89,15 +90,15 @@ def write_program(
     path : Path
         The MJCF file.
     run : Run
-        A dynamics run, with the settings that the program has.
+        A dynamics run, with the settings for the program.
     motion : str
         Source of ``motion(t)``: values [rad or m], rates and accelerations (drives, n) of the
         drives at times (n,) [s]; empty for a free motion.
     head : str
-        What the program says of itself.
+        Docstring of the program.
     drive : Imposed, optional
-        How it moves the driven joints, one of `IMPOSED`: with a servo kp is I (gain / step)^2 and
-        kv is 2 I gain / step, I being the inertia that the drive feels in the start pose.
+        How the program moves the driven joints, one of `IMPOSED`.  A servo has kp = I (gain/step)^2
+        and kv = 2 I gain/step, where I is the load inertia of the drive in the start pose.
     controls : str, optional
         Source of ``controls(t)``: controls (loads, n) of the loads of the run at times (n,) [s].
 
@@ -109,8 +110,8 @@ def write_program(
     Raises
     ------
     BadModel, Unsupported
-        See `proofmass.sim.mujoco.engine.simulate`; also for joints, and sites that hold rods, that
-        are not written in the file as elements, as those of a replicated body.
+        See `proofmass.sim.mujoco.engine.simulate`.  Also raised if a driven joint, or a site with a
+        rod, is not an element of the file, as with a replicated body.
     """
     model, data = load(path, run)
     ctrl, fresh = data.ctrl.copy(), mujoco.MjData(model)
@@ -168,7 +169,7 @@ def write_program(
 
 
 def target(kind: str, moves: bool, by_stage: bool) -> str:
-    """What a program sets before each step to move its drives; nothing where it need not."""
+    """The array that a program sets before each step to move its drives; empty if it sets none."""
     return {
         "flywheel": "data.qfrc_applied[dofs]" if moves else "",
         "servo": "" if by_stage else "data.ctrl[-len(DRIVES):]",
@@ -177,7 +178,7 @@ def target(kind: str, moves: bool, by_stage: bool) -> str:
 
 
 def format_numbers(values: Array) -> str:
-    """Numbers with all their digits, in lines that can be read."""
+    """Numbers with all their digits, four in a line."""
     numbers = [repr(value) for value in values.tolist()]
     if len(numbers) <= 4:
         return f"[{', '.join(numbers)}]"
@@ -186,7 +187,7 @@ def format_numbers(values: Array) -> str:
 
 
 def expanded(path: Path) -> Element:
-    """The elements of an MJCF with what it includes, without keys, with whole names of files."""
+    """The elements of an MJCF and its included files, without keys, with absolute file names."""
     root = read_tree(path)
     include(root, path.parent)
     folders = {
@@ -206,9 +207,10 @@ def expanded(path: Path) -> Element:
 
 
 def carried(root: Element) -> dict[str, list[str]]:
-    """Take the files of an expanded model into its program: lines of base64 by name, packed.
+    """The files of an expanded model by name, compressed, as lines of base64 for its program.
 
-    None where they are too large, or of kinds that refer to others.
+    The elements then refer to these names.  The result is empty if the files are larger than
+    `CARRIED` together, or of kinds that refer to other files.
     """
     readers = [element for element in root.iter() if element.get("file") is not None]
     paths = {str(element.get("file")): Path(str(element.get("file"))) for element in readers}
@@ -235,7 +237,7 @@ def carried(root: Element) -> dict[str, list[str]]:
 
 
 def include(parent: Element, folder: Path) -> None:
-    """Put the elements of included files in the place of what includes them, in place."""
+    """Replace ``include`` elements by the elements of the included files, in place."""
     for place, child in reversed(list(enumerate(parent))):
         if child.tag == "include":
             there = read_tree(folder / child.get("file", ""))
@@ -246,7 +248,7 @@ def include(parent: Element, folder: Path) -> None:
 
 
 def model_text(root: Element) -> str:
-    """The text of a model, an element a line; long ones are broken between their attributes."""
+    """The text of a model with one element per line; long lines are broken between attributes."""
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode").replace(" />", "/>")
     lines = (less_indented(line) for line in text.splitlines())
@@ -254,7 +256,7 @@ def model_text(root: Element) -> str:
 
 
 def less_indented(line: str) -> str:
-    """A line of MJCF, indented by no more than `INDENTED`, as the links of a rod would be."""
+    """A line of MJCF with its indentation reduced to `INDENTED`, for the deep links of rods."""
     return line[max(0, len(line) - len(line.lstrip()) - INDENTED) :]
 
 
@@ -302,14 +304,17 @@ def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
 def impose(
     root: Element, linkage: Linkage, wheels: Array, step: float, drive: Imposed
 ) -> dict[str, Any]:
-    """Write into the elements of a model what moves its driven joints; numbers of the program."""
+    """Write into the elements of a model what moves its driven joints.
+
+    Returns numbers that the program needs, by their names in its template.
+    """
     joints = [joint_element(root, name) for name in linkage.joints]
     refuse_disabled(linkage.model, drive)
     if drive.kind == "flywheel":
         for joint, armature in zip(joints, linkage.model.dof_armature[linkage.dofs], strict=True):
             joint.set("armature", spelled(float(armature)))
-            # what resists an ideal drive does not change its motion
-            joint.set("damping", "0 0 0")  # those of velocity, its square and its cube
+            # damping and friction do not change the motion of an ideal drive
+            joint.set("damping", "0 0 0")  # coefficients of velocity, its square and its cube
             joint.set("frictionloss", "0")
         return {"flywheels": wheels.tolist()}
     if drive.kind == "servo":
@@ -341,7 +346,7 @@ def impose(
 
 
 def refuse_disabled(model: mujoco.MjModel, drive: Imposed) -> None:
-    """Raise `Unsupported` for a drive that the model's options switch off."""
+    """Raise `Unsupported` if the model's options disable the drive."""
     for name in DISABLING.get(drive.kind, ()):
         if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")):
             raise Unsupported(
@@ -352,10 +357,9 @@ def refuse_disabled(model: mujoco.MjModel, drive: Imposed) -> None:
 
 
 def refuse_other_servos(linkage: Linkage) -> None:
-    """Raise `Unsupported` for an actuator that pushes a driven joint though its control is zero.
+    """Raise `Unsupported` if an actuator exerts a force on a driven joint at zero control.
 
-    A servo yields to it, and a flywheel or an equality does not.  A motor, which stands for the
-    drive, does not push.
+    A servo gives way to such a force; a flywheel or an equality does not.  A motor exerts none.
     """
     model, data = linkage.model, linkage.data
     for a in range(model.nactuator):
@@ -375,7 +379,7 @@ def refuse_other_servos(linkage: Linkage) -> None:
 
 
 def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
-    """A position servo; with all that the model's default classes could make otherwise."""
+    """A position servo; it states all attributes that default classes of the model could change."""
     names = {"name": f"drive of {joint}", "joint": joint}
     if not any(root.find(f".//default/{tag}") is not None for tag in ACTUATORS):
         return Element("position", {**names, "kp": spelled(kp), "kv": spelled(kv)})
@@ -402,7 +406,7 @@ def joint_element(root: Element, name: str) -> Element:
     Raises
     ------
     Unsupported
-        The file has none, as where a body is replicated or attached.
+        The file has no such element, as with a body that is replicated or attached.
     """
     for joint in root.iterfind(".//worldbody//joint"):
         if joint.get("name") == name:
@@ -413,10 +417,10 @@ def joint_element(root: Element, name: str) -> Element:
 
 
 def curves_of(recorder: Recorder, linkage: Linkage) -> Iterator[tuple[str, str]]:
-    """Columns of a program, and the lines of Python that cut them out of what was recorded.
+    """Columns of a program, each with a line of Python that extracts it from the recorded arrays.
 
-    They are the channels, and what the drives did.  A state is positions, rates and accelerations
-    of all joints, and the moments of the drives.
+    The columns are the channels and the motion of the drives.  A row of the array ``state`` has
+    positions, rates and accelerations of all joints, and the moments of the drives.
     """
     model = linkage.model
     moments = drive_sensors(model, linkage, recorder)
@@ -437,7 +441,7 @@ QUATERNIONS = mujoco.mjtSensor.mjSENS_FRAMEQUAT, mujoco.mjtSensor.mjSENS_BALLQUA
 
 
 def curve_of(recorder: Recorder, name: str) -> str:
-    """A line of Python that cuts a channel out of the recorded sensors and states."""
+    """A line of Python that extracts a channel from the recorded sensors and states."""
     index, part = recorder.sensors[name]
     model = recorder.model
     first = int(model.sensor_adr[index])
@@ -457,12 +461,12 @@ def curve_of(recorder: Recorder, name: str) -> str:
         return f"turn(sensors[:, {first} : {first + 4}])[:, {'wxyz'.index(part)}]"
     k = "xyz".index(part) if part else 0
     off = float(gravity[k])
-    more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""  # MuJoCo takes gravity off
+    more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""  # MuJoCo subtracts gravity
     return f"sensors[:, {first + k}]{more}"
 
 
 def combined(axis: Array, first: int) -> str:
-    """A component of recorded vectors along an axis, as Python."""
+    """Python text for the component of recorded vectors along an axis."""
     parts = [
         f"{'' if value == 1 else f'{value!r} * '}sensors[:, {first + k}]"
         for k, value in enumerate(axis.tolist())
@@ -472,7 +476,7 @@ def combined(axis: Array, first: int) -> str:
 
 
 DEEPEST = 490
-"""Bodies in each other that are written: MuJoCo reads no element in 500 others."""
+"""Largest depth of nested bodies that is written; MuJoCo reads no element inside 500 others."""
 UNTURNED = [1.0, 0.0, 0.0, 0.0]
 PLAIN = {
     "pos": "0 0 0",
@@ -483,7 +487,7 @@ PLAIN = {
     "springref": "0",
     "limited": "false",
 }
-"""Of a rod's joint, and of any where no default class says otherwise."""
+"""Attributes of a rod's joint, which are MJCF's defaults where no default class changes them."""
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 KINDS = {
     "nbody": mujoco.mjtObj.mjOBJ_BODY,
@@ -493,10 +497,10 @@ KINDS = {
     "nactuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
     "neq": mujoco.mjtObj.mjOBJ_EQUALITY,
 }
-"""What a program asks for by name, by how many there are in a model."""
+"""Kinds of elements that a program refers to by name, by the field that counts them in a model."""
 LEFT_OUT = "_", "key_", "name", "path"
-"""How arrays begin that are not compared: a program sets the state of its key, and may hold the
-files of meshes.  Sizes are compared with the arrays."""
+"""First letters of arrays that are not compared: a program sets the state of its key, and may
+contain the files of meshes.  Sizes are compared with the arrays."""
 
 
 def write_rods(root: Element, path: Path, rods: Sequence[Rod]) -> None:
@@ -509,17 +513,17 @@ def write_rods(root: Element, path: Path, rods: Sequence[Rod]) -> None:
     path : Path
         The MJCF file.
     rods : sequence of Rod
-        What is added to it before it is compiled.
+        The rods with which the model is completed before it is compiled.
 
     Raises
     ------
     Unsupported
-        A rod on a site that is no element of the file, of too many links, or with elements that do
-        not compile to the very numbers of the model.
+        A rod is on a site that is no element of the file, or has too many links; or the elements do
+        not compile to exactly the numbers of the model.
     """
     spec = mujoco.MjSpec.from_file(str(path))
     loops = len(spec.equalities)
-    with collected_warnings():  # what it warns of was reported when the model was loaded
+    with collected_warnings():  # its warnings were reported when the model was loaded
         exact = compile_with_rods(spec, rods)
     plain = root.find("default") is None
     for rod in rods:
@@ -534,7 +538,7 @@ def write_rods(root: Element, path: Path, rods: Sequence[Rod]) -> None:
 
 
 def host(root: Element, site: str) -> Element:
-    """The element of the body, or of the world, that a site is on."""
+    """The element of the body, or of the world, to which a site belongs."""
     parents = {child: parent for parent in root.iter() for child in parent}
     for element in root.iterfind(".//worldbody//site"):
         if element.get("name") == site:
@@ -545,7 +549,7 @@ def host(root: Element, site: str) -> Element:
 
 
 def write_body(parent: Element, body: mujoco._specs.MjsBody, plain: bool) -> None:
-    """Write a body of a rod, and those behind it; `plain` without classes of defaults."""
+    """Write a body of a rod and those that follow it; `plain`: the model has no default classes."""
     depth = 0
     while body is not None:  # a rod does not branch
         depth += 1
@@ -560,7 +564,7 @@ def write_body(parent: Element, body: mujoco._specs.MjsBody, plain: bool) -> Non
 
 
 def parts(body: mujoco._specs.MjsBody, plain: bool) -> Iterator[Element]:
-    """The elements of a body of a rod, as `proofmass.sim.rods.add` makes them."""
+    """The elements in a body of a rod; they correspond to `proofmass.sim.rods.add`."""
     if body.explicitinertial:
         inertia = {"mass": body.mass, "pos": body.ipos, "diaginertia": body.inertia}
         yield Element("inertial", {key: digits(value) for key, value in inertia.items()})
@@ -591,19 +595,19 @@ def parts(body: mujoco._specs.MjsBody, plain: bool) -> Iterator[Element]:
 
 
 def place(element: mujoco._specs.MjsBody | mujoco._specs.MjsSite) -> dict[str, str]:
-    """Where a body or a site is in its parent."""
+    """Attributes for the position and orientation of a body or a site in its parent."""
     turned = element.quat.tolist() != UNTURNED
     said = {"pos": digits(element.pos)}
     return {**said, "quat": digits(element.quat)} if turned else said
 
 
 def digits(value: Array | float) -> str:
-    """Numbers as MJCF, with all their digits."""
+    """Numbers as MJCF text with all their digits."""
     return spelled(np.asarray(value, float).tolist())
 
 
 def refuse_others(root: Element, exact: mujoco.MjModel) -> None:
-    """Raise `Unsupported` unless elements compile to the numbers of a model, but for its keys."""
+    """Raise `Unsupported` unless the elements compile to the numbers of `exact`, keys excepted."""
     text = ElementTree.tostring(root, encoding="unicode")
     try:
         with collected_warnings():
@@ -617,9 +621,9 @@ def refuse_others(root: Element, exact: mujoco.MjModel) -> None:
 
 
 def first_other(one: mujoco.MjModel, two: mujoco.MjModel) -> str | None:
-    """The first array or kind of names in which two models differ; None where they are alike.
+    """Name of the first array, or kind of names, in which two models differ; None if they agree.
 
-    Their keys and the names of files are left out.
+    Keys and names of files are not compared.
     """
     for count, kind in KINDS.items():
         first, second = (

@@ -1,14 +1,14 @@
 """Quasi-static sweep in MuJoCo: poses, rates, accelerations and forces without time steps.
 
 Moments of drives and forces between bodies are those at rest, or with `Run.inertia` those at the
-drives' rates and accelerations: the engine's inverse dynamics with rigid loops.  Controls of loads
-that change are set at each pose, and followed as the drives are between two.  Freedoms that the
-drives leave come to rest between springs, weights and stops; see
-`proofmass.sim.mujoco.equilibrium`, and `proofmass.sim.mujoco.settling` for the engine's own way
-there.
+drives' rates and accelerations; they follow from the engine's inverse dynamics with rigid loops.
+Controls of changing loads are set at each pose; between two poses they are followed like drives.
+Degrees of freedom that the drives leave are in the equilibrium of springs, weights and joint
+limits, see `proofmass.sim.mujoco.equilibrium`; with the setting ``settled`` the engine itself steps
+until it is at rest, see `proofmass.sim.mujoco.settling`.
 
-A run `equilibrium` finds one pose and the shapes that its rods have in it.  The start shapes may be
-far from rest: Newton's method descends in bounded steps, as many as it needs.
+A run of kind `equilibrium` finds one pose and the shapes of its rods.  The start shapes may be far
+from equilibrium: Newton's method descends in steps of bounded size, up to a maximum number.
 """
 
 import time
@@ -37,9 +37,9 @@ NO_ACC = "springs, weights or stops bring the model to rest: a path of rests has
 def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Follow the drives over ``run.x`` and read every sensor at every pose.
 
-    It stops where the loops cannot be closed any further, where a joint that the drives move leaves
-    its range, or where the equilibrium of the degrees of freedom left folds or becomes
-    unstable.  With the setting ``settled`` the engine steps in time.
+    The sweep ends early where the loops cannot be closed any further, where a joint that the drives
+    move leaves its range, or where the equilibrium of the remaining degrees of freedom folds or
+    becomes unstable.  With the setting ``settled`` the engine steps in time.
 
     Raises
     ------
@@ -47,8 +47,8 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         The loops cannot be closed at the first values of the drives, or the start pose is an
         unstable equilibrium.
     Unsupported
-        Degrees of freedom are left that nothing brings to rest near the start pose, or an equality
-        is of another kind.
+        Degrees of freedom remain that have no equilibrium near the start pose, or an equality is of
+        a kind that is not covered.
     """
     if not run.drives:
         raise BadModel("a sweep needs a [drive]: the joint that is moved")
@@ -120,16 +120,17 @@ VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
-    """Let the model come to rest with its drives held at their first values.
+    """Find the equilibrium of the model with its drives at their first values.
 
-    Rods are read at the arc lengths ``run.x``; sensors have the same value everywhere.
+    Rods are read at the arc lengths ``run.x``; a sensor has one value, which is repeated for each
+    of these.
 
     Raises
     ------
     BadModel
-        The loops cannot be closed, or the rest that is found is not stable.
+        The loops cannot be closed, or the equilibrium is not stable.
     Unsupported
-        Nothing brings the degrees of freedom to rest, or an equality is of another kind.
+        The degrees of freedom have no equilibrium, or an equality is of a kind that is not covered.
     """
     began = time.perf_counter()
     linkage = linkage_of(model, data, run)
@@ -156,7 +157,7 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 
 def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
-    """Vertices, angles and bends of a rod's links; see `shapes` of one in space."""
+    """Vertices, angles and bends of a rod's links; for a rod in space see `shapes`."""
     links = [model.body(name).id for name in one.names]
     axes = data.xmat[links].reshape(-1, 3, 3)
     ahead = axes[:, :, 0]
@@ -175,10 +176,10 @@ def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
 
 
 def moment(model: mujoco.MjModel, data: mujoco.MjData, one: Chain, k: int, axes: Array) -> Array:
-    """The moment (3,) in a rod in space where link k begins, about the axes of the section there.
+    """The moment (3,) [N m] in a rod in space where link k begins, about the axes of the section.
 
-    The springs of the hinges show it about their own axes, which are neither those of the link
-    before nor those of the one after.
+    The springs of the hinges give the moments about the hinge axes, which are neither the axes of
+    the link before nor those of the link after.
     """
     hinges = one.hinges(k)
     if not hinges:

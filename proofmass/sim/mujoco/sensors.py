@@ -1,4 +1,4 @@
-"""What a run does not read from the sensors: moments of drives, and channels at rest."""
+"""Channels that are not read from MuJoCo's sensors: moments of drives, and channels left out."""
 
 import mujoco
 import numpy as np
@@ -20,10 +20,10 @@ LIMITS = (int(S.mjSENS_JOINTLIMITPOS), int(S.mjSENS_JOINTLIMITVEL), int(S.mjSENS
 
 
 def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
-    """Take the channels out of a record that need that stage or a later one; which, and why.
+    """Take the channels that need `stage` or a later one out of a record; returns them and `why`.
 
-    Moments of actuators and forces between bodies are those at rest; limits are the engine's soft
-    ones.
+    Moments of actuators and forces between bodies stay, since they have values at rest.  Sensors of
+    joint limits are always taken out, since they show the engine's soft limits.
     """
     model = record.model
     missing = {
@@ -42,7 +42,10 @@ def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
 
 
 def withhold_interactions(record: Recorder) -> dict[str, str]:
-    """Take sensors of forces between bodies out of a record if the engine leaves a force out."""
+    """Take the sensors of forces between bodies out of a record if MuJoCo leaves a force out.
+
+    Returns the channels that were taken out, with the reason.
+    """
     model = record.model
     others = [k for k in range(model.nu) if joint_of(model, k) < 0]
     pulling = [t for t in range(model.ntendon) if pulls(model, t)]
@@ -64,7 +67,7 @@ def withhold_interactions(record: Recorder) -> dict[str, str]:
 
 
 def pulls(model: mujoco.MjModel, t: int) -> bool:
-    """Whether tendon number t does more than measure a length."""
+    """Whether tendon number t exerts forces, so that it does more than measure a length."""
     own = (
         model.tendon_stiffness,
         model.tendon_stiffnesspoly,
@@ -80,7 +83,7 @@ def pulls(model: mujoco.MjModel, t: int) -> bool:
 
 
 def interactions(record: Recorder) -> list[int]:
-    """Where the sensors of forces and moments between bodies stand in ``sensordata``."""
+    """Indices in ``sensordata`` of the sensors of forces and moments between bodies."""
     model, found = record.model, set[int]()
     for index, _ in record.sensors.values():
         if model.sensor_type[index] in INTERACTIONS:
@@ -92,7 +95,7 @@ def interactions(record: Recorder) -> list[int]:
 def drive_sensors(
     model: mujoco.MjModel, linkage: Linkage, record: Recorder
 ) -> dict[str, tuple[int, float]]:
-    """Channels of the force sensors of driven joints: the drive's number, and the motor's gear."""
+    """Channels of the force sensors of driven joints, with the number of the drive and the gear."""
     dofs, found = linkage.dofs.tolist(), {}
     for channel, (index, _) in record.sensors.items():
         if model.sensor_type[index] not in MOMENTS:
@@ -109,7 +112,7 @@ def drive_sensors(
 def drive_moments(
     model: mujoco.MjModel, linkage: Linkage, record: Recorder, moments: Array
 ) -> dict[str, Array]:
-    """Holding moments (n, drives) in place of the force sensors of the driven joints."""
+    """Curves for the force sensors of the driven joints, from holding moments (n, drives)."""
     return {
         channel: moments[:, drive] / gear
         for channel, (drive, gear) in drive_sensors(model, linkage, record).items()
@@ -117,7 +120,7 @@ def drive_moments(
 
 
 def withhold_drives(model: mujoco.MjModel, linkage: Linkage, record: Recorder) -> dict[str, str]:
-    """Take out of a record what flywheels of ideal drives falsify; which, and why."""
+    """Take the channels out of a record that flywheels falsify; returns them with the reasons."""
     missing = {
         channel: NO_MOMENT
         for channel, (drive, _) in drive_sensors(model, linkage, record).items()

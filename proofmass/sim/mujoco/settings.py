@@ -1,10 +1,10 @@
-"""What can be set in MuJoCo: where each setting stands, in a compiled model and in MJCF.
+"""The settings of MuJoCo, and where each of them is in a compiled model and in MJCF.
 
-`ACCURACY` says how far MuJoCo may be off a driven linkage, and why, for cases without a tolerance
-of their own.  Its shares hold for RK4 at 1 ms with `solref` 0.005 and `solimp` 0.9999, as the
-shipped models have.
+`ACCURACY` has the accuracy that is expected of MuJoCo for a driven linkage, with reasons; it is the
+tolerance of cases that state none.  Its shares hold for RK4 at 1 ms with `solref` 0.005 and
+`solimp` 0.9999, which the shipped models have.
 
-What `trade` and `choose` try of these is in `tried_settings.py`.
+The settings that `trade` and `choose` try are in `tried_settings.py`.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -33,19 +33,19 @@ OFF = mujoco.mjtDisableBit
 
 @dataclass(frozen=True)
 class SettingPlace:
-    """Where a setting stands.
+    """The place of a setting in MJCF and in a compiled model.
 
     Attributes
     ----------
     tag : str
-        The element of MJCF of which it is an attribute: ``option``, ``flag`` in an ``option``, or
-        each element of ``equality``, and then of each joint with a range as well.
+        The element of MJCF that has the setting as an attribute: ``option``, ``flag`` in an
+        ``option``, or each element of ``equality`` and then also each joint with a range.
     kinds : enumeration of MuJoCo, optional
-        What there is, of an option that has words for its values.
+        The values of an option that has words for them.
     bit : int
-        Of ``disableflags``: set where a flag is disabled.
+        Bit of ``disableflags`` that is set if the flag is disabled.
     quiet : bool
-        Whether it is stated, and written, only where it is not MuJoCo's own.
+        Whether the setting is reported and written only if it differs from MuJoCo's default.
     """
 
     tag: str
@@ -68,23 +68,23 @@ PLACES = {
     "solref": SettingPlace("equality"),
     "solimp": SettingPlace("equality"),
 }
-"""Of every setting for which MuJoCo itself has a word, which is its name here."""
+"""Places of all settings that exist in MJCF, by their names there, which are also used here."""
 SOFTNESS = tuple(key for key, place in PLACES.items() if place.tag == "equality")
 CAPITALS = {name.lower(): name for name in ("Euler", "RK4", "PGS", "CG", "Newton")}
-"""Words of MJCF that are not in small letters."""
+"""Words of MJCF with capital letters, by the words in small letters."""
 
 
 class MujocoSettings(EngineSettings):
-    """What can be set in MuJoCo; where a field has a value here, it is MuJoCo's own.
+    """Settings of MuJoCo; the values of the fields here are MuJoCo's own defaults.
 
-    `timestep` [s], `integrator`, `solver`, `iterations`, `tolerance` replace the option of that
-    name; `solref` and `solimp` replace the first numbers of those of every equality, and may be
-    spelled as in MJCF; they go for the limits of joints as well, which keep their damping ratios;
-    ``defaults = True`` first puts back the values that MuJoCo has when the model says nothing;
-    `settled` chooses the kind of a sweep, `flex` that of an equilibrium run.
+    `timestep` [s], `integrator`, `solver`, `iterations` and `tolerance` replace the options of
+    these names.  `solref` and `solimp` replace the first numbers of these attributes in every
+    equality, and may be written as in MJCF.  They also apply to the limits of joints, which keep
+    their damping ratios.  ``defaults = True`` first restores MuJoCo's defaults.  `settled` chooses
+    the kind of a sweep, `flex` that of an equilibrium run.
 
-    `cone`, `impratio` and `noslip_iterations` are the options of that name and act on contacts and
-    dry friction.  ``refsafe = False`` lets a `solref` be shorter than two time steps, and
+    `cone`, `impratio` and `noslip_iterations` are the options of these names and act on contacts
+    and dry friction.  ``refsafe = False`` allows a `solref` shorter than two time steps, and
     ``warmstart = False`` starts the solver of each step anew; both are flags of MJCF.
     """
 
@@ -141,11 +141,11 @@ ENGINE_DEFAULTS = {
     key: MujocoSettings.model_fields[key].default
     for key in ("timestep", "integrator", "solref", "solimp")
 }
-"""What ``defaults = True`` puts back."""
+"""The settings that ``defaults = True`` restores, with MuJoCo's defaults."""
 
 
 def named_values(option: str) -> dict[str, int]:
-    """The values of an option that has words for them, by their words in small letters."""
+    """The numerical values of an option that has words for them, by the words in small letters."""
     return {
         name.partition("_")[2].lower(): value
         for name, value in PLACES[option].kinds.__members__.items()
@@ -170,15 +170,15 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
 
 
 def limited(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Joints with a range whose limits have a time constant."""
+    """Numbers of the joints with a range whose `solref` has a time constant, not a stiffness."""
     return np.flatnonzero(model.jnt_limited.astype(bool) & (model.jnt_solref[:, 0] > 0))
 
 
 def soften_limits(model: mujoco.MjModel, key: str, row: Array) -> None:
     """Write `solref` or `solimp` of a setting into the limits of joints, in place.
 
-    What an impact leaves depends on the damping ratio, which stays; a setting with a stiffness in
-    place of a time constant changes no limit.
+    The damping ratio of a limit, on which the rebound from an impact depends, is kept.  A setting
+    with a stiffness in place of a time constant changes no limit.
     """
     joints = limited(model)
     if key == "solimp":
@@ -188,7 +188,7 @@ def soften_limits(model: mujoco.MjModel, key: str, row: Array) -> None:
 
 
 def limits_of(model: mujoco.MjModel, keys: Iterable[str]) -> dict[str, dict[str, str]]:
-    """What the elements of joints that have names say of the softness of their limits."""
+    """Attributes that state the softness of joint limits in MJCF, by the name of the joint."""
     return {
         name: {f"{key}limit": spelled(getattr(model, f"jnt_{key}")[j].tolist()) for key in keys}
         for j in limited(model).tolist()
@@ -197,13 +197,13 @@ def limits_of(model: mujoco.MjModel, keys: Iterable[str]) -> dict[str, dict[str,
 
 
 def write_limits(root: Element, said: Mapping[str, Mapping[str, str]]) -> None:
-    """Write what joints say into their elements, in place."""
+    """Write attributes of joints, as `limits_of` gives them, into their elements, in place."""
     for joint in root.iterfind(".//worldbody//joint"):
         joint.attrib.update(said.get(joint.get("name", ""), {}))
 
 
 def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, object]:
-    """Options and flags of a compiled model; those of `also` even where quiet."""
+    """Options and flags of a compiled model; those in `also` even if they are quiet defaults."""
     said = dict[str, object]()
     for key, place in PLACES.items():
         if place.tag == "equality":
@@ -222,7 +222,7 @@ def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, o
 
 
 def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
-    """What MuJoCo steps a model with: its options, and the softness of its active equalities.
+    """Settings with which MuJoCo steps a model: options, and the softness of active equalities.
 
     A sweep that closes its loops by Newton's method uses none of them.
     """
@@ -235,7 +235,7 @@ def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
 
 
 def spelled(value: object) -> str:
-    """A value as MJCF has it, with all its digits.
+    """A value as text of MJCF, with all its digits.
 
     >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER"), spelled(100), spelled(False)
     ('0.02 1', '0.3333333333333333', 'Euler', '100', 'disable')
@@ -264,7 +264,7 @@ def write_options(root: Element, said: Mapping[str, object]) -> None:
 
 
 def section(parent: Element, tag: str) -> Element:
-    """The last section of that name of a model, or of a section; made if there is none."""
+    """The last child element of that name; added if there is none."""
     found = parent.findall(tag)
     return found[-1] if found else ElementTree.SubElement(parent, tag)
 

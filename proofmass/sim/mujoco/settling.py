@@ -1,15 +1,16 @@
-"""Sweep in which MuJoCo itself comes to rest at every sample: its steps, soft loops and limits.
+"""Sweep in which MuJoCo itself steps to rest at every sample, with its soft loops and limits.
 
-Neither inertia nor damping changes a rest, but both change the way to it, and inertia the softness:
-the stiffness of MuJoCo's constraints goes with the inertia behind them, so that a force F opens one
-by
+Neither inertia nor damping changes an equilibrium, but both change the way to it.  Inertia also
+changes the softness of MuJoCo's constraints, whose stiffness is proportional to the inertia that
+they act on: a force F opens a constraint by
 
     (1 - d) F T^2 / m      (d, T: the constraint's solimp and time constant, m: inertia)
 
-Every joint therefore gets the armature with which its own stiffness swings PACE radians in a step,
-and the damping that is critical for the slowest degree of freedom.  With solimp 0.9999 and a time
-constant of two to five steps a moment is then off by 1e-7 to 1e-6 of its size; MuJoCo's default
-solref and solimp of limits (`solreflimit`, `solimplimit`) let it be off by 1e-2.
+Every joint therefore gets an armature with which the phase of its oscillation on its own stiffness
+grows by `PACE` radians per step, and the damping that is critical for the slowest degree of
+freedom.  With solimp 0.9999 and a time constant of two to five steps the relative error of a moment
+is then 1e-7 to 1e-6; with MuJoCo's default solref and solimp of limits (`solreflimit`,
+`solimplimit`) it is 1e-2.
 """
 
 import copy
@@ -32,7 +33,7 @@ FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 
 
 def failure(data: mujoco.MjData) -> str:
-    """The warning after which MuJoCo went on from a reset pose or with nonsense; empty if none."""
+    """The first warning that makes a run invalid, such as of a reset state; empty if none."""
     return next(
         (
             f"MuJoCo warning {warning.name[7:].lower()}"
@@ -53,26 +54,26 @@ def until_still(
     hold: Callable[[], None] = lambda: None,
     where: str = "",
 ) -> int:
-    """Step until all speeds are below `still` at two looks in turn; the number of steps.
+    """Step until all speeds are below `still` at two checks in succession; the number of steps.
 
     Parameters
     ----------
     model, data
     still : float
-        The fastest joint at rest [rad/s or m/s].
+        Speed of the fastest joint below which the model counts as at rest [rad/s or m/s].
     block, most : int
-        Steps between two looks, and after which the rest is given up.
+        Number of steps between two checks, and largest number of steps.
     hold : callable
-        Called before each block.
+        Called before each block of steps.
     where : str
-        What is held, for messages.
+        Values of the drives, for messages.
 
     Raises
     ------
     Diverged
         The engine reset itself.
     NotSolved
-        It does not come to rest.
+        The model does not come to rest.
     """
     before, steps = np.inf, 0
     for steps in range(block, most, block):
@@ -93,17 +94,17 @@ def until_still(
 
 VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
-PACE = 0.015  # [rad] phase in a step of a joint that swings on its own stiffness
-FAINT = 1e-3  # of the largest stiffness: joints with less swing slower
-FLYWHEEL = 1e12  # times the largest inertia: a drive drifts by rounding until rest
-GLIDE = 100  # steps in which the drives move by a STRIDE
-BLOCK = 50  # steps between two looks at the speed
-STILL = 1e-9  # [rad/s or m/s] the fastest joint at rest
-MOST = 400_000  # steps until a sample is given up
+PACE = 0.015  # [rad] phase per step of a joint that oscillates on its own stiffness
+FAINT = 1e-3  # share of the largest stiffness; joints with less oscillate more slowly
+FLYWHEEL = 1e12  # inertia of a drive in multiples of the largest: until rest only rounding moves it
+GLIDE = 100  # steps in which the drives move by a stride of `Linkage`
+BLOCK = 50  # steps between two checks of the speed
+STILL = 1e-9  # [rad/s or m/s] speed of the fastest joint below which the model is at rest
+MOST = 400_000  # steps after which a sample is given up
 
 
 def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
-    """Hold the drives at each sample of ``run.x`` until nothing moves, and read every sensor.
+    """Sweep the drives over ``run.x``; at each sample step to rest, and read every sensor there.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
 
 def weigh(linkage: Linkage) -> None:
-    """Give the joints their armature and damping, and the drives their flywheels."""
+    """Set the armatures and the damping of the joints, and the flywheels of the drives."""
     import scipy.linalg  # slow to load
 
     model, data, dofs = linkage.model, linkage.data, linkage.dofs
@@ -160,12 +161,12 @@ def weigh(linkage: Linkage) -> None:
     model.dof_damping[dofs] = 0
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_DAMPER)  # this damping must act
     pose = data.qpos.copy()
-    mujoco.mj_setConst(model, data)  # inertia changes how stiff the engine makes a constraint
+    mujoco.mj_setConst(model, data)  # the stiffness of MuJoCo's constraints depends on the inertia
     data.qpos[:], data.qvel[:] = pose, 0
 
 
 def glide(linkage: Linkage, values: Array) -> int:
-    """Move the drives to their values at a constant speed; the number of steps."""
+    """Move the drives at constant speeds to their next values; returns the number of steps."""
     model, data = linkage.model, linkage.data
     way = values - data.qpos[linkage.adr]
     steps = int(np.ceil(GLIDE * (np.abs(way) / linkage.stride).max()))
@@ -176,7 +177,7 @@ def glide(linkage: Linkage, values: Array) -> int:
 
 
 def settle(linkage: Linkage, values: Array) -> int:
-    """Step with the drives held until nothing moves; the number of steps."""
+    """Step with the drives at fixed values until the model is at rest; the number of steps."""
     data = linkage.data
 
     def hold() -> None:
@@ -194,7 +195,7 @@ def settle(linkage: Linkage, values: Array) -> int:
 
 
 def holding_moments(linkage: Linkage) -> Array:
-    """What must act on the driven joints at rest, besides the engine's own constraints."""
+    """Moments that the drives must exert at rest, besides the engine's own constraint forces."""
     data = linkage.data
     mujoco.mj_forward(linkage.model, data)
     forces = data.qfrc_bias - data.qfrc_passive - data.qfrc_constraint - data.qfrc_actuator

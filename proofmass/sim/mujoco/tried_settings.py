@@ -1,25 +1,26 @@
-r"""What `trade` scans and `choose` tries in MuJoCo, the orders and limits that theory expects.
+r"""Settings of MuJoCo that `trade` and `choose` try, with the orders and limits of theory.
 
-With the step h, a loop held by a spring and damper of time constant tau (`solref`), the share 1 - d
-of the open loop's acceleration that it lets through (`solimp`), and the derivative j of the place:
-0 of positions, 1 of rates, 2 of accelerations:
+**Orders.** Let h be the step, tau the time constant (`solref`) of the spring and damper that close
+a loop, 1 - d the share of the open loop's acceleration that the constraint lets through (`solimp`),
+and j the order of the time derivative: 0 of positions, 1 of rates, 2 of accelerations.  Errors are
+proportional to
 
-    integrator, no loop             RK4 h^4; MuJoCo's others are semi-implicit, h.  From rest those
-                                    are a leapfrog that is half a step early: rates h^2
+    integrator, no loop             RK4: h^4; MuJoCo's others are semi-implicit: h.  From rest these
+                                    are a leapfrog that is half a step early, with rates h^2
     softness of a loop              (1 - d) tau^2; after a jolt (1 - d) tau^(2-j) as well
     semi-implicit in a loop         with kappa = J' v in q'' = - b q' - k q - kappa, b = 2/tau and
-                                    k = 1/tau^2, it settles h tau kappa off, its rate h kappa / 2;
-                                    accelerations h, h tau; after a jolt h tau^(1-j) as well, until
-                                    it has died away, as exp(-t / tau)
-    RK4 in a loop                   (h / tau)^4 tau^(2-j), beside its softness
+                                    k = 1/tau^2, it settles with the error h tau kappa, its rate
+                                    with h kappa / 2; accelerations: h, h tau; after a jolt
+                                    h tau^(1-j) as well, which decays as exp(-t / tau)
+    RK4 in a loop                   (h / tau)^4 tau^(2-j), in addition to the softness
 
-A recorded reference is not asked at the state that the drives really had: it sees what the
-integrator does without a loop as well.
+A recorded reference is not evaluated at the actual state of the drives, so that a comparison with
+it includes the error of the integrator without a loop.
 
 A jolt is a start under load or in motion, from loops that are neither strained nor moving.
 
-How MuJoCo's integrators step a spring and a damper, and where theory says that they give way, with
-z = dt omega and the damping ratio zeta::
+**Stability.** MuJoCo's integrators step a spring and a damper stably within these limits of
+z = dt omega, with the damping ratio zeta::
 
     Euler, implicit, implicitfast         stable for z up to 2 (zeta + sqrt(1 + zeta^2))
     the same without implicit damping     2 (sqrt(1 + zeta^2) - zeta)
@@ -59,14 +60,14 @@ from proofmass.sim.protocol import (
 )
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
-HARD = (0.9999, 0.9999, 0.001)  # solimp, as hard as MuJoCo lets it be
-CAP = 0.9999  # MuJoCo takes no harder solimp
+HARD = (0.9999, 0.9999, 0.001)  # the hardest solimp that MuJoCo accepts
+CAP = 0.9999  # the largest impedance in solimp that MuJoCo accepts
 EXACT = 1e-15
-"""Tolerance of the solver that rounding still meets; 0 makes every iteration that is allowed."""
-STEPS_OF_SOLREF = 8  # fewer cost RK4 accuracy, more are softer
-STAGES = {"RK4": 4}  # evaluations in a step, 1 for the others
+"""Tolerance of the solver that is just above rounding; 0 enforces all iterations allowed."""
+STEPS_OF_SOLREF = 8  # time constant of loops in steps: fewer cost RK4 accuracy, more are softer
+STAGES = {"RK4": 4}  # evaluations of forces in a step; 1 for the other integrators
 IN_SOLREF = "too few steps in solref"
-"""What the step alone moves on a scan whose loops get harder with it."""
+"""Cause of an error that the step alone changes, in a scan whose `solref` goes with the step."""
 SIZES: dict[str, Callable[[ParameterValue], float]] = {
     "timestep": leading,
     "solref": leading,
@@ -76,12 +77,12 @@ LABELS = {"solref": "time constant, solref [s]", "solimp": "1 − solimp"}
 
 
 def hard(solref: float) -> dict[str, ParameterValue]:
-    """Loops with a time constant [s], and as hard as can be otherwise."""
+    """Settings of loops with a time constant [s] and the hardest `solimp`."""
     return {"solref": (solref, 1.0), "solimp": HARD}
 
 
 def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
-    """Settings with another time step [s], and a `solref` that goes with it.
+    """Settings with another time step [s], and a `solref` scaled in proportion to it.
 
     >>> at_step({"timestep": 1e-3, "solref": (8e-3, 1.0)}, 5e-4)
     {'timestep': 0.0005, 'solref': (0.004, 1.0)}
@@ -93,7 +94,7 @@ def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValu
 
 
 def scans(title: str, about: Studied) -> Iterator[Scan]:
-    """Over the step, one an integrator and a softness; and over what holds loops."""
+    """Scans over the step, for each integrator and softness, and over settings of constraints."""
     model, own = about.model, about.own_step
     loops = is_soft(about)
 
@@ -135,7 +136,7 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
         f"{at}, refsafe off, solref",
         "solref",
         [(m * own, 1.0) for m in (1.5, 1.0, 0.75)],
-    )  # with it, these would be 2 steps
+    )  # with refsafe, all of these would be raised to 2 steps
     yield scan_over(
         base, f"{at}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
     )
@@ -162,7 +163,7 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
 
 
 def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
-    """Orders that a scan may show in the derivative j."""
+    """Orders of convergence that errors of derivative j may show in a scan."""
     first = scan.settings[0]
     if scan.varied == "solimp":
         return (1.0,)
@@ -172,10 +173,10 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
 
 
 def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
-    """Of the step."""
+    """Orders of convergence that errors of derivative j may show in a scan over the step."""
     fourth = scan.settings[0]["integrator"] == "RK4"
     own = (1.0, 2.0) if j == 1 and not about.held_to_drive else (1.0,)
-    if fourth:  # a control is held over all stages of a step
+    if fourth:  # a changing control is constant over all stages of a step
         own = (2.0, 4.0) if about.controlled else (4.0,)
     scaled = len({each.get("solref") for each in scan.settings}) > 1
     if not (is_soft(about) and scaled):
@@ -187,17 +188,17 @@ def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
 
 
 def is_soft(about: Studied) -> bool:
-    """Whether loops or, of a motion that is let go, the limits of joints are soft."""
+    """Whether the model has soft loops, or soft joint limits that a free motion may hit."""
     return bool(about.model.neq) or rebounds(about)
 
 
 def rebounds(about: Studied) -> bool:
-    """Whether joints may be thrown back by limits, as exactly as steps resolve an impact."""
+    """Whether joints may rebound from limits, in a motion without drives."""
     return not about.driven and limited(about.model).size > 0
 
 
 def softness(about: Studied, j: int) -> tuple[float, ...]:
-    """Of the time constant of loops, and of limits: an impact takes a time in proportion to it."""
+    """Orders in the time constant of loops or limits; impacts last in proportion to the latter."""
     if rebounds(about):
         return (1.0, 2.0)
     return tuple(dict.fromkeys((2.0 - j, 2.0))) if about.jolted() else (2.0,)
@@ -206,7 +207,7 @@ def softness(about: Studied, j: int) -> tuple[float, ...]:
 def perturbations(
     parameters: ParameterValues, about: Studied, scaled: bool
 ) -> Iterator[Perturbation]:
-    """Step, softness of loops, solver."""
+    """Perturbations of the step, of the softness of loops or limits, and of the solver."""
     model = about.model
     known: dict[str, Any] = {
         **(ENGINE_DEFAULTS if parameters.get("defaults") else {}),
@@ -228,7 +229,7 @@ def perturbations(
     if not model.neq:
         what, soft = "limits", (model.jnt_solref[limited(model)], model.jnt_solimp[limited(model)])
     tau, ratio = known.get("solref", soft[0][0])[:2]
-    safe = tau / 2 >= 2 * step  # MuJoCo itself takes no less
+    safe = tau / 2 >= 2 * step  # MuJoCo raises a shorter time constant
     yield Perturbation(
         f"softness of the {what}",
         "halving solref" if safe else "doubling solref",
@@ -254,7 +255,7 @@ def perturbations(
 
 
 def recipes(title: str, about: Studied) -> Iterator[Recipe]:
-    """Integrators, and time constants of loops in steps."""
+    """Recipes for each integrator, with default softness and with time constants in steps."""
     loops = is_soft(about)
 
     def held(integrator: str, soft: int) -> Callable[[float], dict[str, ParameterValue]]:
@@ -275,25 +276,25 @@ def recipes(title: str, about: Studied) -> Iterator[Recipe]:
 
 
 def euler(z: float, zeta: float) -> Array:
-    """The new velocity, with the damper's force at its end, moves the position."""
+    """Step map of Euler: the new velocity, with the damping at its end, moves the position."""
     held = 1.0 + 2.0 * zeta * z
     return np.array([[1.0 - z**2 / held, 1.0 / held], [-(z**2) / held, 1.0 / held]])
 
 
 def euler_explicit(z: float, zeta: float) -> Array:
-    """The new velocity, with the damper's force at its beginning, moves the position."""
+    """Step map of Euler with the damper's force at the beginning of the step."""
     left = 1.0 - 2.0 * zeta * z
     return np.array([[1.0 - z**2, left], [-(z**2), left]])
 
 
 def discrete(z: float, zeta: float) -> Array:
-    """Spring and damper both with their forces at the end of the step."""
+    """Step map with the forces of spring and damper at the end of the step."""
     held = 1.0 + 2.0 * zeta * z + z**2
     return np.array([[1.0 - z**2 / held, 1.0 / held], [-(z**2) / held, 1.0 / held]])
 
 
 def rk4(z: float, zeta: float) -> Array:
-    """The exponential of the system's matrix to the fourth power."""
+    """Step map of RK4: the exponential series of the system's matrix up to the fourth power."""
     step = np.array([[0.0, 1.0], [-(z**2), -2.0 * zeta * z]])
     a, power = np.eye(2), np.eye(2)
     for k in (1, 2, 3, 4):
@@ -302,7 +303,7 @@ def rk4(z: float, zeta: float) -> Array:
     return a
 
 
-LAWS: dict[StepMap, str] = {  # of the limit of dt omega
+LAWS: dict[StepMap, str] = {  # formulas of the largest stable dt omega
     euler: "2 (ζ + √(1 + ζ²))",
     euler_explicit: "2 (√(1 + ζ²) − ζ)",
     rk4: "|R(z (−ζ + i √(1 − ζ²)))| = 1",
@@ -312,7 +313,7 @@ ONE = (0.0,)
 
 
 def scheme(name: str, step: StepMap, **tried: tuple[float, ...]) -> Scheme:
-    """The scheme of an integrator; discrete damps what it steps."""
+    """The scheme of an integrator; all but discrete conserve energy."""
     return Scheme(name, step, LAWS[step], {"integrator": name}, step is not discrete, tried=tried)
 
 
@@ -352,7 +353,7 @@ def scheme_of(parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
 
 
 def limit_problems() -> Iterator[LimitProblem]:
-    """Springs with explicit damping, velocity servos, soft loops, and flat cylinders."""
+    """Test problems: springs with explicit damping, velocity servos, soft loops, flat cylinders."""
     for zeta in (0.3, 1.0):
         text = wheel(1.0, 2.0 * zeta, flags='eulerdamp="disable"')
         yield LimitProblem(
@@ -371,12 +372,12 @@ def limit_problems() -> Iterator[LimitProblem]:
 
 
 def sprung(text: str) -> Stepping:
-    """A model stepped by Euler's method with a step, of its coordinate's place."""
+    """A model in Euler's method with a step that is varied; the coordinate's value is watched."""
     return lambda step: (text, step, {"integrator": "Euler"}, "place")
 
 
 def servos() -> Iterator[LimitProblem]:
-    """A velocity servo, an explicit damper unless the integrator knows it."""
+    """A velocity servo, which is an explicit damper unless the integrator is implicit in it."""
     text = wheel(rest='<actuator><velocity joint="joint" kv="1"/></actuator>' + key("0", "0.001"))
 
     def served(name: str) -> Stepping:
@@ -386,14 +387,14 @@ def servos() -> Iterator[LimitProblem]:
         what = "velocity servo", one.name, "dt kv/I"
         if one.name == "Euler":
             yield LimitProblem(*what, "|1 − z| = 1", served(one.name), theory=2.0)
-        elif one.step is rk4:  # on the negative axis, where critical damping is as well
+        elif one.step is rk4:  # its eigenvalue is negative and real, as with critical damping
             yield LimitProblem(*what, "|R(−z)| = 1", served(one.name), rk4, 1.0)
         else:
             yield LimitProblem(*what, "implicit in the velocity", served(one.name), theory=inf)
 
 
 def soft_loops() -> Iterator[LimitProblem]:
-    """A constraint is an explicit spring with critical damping, of omega = 1 / timeconst."""
+    """Soft loops, each an explicit spring with critical damping and omega = 1 / time constant."""
     for name, step in (
         ("Euler", euler_explicit),
         ("implicitfast", euler_explicit),
@@ -420,7 +421,7 @@ def soft_loops() -> Iterator[LimitProblem]:
 
 
 def loop(flags: str, name: str) -> Stepping:
-    """A slide that an equality holds against its weight, stepped by a second at a time."""
+    """A slide that an equality constrains against its weight, with a step of 1 s."""
     text = wheel(
         kind="slide",
         gravity="1e-3 0 0",
@@ -437,20 +438,20 @@ def loop(flags: str, name: str) -> Stepping:
 RADIUS, HALF, GAP = 0.041, 0.002, 2.1e-5
 """Radius and half the height of a flat cylinder, and its height above the floor [m]."""
 TWO_ULPS = 2 * float(np.finfo(float).eps)
-"""How far the square of an axis that is turned is off 1 [1]: the most that was seen."""
+"""Largest error of the squared length of a rotated axis that was observed [1]."""
 CYLINDERS = 400
-"""Turned in as many ways: five of their axes are off by `TWO_ULPS`, 81 by half of that."""
+"""Number of cylinders, each rotated differently: five axes have the error `TWO_ULPS`, 81 half."""
 
 
 def flat_cylinders() -> LimitProblem:
-    """Cylinders that hang above a floor, at rest and without weight: nothing should move them.
+    """Cylinders at rest above a floor, without weight, so that no force should act on them.
 
-    From the centre of a face MuJoCo goes by the radius r along (n . a) a - n to the lowest point
-    of the edge, with the axis a of the cylinder and the normal n of the floor::
+    MuJoCo finds the lowest point of the edge at the radius r from the centre of a face, in the
+    direction of (n . a) a - n, with the axis a of the cylinder and the normal n of the floor::
 
              a
          ____|____         that vector is as long as the tilt, and lies in the face, but for a
-        |____|____|        part d that rounding leaves along a: the point is
+        |____|____|        component d along a, which is a rounding error: the point is
              |                 r d / sqrt(tilt^2 + d^2)
         _____n_____        too deep, by up to the radius
 
@@ -471,14 +472,14 @@ def flat_cylinders() -> LimitProblem:
 
 
 def tilted(share: float) -> float:
-    """The tilt [rad] with which rounding leads so many times the gap down."""
+    """The tilt [rad] at which rounding puts the lowest point `share` times the gap too deep."""
     return float(RADIUS * TWO_ULPS / (GAP * share))
 
 
 def leaning(tilt: float, turn: float, way: float) -> Array:
-    """The quaternion [1] of a body that is turned about the vertical, and then tilted [rad].
+    """The quaternion [1] of a body that is rotated by `turn` about the vertical, and then tilted.
 
-    The tilt is small, about a horizontal axis in a direction `way` [rad].
+    The `tilt` is small, and its horizontal axis has the direction `way` [all rad].
     """
     found = np.zeros(4)
     lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
@@ -488,7 +489,7 @@ def leaning(tilt: float, turn: float, way: float) -> Array:
 
 
 def hang(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:
-    """The cylinders tilted by an angle [rad], and their kinetic energy."""
+    """The problem of the cylinders, tilted by an angle [rad]; their kinetic energy is watched."""
     turns, ways = (2 * np.pi * (np.arange(CYLINDERS) * share % 1.0) for share in (0.618, 0.755))
     bodies = []
     for k, (turn, way) in enumerate(zip(turns, ways, strict=True)):

@@ -1,1 +1,1 @@
-"""Recorded curves of other programs and test rigs: `engine` is all that the rest asks for."""
+"""Recorded curves of other programs and test rigs; others import only its module `engine`."""

@@ -1,7 +1,8 @@
-"""Recorded curves as a party that is judged: those of another program, or of a test rig.
+"""Recorded curves of another program or a test rig, which are judged like those of an engine.
 
-Nothing is computed from the model; it tells which quantity each channel measures.  The curves of a
-CSV file are brought to the samples of a run by a spline, whose error is stated with them.
+No curve is computed from the model; the model only gives the quantity that each channel measures.
+A spline interpolates the curves of a CSV file at the samples of a run; its error is stated with
+them.
 """
 
 import time
@@ -40,11 +41,11 @@ from proofmass.sim.protocol import (
 from proofmass.strict import Strict
 
 X_UNITS = {"dynamics": ("s",), "equilibrium": ("m",)}
-"""What the x of a run may measure; that of a sweep is time, or the value of a drive."""
+"""Units of the x of a run; that of a sweep is time, or the value of a drive."""
 
 
 class RecordedDrive(Strict):
-    """How a driven joint moved, as it was recorded."""
+    """Columns with the recorded motion of a driven joint."""
 
     value: RecordedColumn
     rate: RecordedColumn
@@ -52,9 +53,9 @@ class RecordedDrive(Strict):
 
 
 class RecordedSettings(EngineSettings):
-    """Which column of which file is what.
+    """A recorded file, and the quantity of each of its columns.
 
-    `gap` is the largest spacing of rows, as a multiple of the usual one, the median.
+    `gap` is the largest spacing of rows that is allowed, in multiples of the median spacing.
     """
 
     file: FileName
@@ -65,14 +66,14 @@ class RecordedSettings(EngineSettings):
 
 
 class Recording:
-    """A file with its columns as settings tell them.
+    """A recorded file, read by its settings.
 
     Raises
     ------
     BadSetting
-        A column that is not there, or whose unit nobody tells.
+        A column does not exist, or its unit is not stated.
     InputError
-        A cell that is no finite number, an x that does not rise, a gap between rows.
+        A cell is no finite number, x does not rise, or there is a gap between rows.
     """
 
     def __init__(self, settings: RecordedSettings) -> None:
@@ -93,7 +94,7 @@ class Recording:
         self.check_gaps()
 
     def check_gaps(self) -> None:
-        """Raise InputError if rows are missing."""
+        """Raise InputError if the spacing of rows is larger somewhere than the setting allows."""
         wide = np.diff(self.rows) / self.spacing
         k = int(np.argmax(wide))
         if wide[k] > self.settings.gap:
@@ -106,19 +107,19 @@ class Recording:
             )
 
     def require(self, key: str, column: RecordedColumn, of: str, *quantities: str) -> None:
-        """Raise InputError unless a column measures one of these quantities."""
+        """Raise InputError unless a column measures one of these quantities, given by SI units."""
         try:
             self.table.require(column, *quantities)
         except ValueError as error:
             raise InputError(self.table.file, key, f"{of}: {error}") from None
 
     def at_rows(self, run: Run) -> bool:
-        """Whether all samples of a run are rows.
+        """Whether the file has a row at every sample of a run.
 
         Raises
         ------
         InputError
-            The rows do not reach so far.
+            The rows do not cover the range of the run, or are too few to interpolate.
         """
         first, last = self.rows[0], self.rows[-1]
         near = TIGHT * self.spacing
@@ -152,24 +153,24 @@ def simulate(model: Path, run: Run) -> Curves:
     Parameters
     ----------
     model : Path
-        The MJCF file, which tells the quantity of each channel.
+        The MJCF file, which gives the quantity of each channel.
     run : Run
-        What to do; see `proofmass.sim.protocol.Run`.  Settings: see `RecordedSettings`.
+        See `proofmass.sim.protocol.Run`.  Its settings are `RecordedSettings`.
 
     Returns
     -------
     Curves
         The channels that have a column, at ``run.x``, with the error of the interpolation as their
-        `uncertainty`; the state of the drives, where it was recorded.
+        `uncertainty`; and the state of the drives, if it was recorded.
 
     Raises
     ------
     BadModel
-        The model does not compile, or lacks a sensor; a setting is wrong.
+        The model does not compile, or lacks a sensor, or a setting is wrong.
     Unsupported
-        A passive run.
+        The run is passive.
     InputError
-        The file is at fault: its cells, its units, its range.
+        The file has wrong cells, units or a range that is too small.
     """
     if run.kind == "passive":
         raise Unsupported("a model without a sidecar, which names no recorded file")
@@ -214,7 +215,7 @@ def simulate(model: Path, run: Run) -> Curves:
 
 
 def x_units(run: Run) -> tuple[str, ...]:
-    """What the x of a run may measure [SI]."""
+    """SI units that the x of a run may have."""
     if run.kind in X_UNITS:
         return X_UNITS[run.kind]
     by_value = bool(run.drives) and np.array_equal(run.motion(run.x)[0][0], run.x)
@@ -224,13 +225,14 @@ def x_units(run: Run) -> tuple[str, ...]:
 def recorded_drive(
     recording: Recording, run: Run, exact: bool
 ) -> tuple[Array, Array, Array] | None:
-    """The state of the drives as it was recorded; None if the settings name no columns for it.
+    """The recorded state of the drives; None if the settings name no columns for it.
 
     Raises
     ------
     InputError
-        It is there for some drives alone, or between the samples of the run: the reference would
-        have the error of the interpolation, and nobody would tell how large it is.
+        The settings name columns for some of the drives only, or the file has no rows at the
+        samples of the run.  In the latter case the reference would have the unknown error of an
+        interpolated state.
     """
     there = recording.settings.drive
     if not there or not run.drives:
@@ -240,8 +242,9 @@ def recorded_drive(
         f"drive: no columns for joint {missing[0]!r}; give all drives or none"
         if missing
         else (
-            "drive: the columns are taken where rows stand at the samples of the run alone; record "
-            "such rows, or leave drive out of the settings: the reference is then that of the law"
+            "drive: its columns are used only if the file has rows at the samples of the run; "
+            "record such rows, or leave drive out of the settings: the reference then follows the "
+            "profile"
         )
     )
     if missing or not exact:
@@ -255,7 +258,7 @@ def recorded_drive(
 
 
 def words(recording: Recording, uncertainty: Mapping[str, Array]) -> str:
-    """Where the curves come from, and what the interpolation may lose."""
+    """A sentence on the source of the curves and the error of their interpolation."""
     head = f"recorded in {recording.table.file.name}, {len(recording.table.rows)} rows"
     if not uncertainty:
         return f"{head}, at the samples of the run; nothing is interpolated"
@@ -271,7 +274,7 @@ def words(recording: Recording, uncertainty: Mapping[str, Array]) -> str:
 
 
 class RecordedCurves(Engine):
-    """Recorded curves as all commands know them."""
+    """Recorded curves as an engine of proofmass."""
 
     title = "Recorded"
     settings = RecordedSettings
@@ -283,7 +286,7 @@ class RecordedCurves(Engine):
         return simulate(model, run)
 
     def check_settings(self, settings: Mapping[str, object]) -> None:
-        """Read the file as well; see `Recording`."""
+        """Check the settings and the file that they name; see `Recording`."""
         Recording(RecordedSettings.read(settings))
 
 
