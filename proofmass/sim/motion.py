@@ -431,7 +431,7 @@ class MovingScene(PictureScene):
         return move, turn
 
     def fit(self, gauges: Gauges, wanted: dict[str, float]) -> float:
-        """Move the joints to the wanted values of the gauges; returns the largest deviation left."""
+        """Move the joints to wanted values of the gauges; returns the largest deviation left."""
         for _ in range(ROUNDS):
             self.update()
             lacking = self.lacking(gauges, wanted)

@@ -502,7 +502,7 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
 
 
 def common_step(x: Array, longest: float) -> float:
-    """The longest time step <= `longest` whose multiples lead to all of `x`, part of an even grid.
+    """The longest step <= `longest` whose multiples lead to `x`, some samples of an even grid.
 
     >>> common_step(np.array([0.0, 2.0, 5.0, 7.0]), 0.6)
     0.5

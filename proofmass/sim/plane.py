@@ -1,4 +1,4 @@
-"""The plane that a planar MJCF mechanism moves in."""
+"""The plane in which a planar MJCF mechanism moves."""
 
 from dataclasses import dataclass
 
@@ -32,7 +32,7 @@ class MotionPlane:
         return vectors @ np.stack([self.e1, self.e2], axis=1)
 
     def world(self, flat: Array, height: float = 0.0) -> Array:
-        """World vectors of components in the plane, `height` above it: (..., 2) to (..., 3)."""
+        """Vectors in the world of components in the plane plus `height`: (..., 2) to (..., 3)."""
         return flat @ np.stack([self.e1, self.e2]) + height * self.normal
 
 
@@ -55,7 +55,7 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
     Raises
     ------
     Unsupported
-        A joint leaves the plane; the message names it.
+        A joint moves out of the plane; the message names it.
     """
     for joint in np.flatnonzero(np.isin(model.jnt_type, (BALL, FREE))).tolist():
         kind = "ball" if model.jnt_type[joint] == BALL else "free"

@@ -1,4 +1,4 @@
-"""Small MJCF models with one joint that is watched, for test problems whose limits theory knows."""
+"""Small MJCF models with sensors of one joint, for test problems with limits known from theory."""
 
 SENSORS = """<jointpos name="place" joint="{0}"/> <jointvel name="rate" joint="{0}"/>
     <e_kinetic name="kinetic"/> <e_potential name="potential"/>"""
@@ -7,7 +7,7 @@ SENSORS = """<jointpos name="place" joint="{0}"/> <jointvel name="rate" joint="{
 def mjcf(
     world: str, watched: str = "joint", rest: str = "", gravity: str = "0 0 0", flags: str = ""
 ) -> str:
-    """A model of what stands in its world, with the sensors of one joint."""
+    """A model with the bodies `world`, and with sensors of the joint `watched`."""
     return f"""<mujoco model="problem">
   <compiler angle="radian"/>
   <option gravity="{gravity}" jacobian="dense"><flag contact="disable" {flags}/></option>
@@ -18,7 +18,7 @@ def mjcf(
 
 
 def wheel(stiffness: float = 0.0, damping: float = 0.0, kind: str = "hinge", **more: str) -> str:
-    """A body of unit inertia on a spring and a damper, turned or moved by a thousandth."""
+    """A body of unit inertia on a spring and a damper, displaced by 0.001 rad or m at the start."""
     axis = "0 0 1" if kind == "hinge" else "1 0 0"
     return mjcf(
         f"""<body pos="1 0 0"><joint name="joint" type="{kind}" axis="{axis}"
@@ -29,5 +29,5 @@ def wheel(stiffness: float = 0.0, damping: float = 0.0, kind: str = "hinge", **m
 
 
 def key(place: str, rate: str = "") -> str:
-    """The start."""
+    """The key with the start value, and the start rate, of the joint."""
     return f'<keyframe><key name="start" qpos="{place}" {rate and f"qvel={rate!r}"}/></keyframe>'

@@ -1,4 +1,4 @@
-"""What the writers of programs share: their templates, and text that may stand in a program."""
+"""Templates of programs, and escaped text for them, for the program writers of all engines."""
 
 from collections.abc import Callable
 from functools import cache
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 @cache
 def template(name: str, **filters: Callable[..., str]) -> "Template":
-    """A template of programs, with filters; few runs need Jinja, so it is loaded here."""
+    """A template of a program, with filters; Jinja is imported here, since few runs need it."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     templates = Environment(
@@ -25,7 +25,7 @@ def template(name: str, **filters: Callable[..., str]) -> "Template":
 
 
 def escaped(text: str) -> str:
-    r"""Text that may stand in a docstring or a comment; lines remain lines in the first only.
+    r"""Text in a form that is safe in a docstring, or, if it has no line breaks, in a comment.
 
     >>> print(escaped('C:\\new, \"\"\"\0'))
     C:\\new, \"\"\"\x00

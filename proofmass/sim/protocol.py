@@ -1,12 +1,12 @@
-"""What the core asks of an engine, and what it gets back.
+"""The interface between the core and an engine.
 
-An engine is one object, an `Engine`, which another distribution can bring as an entry point of the
-group ``proofmass.engines``.  `Engine.simulate` is all that it must have:
+An engine is one object, an `Engine`, which another distribution can provide as an entry point of
+the group ``proofmass.engines``.  Only the method `Engine.simulate` is required:
 
     simulate(model: Path, run: Run) -> Curves
 
-An engine knows no reference and no tolerance.  It imports nothing of the core; `errors`, `files`,
-`recorded`, `strict` and `units` lie below it.
+An engine has no access to references and tolerances.  It imports nothing of the core; `errors`,
+`files`, `recorded`, `strict` and `units` are below it and may be imported.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from mujoco import MjModel
 
 BROKEN = set[str]()
-"""Engines that cannot be called in this process any more; whoever keeps it has to start another."""
+"""Engines that cannot be called in this process any more, so that another has to be started."""
 
-MOST_STEPS = 1e12  # from sample to sample: at 1 us a step, of the smallest models, 12 days
+MOST_STEPS = 1e12  # steps from sample to sample; at 1 us a step, of the smallest models, 12 days
 
 
 class AccuracyLimit(NamedTuple):
-    """How far an engine may be off, as a share of the reference's range, and why.
+    """Expected largest error of an engine, as a share of the reference's range [1], and its reason.
 
-    The `accuracy` of an engine has one for ``sweep`` (all channels), for ``rest`` (rates of a sweep
-    where drives leave degrees of freedom), and for ``position``, ``velocity``, ``acceleration`` and
-    ``force`` (channels of dynamics), as far as the engine states them.
+    The `accuracy` of an engine may have one for ``sweep`` (all channels), for ``rest`` (rates of a
+    sweep where drives leave degrees of freedom), and for each of ``position``, ``velocity``,
+    ``acceleration`` and ``force`` (channels of dynamics).
     """
 
     relative_to_range: float
@@ -49,10 +49,10 @@ class Unsupported(Exception):
 
 
 class Diverged(Exception):
-    """The run failed: not finite, reset by the engine, or the loops came open.
+    """The run failed: a value is not finite, the engine reset the state, or the loops opened.
 
-    A message that begins with ``NAME warning`` is what the engine itself said.  `curves` are those
-    up to the last sample before the loss, where the engine has them.
+    A message that begins with ``NAME warning`` is the engine's own.  `curves` are the curves up to
+    the last sample before the failure, if the engine has them.
     """
 
     def __init__(self, message: str = "", curves: "Curves | None" = None) -> None:
@@ -61,29 +61,29 @@ class Diverged(Exception):
 
 
 class NotSolved(Diverged):
-    """No pose at rest was found in the steps or iterations that this simulator allows itself."""
+    """The engine found no equilibrium or motion within its limits of steps, iterations or time."""
 
 
 class BadModel(Exception):
-    """The model itself cannot be used: unreadable, not assembled, a missing element."""
+    """The model cannot be used: it is unreadable, not assembled, or lacks an element."""
 
 
 class BadRod(BadModel):
-    """A rod that cannot be built; the arguments are its name, what of it is wrong, and why."""
+    """A rod cannot be built; the arguments are its name, the key that is wrong, and the reason."""
 
     def __str__(self) -> str:
         return "rod {!r}: {}: {}".format(*self.args)
 
 
 class BadSetting(BadModel):
-    """A setting that an engine does not have; the arguments are its name and what is wrong."""
+    """An engine does not accept a setting; the arguments are its name and what is wrong."""
 
     def __str__(self) -> str:
         return "setting {}: {}".format(*self.args)
 
 
 def _spelled(value: Any) -> Any:
-    """Numbers that MJCF has in one attribute, ``"0.002 1"``, as a tuple."""
+    """A text of several numbers, as in an attribute of MJCF, ``"0.002 1"``, as a tuple."""
     if not isinstance(value, str):
         return value
     try:
@@ -97,16 +97,16 @@ Count = Annotated[int, Field(strict=True, ge=1, lt=2**31)]
 Switch = Annotated[bool, Field(strict=True)]
 StrictNumbers = Annotated[tuple[StrictNumber, ...], BeforeValidator(_spelled)]
 FILE, BY_CHANNEL, BY_JOINT = "file", "by channel", "by joint"
-"""Marks of settings: names of files from the sidecar's folder; tables by channel, by joint."""
+"""Marks of settings: names of files; tables by channel; tables by joint."""
 FileName = Annotated[str, FILE]
-"""A file.  A sidecar names it from its own folder; an engine is given the whole path."""
+"""Name of a file, in a sidecar relative to its folder; an engine is given the absolute path."""
 
 
 class EngineSettings(BaseModel):
-    """What can be set in an engine, with types and ranges; each engine states its own.
+    """The settings of an engine, with types and ranges; each engine has its own subclass.
 
     A setting that is the name of a file is a `FileName`.  A table whose keys are names of channels
-    or of driven joints is annotated with `BY_CHANNEL` or `BY_JOINT`: the names are then checked.
+    or of driven joints is annotated with `BY_CHANNEL` or `BY_JOINT`, so that the names are checked.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -123,7 +123,7 @@ class EngineSettings(BaseModel):
         Raises
         ------
         BadSetting
-            Unknown, of the wrong type, or out of range.
+            A setting is unknown, of the wrong type, or out of range.
         """
         for key in settings:
             if key not in cls.model_fields:
@@ -151,8 +151,8 @@ class Drive:
     joint : str
         Name of the driven joint in the MJCF.
     law : callable
-        ``law(x) -> (value, rate, acceleration)`` for arrays of x, in the joint's SI units.
-        In a sweep x is the run's x; in dynamics it is time [s].
+        The motion profile: ``law(x) -> (value, rate, acceleration)`` for arrays of x, in the
+        joint's SI units.  In a sweep x is the run's x; in dynamics it is time [s].
     """
 
     joint: str
@@ -166,11 +166,11 @@ class ChangingLoad:
     Attributes
     ----------
     actuator : str
-        Name in the MJCF, of a joint that is not driven, of a site or of a tendon; in a sweep that
-        of a motor.
+        Its name in the MJCF.  It acts on a joint that is not driven, at a site or on a tendon; in
+        a sweep it is a motor.
     law : callable
-        ``law(x) -> (value, rate, acceleration)`` of its control, see `Drive`; the force of a motor
-        is that times its gear and its gain.
+        ``law(x) -> (value, rate, acceleration)`` of its control, see `Drive`.  The force of a motor
+        is the control times its gear and its gain.
     """
 
     actuator: str
@@ -184,10 +184,10 @@ class Imposed:
     Attributes
     ----------
     kind : str
-        A word of the engine's; see its `write_program`.
+        A word that the engine defines; see its `write_program`.
     gain : float
-        How hard the drive holds its joint, in multiples of what the time step suggests [1]; 0
-        where there is nothing to choose.
+        Stiffness of the drive relative to the value that the time step suggests [1]; 0 if there is
+        no choice.
     """
 
     kind: str
@@ -201,35 +201,36 @@ class Rod:
     Attributes
     ----------
     name : str
-        Of the rod; its bodies, joints and sites are ``name.1``, ``name.2``, ...
+        Name of the rod; its bodies, joints and sites are ``name.1``, ``name.2``, ...
     start : str
-        Site where it begins, its tangent along the site's x axis; it bends about the z axis.
+        Site where it begins, with its tangent along the site's x axis; it bends about the z axis.
     end : str, optional
-        Site, of another body or of another rod, that holds its far end.
+        Site, of another body or of another rod, that constrains its far end.
     length : float
         [m]
     stiffness : float
         EI [N m^2]
     segments : int
-        n >= 2 pieces of h = length / n.
+        Number n >= 2 of segments of h = length / n.
     ends : tuple of two str
-        ``clamped`` or ``pinned`` where it begins; ``pinned``, ``clamped`` or ``free`` at the other.
+        ``clamped`` or ``pinned`` at the start; ``pinned``, ``clamped`` or ``free`` at the far end.
     scheme : {"half", "double", "naive"}
-        Where its springs are; see `proofmass.sim.rods`.
+        Positions of its springs; see `proofmass.sim.rods`.
     mass : float, optional
-        Of all of it [kg]; without gravity statics does not know it.
+        Mass of the whole rod [kg]; without gravity it has no effect in statics.
     turn : float
-        Of its tangent from end to end in the start pose [rad].
+        Rotation of its tangent from end to end in the start pose [rad].
     axial, shear : float, optional
-        EA and GA [N]; None: it does not stretch, and its sections stay normal to it.
+        EA and GA [N]; None: the rod does not stretch, and its sections stay normal to it.
     load : tuple of three float
         Dead load per length in the axes of the world [N/m], such as wind.
     torsion : float, optional
         GJ [N m^2]; None: the rod does not leave the plane of its site's x and y axes.
     stiffness_y : float, optional
-        EI of bending about the y axes of its sections [N m^2], in space; None: as about z.
+        In space, EI of bending about the y axes of its sections [N m^2]; None: as about z.
     curvature : tuple of three float
-        Twist, and curvatures about the y and z axes of its sections, without loads [1/m], in space.
+        In space, natural twist, and natural curvatures about the y and z axes of its sections
+        [1/m].
     """
 
     name: str
@@ -251,41 +252,41 @@ class Rod:
 
     @property
     def spatial(self) -> bool:
-        """Whether it may leave the plane of its site."""
+        """Whether the rod may leave the plane of its site."""
         return self.torsion is not None
 
 
 @dataclass(frozen=True)
 class Run:
-    """One thing to do with a model.
+    """A run: what an engine is to do with a model.
 
     Attributes
     ----------
     kind : {"sweep", "dynamics", "equilibrium", "passive"}
-        Quasi-static poses, time stepping, or one pose at rest with the shapes of its rods.  A
-        passive run steps a model that no sidecar speaks of, as the engine does by itself, from
-        the key `start` or else its first one, and records all sensors.
+        Quasi-static poses, time stepping, or one static equilibrium with the shapes of its rods.  A
+        passive run steps a model without a sidecar, with the engine's own initial state from the
+        key `start`, or from the first key if there is none of that name, and records all sensors.
     x : ndarray (n,)
-        Where to sample; rising.  Time [s] in dynamics, arc length [m] of the rods in equilibrium.
+        Samples, in rising order: time [s] in dynamics, arc length [m] of the rods in equilibrium.
     channels : tuple of str
         Sensors of the MJCF to record.  ``name`` for a scalar sensor, ``name.x``, ``.y``, ``.z``
         for a component of a vector, ``name.angle`` for the direction of a ``framexaxis`` sensor
         in the plane of motion, unwrapped along the run [rad].  In equilibrium also ``rod.x``,
         ``.y``, ``.z`` [m], ``.angle`` [rad] and ``.moment`` [N m] along a rod.
     drives : tuple of Drive
-        Prescribed motions, at the same time; empty for a free motion.
+        Prescribed motions, all at the same time; empty for a free motion.
     start : str
-        Name of the ``<key>`` that holds the start pose (and the assembly mode).
+        Name of the ``<key>`` with the start pose, which determines the assembly mode.
     settings : mapping
         Engine settings that replace those of the model: ``timestep``, ``iterations``, ...
     rods : tuple of Rod
-        What the model is completed with before it is compiled.
+        Rods with which the model is completed before it is compiled.
     inertia : bool
-        Whether moments and forces of a sweep are those at the rates and accelerations of its
-        drives, and not those at rest; those of dynamics are always.
+        Whether moments and forces of a sweep include the inertia forces at the rates and
+        accelerations of its drives; those of dynamics always do.
     loads : tuple of ChangingLoad
-        Actuators whose controls are not those of the key; an engine that cannot change them says
-        so.
+        Actuators whose controls change, in place of the controls of the key; an engine that cannot
+        change them raises `Unsupported`.
     """
 
     kind: str
@@ -317,14 +318,14 @@ class Run:
         return value, rate, acceleration
 
     def steps(self, timestep: float) -> tuple[int, float]:
-        """Whole steps from sample to sample, and the step [s] <= `timestep` that fits them.
+        """Number of steps from sample to sample, and the step [s] <= `timestep` that fits it.
 
         Raises
         ------
         Unsupported
             The samples are not evenly spaced.
         BadModel
-            There are more steps from sample to sample than anyone waits for.
+            There are more than `MOST_STEPS` steps from sample to sample.
         """
         spacing = np.diff(self.x)
         if np.ptp(spacing) > 1e-9 * spacing.mean():
@@ -349,7 +350,7 @@ def whole_steps(width: float, longest: float) -> int:
 
 
 def drive_columns(joint: str) -> tuple[str, str, str]:
-    """Names in tables of what the drive of a joint did: value, rate and acceleration.
+    """Names of table columns with value, rate and acceleration of a joint's drive.
 
     >>> drive_columns("crank")
     ('crank drive', 'crank drive rate', 'crank drive acceleration')
@@ -359,7 +360,7 @@ def drive_columns(joint: str) -> tuple[str, str, str]:
 
 @dataclass(frozen=True)
 class Curves:
-    """Named curves on one rising parameter, and what they cost.
+    """Named curves over one rising parameter, and the cost of their computation.
 
     Attributes
     ----------
@@ -370,32 +371,32 @@ class Curves:
     missing : dict of str to str
         Channels that this simulator cannot deliver in this kind of run, with the reason.
     drive : tuple of three ndarray (drives, n), or None
-        Value, rate and acceleration [rad or m, per s, per s^2] of the driven joints *as they
-        actually moved*; rates and accelerations of a sweep are those of its law.  None of a driven
-        run stands for what the laws ask for.
+        Value, rate and acceleration [rad or m, per s, per s^2] of the *actual* motion of the driven
+        joints; rates and accelerations of a sweep are those of its motion profile.  None in a
+        driven run stands for the motion profiles.
     violation : float
-        Largest distance between two points that a loop should hold together [m].
+        Largest constraint violation: distance between two points that a loop joins [m].
     seconds : float
         Wall time of the run without loading the model [s].
     steps : int
         Engine steps (dynamics) or pose solutions (sweep).
     settings : dict
-        Settings as used, for the record: time step, integrator, ...; none that has no effect.
+        Settings that were used and had an effect: time step, integrator, ...
     stopped : str
-        Why a sweep ended before its last sample, at a limit position for one; what was solved
-        until there is in `x` and `channels`.
+        Why a sweep ended before its last sample, for example at a limit position; `x` and
+        `channels` then have the samples before the end.
     derivatives : {2, 1, 0}
-        Highest time derivative of the motion that the run has: accelerations, rates, or poses
-        alone, as where the engine comes to rest at every sample.
+        Highest time derivative of the motion that the run has: 2 accelerations, 1 rates, 0 poses
+        alone, as in a sweep in which the engine steps to rest at every sample.
     violations : ndarray (n,), or None
-        The constraint violation at each sample [m], of a run in time.
+        The constraint violation at each sample [m] of a run in time.
     uncertainty : dict of str to ndarray (n,)
-        By channel, what its curve may be off by for a reason that is no error of what is judged,
-        such as the interpolation of rows [SI]; nothing where it is left out.
+        By channel, the possible error of its curve from a cause that is no fault of the judged
+        party, such as the interpolation of rows [SI]; zero for channels that are left out.
     by_law : bool
-        Whether `drive` is what the laws ask for, since the run tells of no drive of its own.
+        Whether `drive` is that of the motion profiles, since the run has no record of its drives.
     notes : tuple of str
-        What is to be said of the curves, a sentence each.
+        Remarks on the curves, a sentence each.
     """
 
     x: Array
@@ -414,7 +415,7 @@ class Curves:
     notes: tuple[str, ...] = ()
 
     def first(self, count: int) -> "Curves":
-        """The same up to a number of samples."""
+        """The curves at the first `count` samples."""
         value, rate, acceleration = self.drive or 3 * (np.empty((0, 0)),)
         return replace(
             self,
@@ -435,16 +436,16 @@ class OwnRun:
     name : str
         Such as ``Euler, 2 ms``.
     step : float
-        Its time step [s]; 0 of a way that chooses its steps by itself.
+        Time step [s]; 0 if the steps are chosen by an error tolerance.
     seconds : float
         Processor time [s].
     points : ndarray (samples, bodies, points, 3)
-        Of each body [m]; fewer samples where it ended early.
+        Points of each body [m]; fewer samples if the run ended early.
     energy, depth, gap : ndarray (samples,)
-        Energy of the motion and of gravity and springs [J], the deepest penetration of a contact
-        [m], and the largest opening of a loop [m, or rad of some].
+        Kinetic energy and potential energy of gravity and springs [J], the deepest penetration of a
+        contact [m], and the largest constraint violation of a loop [m or rad].
     stopped, late : str, bool
-        Why it ended early, and whether because its processor time was over.
+        Why the run ended early, and whether its processor time was over.
     """
 
     name: str
@@ -460,7 +461,7 @@ class OwnRun:
 
 @dataclass(frozen=True)
 class OwnMotion:
-    """The motion of a model that no sidecar speaks of, solved in several ways.
+    """The motion of a model without a sidecar, solved in several ways.
 
     Attributes
     ----------
@@ -469,22 +470,22 @@ class OwnMotion:
     extent : float
         Size of the model [m].
     runs : tuple of OwnRun
-        With the model's own settings: its step, half of it, a quarter of it, ..; the finer ones may
-        have fewer samples.
+        Runs with the model's own settings and its step, half of it, a quarter of it, ..; those with
+        finer steps may have fewer samples.
     close, rough : OwnRun
-        By an integrator that chooses its steps, with a narrow and with a wide allowance.
+        Runs by an integrator that chooses its steps, with a narrow and with a wide tolerance.
     compared : int
-        Number of the run that the following one differs from by its start pose.
+        Number of the run in `runs` with which `disturbed` and `stiffer` are compared.
     disturbed : OwnRun
-        With a start pose that differs by `disturbance`.
+        Run with a start pose that differs by `disturbance`.
     others : tuple of OwnRun
-        With other settings and the model's own step.
+        Runs with other settings and the model's own step.
     stiffer : OwnRun or None
-        As the run `compared`, with stiffer contacts, loops and limits; None where there are none.
+        Run with stiffer contacts, loops and limits; None if there are none.
     dof : int
-        Degrees of freedom, without those that loops take away.
+        Degrees of freedom of the model without its loops.
     disturbance : float
-        Of the start pose, as a share of the size [1] and in rad.
+        Change of the start pose, as a share of the size [1] and in rad.
     """
 
     times: Array
@@ -507,13 +508,13 @@ StepMap = Callable[[float, float], Array]
 """``map(z, zeta)``: the matrix (2, 2) that a step applies to (q, dt q') of a spring and a damper,
 with z = dt omega."""
 Stepping = Callable[[float], tuple[str, float, dict[str, ParameterValue], str]]
-"""Of a value the text of an MJCF, the time step [s], settings, and the channel that is watched."""
+"""For a value: text of an MJCF, time step [s], settings, and the channel that is watched."""
 STEP = "time step"
-"""The cause of an error that a shorter step makes smaller."""
+"""Name of the cause of an error that a shorter step makes smaller."""
 
 
 def leading(parameter: ParameterValue) -> float:
-    """A value as a number, the first of several."""
+    """A value as a number; of several numbers the first."""
     return float(parameter[0] if isinstance(parameter, tuple) else parameter)
 
 
@@ -526,15 +527,15 @@ class Studied:
     model : MjModel
         The compiled MJCF.
     times : ndarray (n,)
-        Where it is sampled [s].
+        Times of the samples [s].
     work : float
-        Evaluations of forces [1] that the longest run of a scan may take.
+        Largest number of evaluations of forces in a run of a scan [1].
     driven : bool
         Whether joints are driven.
     held_to_drive : bool
-        Whether the reference is asked at the state that the drives really had.
+        Whether the reference is evaluated at the actual state of the drives.
     jolted : callable
-        Tells whether the motion starts under gravity or in motion.
+        Whether the motion starts under gravity or with rates other than zero; computed when called.
     controlled : bool
         Whether controls of actuators change in time.
     """
@@ -553,19 +554,21 @@ class Studied:
         return float(self.model.opt.timestep)
 
     def timesteps(self, stages: int = 1) -> list[float]:
-        """Steps [s] of which 1, 2, 4, .. lead from sample to sample.
+        """Time steps [s] of which 1, 2, 4, .. lead from sample to sample.
 
-        Each is half of the one before, so that a step's half and quarter, which tell an error
-        floor, are steps of the same scan.  A step has so many `stages`, evaluations of forces.
+        Each is half of the one before, so that half and a quarter of a step, from which an error
+        floor is recognized, are steps of the same scan.  `stages` is the number of evaluations of
+        forces in a step.
         """
         most = max(1.0, self.work / stages / (self.times.size - 1))
         numbers = takewhile(lambda number: number <= most, (2**k for k in count()))
         return [float(self.times[1] - self.times[0]) / number for number in numbers]
 
     def quartered_step(self, stages: int = 1) -> float:
-        """The shortest step, the model's own at least, whose quarter is among the `timesteps` [s].
+        """The shortest step [s] whose quarter is among `timesteps`, but at least the model's own.
 
-        For a scan over something else, whose error floor half and a quarter of its step tell.
+        It is for scans over another setting, whose error floor is recognized from half and a
+        quarter of the step.
         """
         return max([self.own_step, *self.timesteps(stages)[-3:][:1]])
 
@@ -577,7 +580,7 @@ class Scan:
     Attributes
     ----------
     name : str
-        Unlike that of any other scan of the engine.
+        A name that no other scan of the engine has.
     varied : str
     settings : tuple of dict
     """
@@ -596,15 +599,15 @@ def scan_over(
 
 @dataclass(frozen=True)
 class Recipe:
-    """Settings by their time step, for a search of the step that is just short enough.
+    """Settings as a function of the time step, for the search of the longest sufficient step.
 
     Attributes
     ----------
     name : str
     parameters : callable
-        ``parameters(step)``: all settings but the step [s].
+        ``parameters(step)`` gives all settings but the step itself [s].
     plain : bool
-        Whether these are the engine's own defaults.
+        Whether these settings are the engine's own defaults.
     """
 
     name: str
@@ -619,13 +622,13 @@ class Perturbation:
     Attributes
     ----------
     cause, change : str
-        What is suspected, and how it is changed, in words.
+        The suspected cause, and how it is changed, in words.
     parameters : dict of str to ParameterValue
     better : bool or None
-        Whether less error is expected; False where the cause can only be made worse, None if the
-        error may go either way.
+        Whether a smaller error is expected; False if the cause can only be increased, None if the
+        error may change either way.
     whole : bool
-        Whether the cause is taken away, and not only halved.
+        Whether the cause is removed completely, and not only halved.
     """
 
     cause: str
@@ -637,7 +640,7 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class Scheme:
-    """One way in which an engine steps, and what theory says of it.
+    """A time-stepping scheme of an engine, with the properties that theory gives.
 
     Attributes
     ----------
@@ -645,17 +648,17 @@ class Scheme:
     step : callable
         Its `StepMap`.
     law : str
-        What the largest stable dt omega follows from, in words.
+        The formula of the largest stable dt omega, in words.
     settings : dict of str to ParameterValue
-        That select it.
+        Settings that select the scheme.
     conserves : bool
-        Whether the energy of a free motion stays, but for errors.
+        Whether the energy of a free motion is conserved, except for errors.
     half_kick : bool
         Whether a run from rest begins with the velocity of half a step.
     tried : mapping of str to tuple of float
-        Test problems of ``proofmass stress`` that it is tried with, and their numbers [1]: damping
-        ratios of ``spring`` and ``slide``, masses of a ``chain``, dt omega of ``swing`` and
-        ``fade``, and for ``pendulum`` and ``whirl`` any one.
+        Test problems of ``proofmass stress`` for the scheme, and their numbers [1]: damping ratios
+        of ``spring`` and ``slide``, numbers of masses of a ``chain``, dt omega of ``swing`` and
+        ``fade``; for ``pendulum`` and ``whirl`` the number has no meaning.
     """
 
     name: str
@@ -669,24 +672,23 @@ class Scheme:
 
 @dataclass(frozen=True)
 class LimitProblem:
-    """A test problem of an engine's own: one number is increased until its run fails.
+    """A test problem of an engine: one parameter is increased until the run fails.
 
     Attributes
     ----------
     what, setting, parameter, law : str
-        The model, the scheme, what is increased, and what theory says, in words.
+        The model, the scheme, the parameter that is increased, and the limit of theory, in words.
     stepped : callable
         Its `Stepping`.
     step, zeta : callable, float
-        Whose limit theory gives, and its damping ratio [1]; or None, with the limit itself in
-        `theory`.
+        The `StepMap` from which the limit of theory follows, and the damping ratio [1]; if `step`
+        is None the limit is `theory`.
     theory : float
-        [SI]
+        Limit of the parameter [SI].
     start, reach : float
-        From where to where it is increased [SI].
+        First and last value of the parameter [SI].
     bound : float, optional
-        Largest value of what is watched that is right [SI]; a run fails beyond 1, if none is
-        given.
+        Largest correct value of the watched channel [SI]; if none is given, a run fails beyond 1.
     """
 
     what: str
@@ -703,46 +705,46 @@ class LimitProblem:
 
 
 def left_to_sidecar(parameters: ParameterValues, but: Sequence[str] = ()) -> Iterator[str]:
-    """What an engine has no words for, as what the sidecar must say."""
+    """Settings, except those named in `but`, as sentences that tell what the sidecar must state."""
     for key in sorted(set(parameters) - {*but, "defaults"}):
         place = "every rod" if key == "segments" else "settings"
         yield f"{place} of the sidecar: {key} = {parameters[key]!r}"
 
 
 class Engine:
-    """All that the core asks of an engine; what a subclass leaves out has a default.
+    """An engine as the core uses it; attributes and methods that a subclass omits have defaults.
 
     Settings are given as `ParameterValues`, by their names in `settings`.
 
     Attributes
     ----------
     title : str
-        Name in a sentence; that of the class, if not given.
+        Name in a sentence; the name of the class, if not given.
     packages : tuple of str
-        Distributions that compute its results beside NumPy, SciPy and MuJoCo.
+        Distributions that compute its results in addition to NumPy, SciPy and MuJoCo.
     settings : type of EngineSettings
-        What can be set, with types, ranges and the engine's own defaults.
+        The settings, with types, ranges and the engine's own defaults.
     chooses : tuple of str
-        Settings that it chooses or fits itself where they are not given, and reports.
+        Settings that the engine itself chooses or fits if they are not given, and reports.
     native : bool
-        Whether it compiles the MJCF itself: what cannot be compiled is then refused by it.
+        Whether the engine compiles the MJCF itself and refuses files that do not compile.
     computes : bool
-        Whether it computes its curves from the model.  An engine that does not, but has them from
-        elsewhere, is no solver unless a sidecar names it, and studies leave it out.
+        Whether the engine computes its curves from the model.  An engine that has them from
+        elsewhere is a solver only if a sidecar names it, and studies leave it out.
     planar : bool
-        Whether it moves bodies in the plane of a mechanism only.  It is then no solver of a motion
-        in space, unless a sidecar names it.
+        Whether the engine moves bodies only in the plane of a mechanism.  It is then a solver of a
+        motion in space only if a sidecar names it.
     imposed : sequence of Imposed
-        How its programs can move drives, the ideal way first.
+        Ways in which its programs can impose a motion, the ideal way first.
     schemes : tuple of Scheme
-        Ways in which it steps, whose stability theory knows.
+        Its time-stepping schemes whose stability is known from theory.
     sizes : mapping of str to callable
-        What errors should fall with, by setting, as a function of its value: a step or time
-        constant [s], or a share.
+        By setting, the quantity with which errors should fall, as a function of the setting's
+        value: a step or time constant [s], or a share.
     labels : mapping of str to str
-        What `size` is called on the axis of a figure, by setting, where it is not the setting.
+        By setting, name of that quantity on the axis of a figure, if it is not the setting.
     accuracy : mapping of str to AccuracyLimit
-        How far it may be off a driven linkage, of a case that states no tolerance.
+        Accuracy that is expected for a driven linkage, for cases that state no tolerance.
     """
 
     title = ""
@@ -768,8 +770,8 @@ class Engine:
         Raises
         ------
         BadModel, Unsupported, Diverged
-            Whatever else it raises counts as a crash of that run, but for an
-            `proofmass.errors.InputError`, which names a file of its own that is at fault.
+            Any other exception counts as a crash of the run, except
+            `proofmass.errors.InputError`, which names a faulty file of the engine.
         """
         raise NotImplementedError
 
@@ -785,8 +787,8 @@ class Engine:
     ) -> OwnMotion:
         """Solve the motion of a model by itself in several ways, from its key `start` or its first.
 
-        For about so long [s], with so many samples, in about so many `seconds` of processor time.
-        With `drives` and `loads` it is the motion that these prescribe.
+        The motion lasts about `until` [s], with about `samples` samples, and is solved in about
+        `seconds` of processor time.  `drives` and `loads` prescribe parts of it, if given.
 
         Raises
         ------
@@ -795,7 +797,7 @@ class Engine:
         raise Unsupported(f"{self.title} solves no model's own equations in several ways")
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
-        """Do a motion without time steps, as closely as can be.
+        """Solve a motion without fixed time steps, as accurately as possible.
 
         Raises
         ------
@@ -804,15 +806,15 @@ class Engine:
         raise Unsupported(f"{self.title} has no motion without time steps")
 
     def check_settings(self, settings: Mapping[str, object]) -> None:
-        """Raise `BadSetting` if the engine cannot be set so.
+        """Raise `BadSetting` if the engine does not accept the settings.
 
-        A file that a setting names, whose path is whole here, may be read; `InputError` says what
-        is wrong in it.
+        A file that a setting names, here with its absolute path, may be read; an `InputError` then
+        says what is wrong in it.
         """
         self.settings.read(settings)
 
     def is_default(self, parameters: ParameterValues) -> bool:
-        """Whether nothing but the time step differs from what the engine has by itself."""
+        """Whether the settings differ from the engine's own defaults in the time step at most."""
         fields = self.settings.model_fields
         return bool(parameters.get("defaults")) and all(
             value == fields[name].default
@@ -821,20 +823,20 @@ class Engine:
         )
 
     def size(self, varied: str, value: ParameterValue) -> float:
-        """What errors should fall with along a scan: as in `sizes`, or one over the value."""
+        """Quantity with which errors should fall along a scan: from `sizes`, or 1 / value."""
         return self.sizes[varied](value) if varied in self.sizes else 1.0 / leading(value)
 
     def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
-        """Settings with another time step [s], and with what is to go with it."""
+        """Settings with another time step [s], and other settings adapted to it."""
         return {**parameters, "timestep": step}
 
     def scans(self, about: Studied) -> Iterator[Scan]:
-        """The settings worth scanning in dynamics; the time step, if it can be set."""
+        """Scans of settings in dynamics; by default one over the time step, if it can be set."""
         if "timestep" in self.settings.model_fields:
             yield scan_over({}, self.title, "timestep", about.timesteps())
 
     def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-        """Orders that the errors of a scan may show; nothing where theory promises none.
+        """Orders of convergence that errors of a scan may show; empty if theory gives none.
 
         `derivative` is 0 for errors of positions, 1 of rates and energies, 2 of accelerations and
         forces.
@@ -846,14 +848,14 @@ class Engine:
     ) -> Iterator[Perturbation]:
         """Settings in which one possible cause of an error is changed, for each cause.
 
-        `scaled` tells whether loops get harder with the step in the scan that the settings are of.
+        `scaled` states whether the settings are of a scan in which loops get harder with the step.
         """
         if "timestep" in self.settings.model_fields:
             step = leading(parameters.get("timestep", about.own_step))
             yield Perturbation(STEP, "halving the step", {**parameters, "timestep": step / 2})
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
-        """What is searched for the cheapest setting that is good enough."""
+        """Recipes among which the cheapest sufficient setting is searched."""
         if "timestep" in self.settings.model_fields:
             plain: dict[str, ParameterValue] = (
                 {"defaults": True} if ("defaults" in self.settings.model_fields) else {}
@@ -863,13 +865,13 @@ class Engine:
             )
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
-        """What to paste so that the engine runs with settings, for so many steps."""
+        """Text to paste so that the engine runs with these settings, for so many steps."""
         return "\n".join(f"# {line}" for line in left_to_sidecar(parameters))
 
     def holding(
         self, model: Path, parameters: ParameterValues, slower: float
     ) -> dict[str, ParameterValue] | None:
-        """Settings with which what friction holds creeps so many times slower; None if none do."""
+        """Settings with which creep under friction is `slower` times as slow; None if impossible."""
         return None
 
     def comment(self, text: str) -> str:
@@ -879,9 +881,9 @@ class Engine:
     def pasted(
         self, model: Path, parameters: ParameterValues, steps: int
     ) -> tuple[str, set[str]] | None:
-        """The text of an MJCF with a snippet in it, and the settings that it says.
+        """The text of an MJCF with a snippet in it, and the names of the settings that it states.
 
-        None where a snippet is no part of an MJCF.
+        The result is None if the engine's snippets are no part of an MJCF.
         """
         return None
 
@@ -896,20 +898,19 @@ class Engine:
     ) -> str:
         """A dynamics run as a program that needs the engine only.
 
-        `controls` is the source of ``controls(t)``, those of the run's loads, and given if there
-        are any.
+        `controls` is the source of ``controls(t)``, the controls of the run's loads, if it has any.
 
         Raises
         ------
         Unsupported
-            It cannot be written; says why.
+            The program cannot be written; the message says why.
         """
         raise Unsupported(f"{self.title} has no programs")
 
     def scheme_of(self, parameters: ParameterValues, model: "MjModel") -> Scheme | None:
-        """The scheme that a single coordinate is stepped with; None where none is known."""
+        """The scheme with which a single coordinate is stepped; None if none is known."""
         return None
 
     def limit_problems(self) -> Iterator[LimitProblem]:
-        """Test problems of the engine's own."""
+        """The engine's own test problems."""
         yield from ()

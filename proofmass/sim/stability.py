@@ -1,12 +1,12 @@
-"""Where steps become unstable, from the integrators' own maps.
+"""Stability limits of time steps, from the step maps of the integrators.
 
 A spring and a damper on one coordinate, I q'' = -k q - c q', have
 
     omega^2 = k / I        zeta = c / (2 I omega)        z = dt omega
 
 and a step takes (q, dt q') to A (q, dt q').  It is stable while no eigenvalue of A lies outside the
-unit circle.  With trace t and determinant d that is |d| <= 1 and |t| <= 1 + d (Jury).  The engines'
-own maps stand in their folders, such as `proofmass.sim.mujoco.tried_settings`.
+unit circle.  With trace t and determinant d that is |d| <= 1 and |t| <= 1 + d (Jury).  The step
+maps are in the folders of the engines, such as in `proofmass.sim.mujoco.tried_settings`.
 """
 
 from functools import cache
@@ -17,17 +17,17 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import StepMap
 
 FAR = 1e6
-"""dt omega up to which a limit is looked for."""
+"""Largest dt omega [1] up to which a stability limit is searched."""
 
 
 def radius(matrix: Array) -> float:
-    """Spectral radius."""
+    """Spectral radius of a matrix [1]."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 @cache
 def limit(step: StepMap, zeta: float = 0.0) -> float:
-    """The least z = dt omega at which a step becomes unstable; infinite if none does.
+    """The least z = dt omega [1] at which a step becomes unstable; infinite if there is none.
 
     Examples
     --------
