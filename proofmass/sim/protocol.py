@@ -871,7 +871,7 @@ class Engine:
     def holding(
         self, model: Path, parameters: ParameterValues, slower: float
     ) -> dict[str, ParameterValue] | None:
-        """Settings with which creep under friction is `slower` times as slow; None if impossible."""
+        """Settings with which creep under friction is `slower` times slower; None if impossible."""
         return None
 
     def comment(self, text: str) -> str:

@@ -310,7 +310,7 @@ class RestingLinkage(Linkage):
                 found = self.follow(begin + (done + share) * way)
                 same = np.array_equal(side, self.stops.side)
                 if self.jumped(pose, promised, found @ way * share if same else promised):
-                    raise RestNotFound("it moved as its tangent did not promise")
+                    raise RestNotFound("the pose moved otherwise than its tangent predicts")
                 tangent = found
                 done, share = done + share, min(2.0 * share, longest)
             except BadModel as error:
@@ -406,7 +406,7 @@ class RestingLinkage(Linkage):
             last = move * min(1.0, limit / max(size, NEAR))
             mujoco.mj_integratePos(self.model, self.data.qpos, last, 1.0)
             self.near(begin, far)
-        raise RestNotFound("no rest was found")
+        raise RestNotFound("no equilibrium was found")
 
     def near(self, begin: Array, far: float) -> None:
         """Raise `RestNotFound` if a joint has moved from the pose `begin` by more than `far`."""
@@ -445,7 +445,9 @@ class RestingLinkage(Linkage):
             )
             if past.size and self.balance.left_open() > CLOSED:
                 if not older.size:
-                    raise BadModel(f"the stops of {self.stops.format_held()} are in the way")
+                    raise BadModel(
+                        f"the joint limits of {self.stops.format_held()} block the motion"
+                    )
                 self.stops.side[older[0]], older = 0, older[1:]  # another joint reached its stop
                 continue
             move = self.balance.step(descend)
@@ -494,7 +496,7 @@ class RestingLinkage(Linkage):
         """The tangent of an equilibrium; raises if loops or stops are open or it is singular."""
         gap = np.abs(self.balance.gap).max(initial=0.0)
         if not gap < CLOSED * max(1.0, self.model.stat.extent):
-            raise BadModel(f"cannot be assembled: something stays open by {gap:.3g} (m or rad)")
+            raise BadModel(f"cannot be assembled: a constraint is violated by {gap:.3g} (m or rad)")
         if self.dof() != self.free:
             raise BadModel("the loops are in a singular pose")
         if self.data.ncon:

@@ -152,7 +152,7 @@ VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 DIRECTIONS = (S.mjSENS_FRAMEXAXIS, S.mjSENS_FRAMEYAXIS, S.mjSENS_FRAMEZAXIS, S.mjSENS_FRAMEQUAT)
 NO_RATE = "the engine is at rest: no rates, no accelerations"
 NO_ENERGY = "MuJoCo counts no energy of a flex that bends"
-NO_TURN = "the points of a flex do not turn: directions are not read"
+NO_TURN = "the points of a flex do not rotate: directions are not read"
 PACE = 0.06  # time step, in multiples of `tempo` / segments; edges then stretch alike for all n
 BLOCK = 20  # steps between two checks of the speed
 STILL = 1e-10  # [rod lengths per `tempo`] speed of the fastest joint below which a model is at rest
@@ -177,9 +177,11 @@ def equilibrium(path: Path, run: Run) -> Curves:
     """
     began = time.perf_counter()
     if run.kind != "equilibrium" or not run.rods:
-        raise Unsupported("a flex stands for a rod, in equilibrium")
+        raise Unsupported("a flex can replace a rod only in an equilibrium run")
     if run.drives:
-        raise Unsupported(f"a flex stands on the ground: joint {run.drives[0].joint!r} is driven")
+        raise Unsupported(
+            f"a run with a flex has no drives: joint {run.drives[0].joint!r} is driven"
+        )
     chains, plane = [points(rod) for rod in run.rods], plane_of(path, run)
     model, data = assembled(path, run, chains)
     still = STILL * min(rod.length / tempo(rod) for rod in run.rods)

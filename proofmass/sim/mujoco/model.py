@@ -100,7 +100,7 @@ def refuse_dry_friction(model: mujoco.MjModel, kind: str, soft: bool = False) ->
             first = name(int(np.flatnonzero(values)[0]))
             where = "a sweep" if kind == "sweep" else kind
             why = (
-                "MuJoCo's own lets joints creep for ever"
+                "MuJoCo's own friction lets joints creep without end"
                 if soft
                 else "at rest it is not determined"
             )

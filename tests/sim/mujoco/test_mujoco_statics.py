@@ -312,7 +312,7 @@ def test_a_sweep_ends_where_stops_block_the_drive(sweep):
         '<connect site1="s" site2="t"/>',
         sensors="b",
     )
-    assert curves.stopped == "the stops of b, c are in the way beyond a = 1"
+    assert curves.stopped == "the joint limits of b, c block the motion beyond a = 1"
     np.testing.assert_array_equal(curves.x, np.linspace(0, 1.4, 30)[:21])
     np.testing.assert_allclose(curves.channels["b"], curves.x / 2, atol=1e-15)
     np.testing.assert_allclose(curves.channels["hold"], 1.5 * curves.x, atol=1e-14)
