@@ -1,8 +1,8 @@
 """The elements of an MJCF file by their numbers, and the file with some of its numbers changed.
 
 A number is part of an attribute of an element, which the file may state or leave to a default.
-`written` changes attributes and leaves the rest of the file as it is.  MuJoCo's own writer is not
-used, since it rounds to six digits and does not accept a model whose rods are still missing.
+`written` changes attributes and leaves the rest of the file as it is.  MuJoCo's own writer is
+not used, since it rounds to six digits and does not accept a model whose rods are still missing.
 """
 
 import math
@@ -58,9 +58,9 @@ class NotWritten(BadModel):
 class Place:
     """The place of a number: an attribute of element number `index` of its tag.
 
-    `part` is the component of the attribute.  It has no meaning for ``turn`` and ``inertia``, which
-    are not attributes: a change of ``turn`` rotates a frame in the plane [rad], and a change of
-    ``inertia`` multiplies an inertia by 1 + the change.  `rod` is the name of the rod, if the
+    `part` is the component of the attribute.  It has no meaning for "turn" and "inertia", which
+    are not attributes: a change of "turn" rotates a frame in the plane [rad], and a change of
+    "inertia" multiplies an inertia by 1 + the change.  `rod` is the name of the rod, if the
     number is a key of a rod in the sidecar.
     """
 

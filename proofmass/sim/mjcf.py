@@ -102,7 +102,8 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
             refuse_numbers(path, warnings)
             raise refusal(error, f"{path.name}: ") from None
         except RuntimeError as error:  # an exception of C++, whose message MuJoCo drops
-            BROKEN.add("MuJoCo")  # in MuJoCo 4.0.0 the next model that causes a warning would hang
+            # in MuJoCo 4.0.0 the next model that causes a warning would hang
+            BROKEN.add("MuJoCo")
             raise BadModel(
                 f"{path.name}: MuJoCo cannot compile it and says no more than "
                 f'"{error}"; it does so where there is no memory for a model as '

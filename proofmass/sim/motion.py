@@ -38,12 +38,15 @@ from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import Run
 from proofmass.sim.rods import chain, joints_of
 
-LOOPS = 1e-3  # weight of a loop's constraint violation relative to measured values; squared 1e-6
-RANK = 1e-9  # share of the largest singular value below which singular values count as zero
+# weight of a loop's constraint violation relative to measured values; squared 1e-6
+LOOPS = 1e-3
+# share of the largest singular value below which singular values count as zero
+RANK = 1e-9
 TOUCHES = 1e-3  # [rad, or share of the size] distance at which a joint is drawn on its limit
 ROUNDING = 1e-13  # share of the size, or rad, by which poses may deviate
 ROUNDS = 4  # number of steps of Newton's method
-NEAR = 0.05  # [rad, or share of the size] largest deviation for a linear step: its square is 2e-3
+# [rad, or share of the size] largest deviation for a linear step: its square is 2e-3
+NEAR = 0.05
 J, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
 FRAMES = {
     OBJ.mjOBJ_SITE: ("site_xpos", "site_xmat"),

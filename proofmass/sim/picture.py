@@ -408,7 +408,8 @@ def distance(point: Array, outline: Array) -> float:
 
 
 SECONDS = 5.0  # largest wall time [s] for stepping a motion
-NEAREST = 1e-3  # share of a stride to which a drawing locates the end of a path of equilibria
+# share of a stride to which a drawing locates the end of a path of equilibria
+NEAREST = 1e-3
 
 
 def picture(model: Path, run: Run, count: int = 121) -> Picture:

@@ -43,7 +43,8 @@ def limit(step: StepMap, zeta: float = 0.0) -> float:
     """
 
     def over(z: float) -> bool:
-        return radius(step(z, zeta)) > 1.0 + 1e-9  # rounding of eigenvalues on the unit circle
+        # rounding of eigenvalues on the unit circle
+        return radius(step(z, zeta)) > 1.0 + 1e-9
 
     grid = np.geomspace(1e-2, FAR, 1000)
     first = next((k for k, z in enumerate(grid) if over(z)), 0)

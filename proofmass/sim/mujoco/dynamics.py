@@ -9,8 +9,8 @@ A control that changes in time is constant in each step, at its value in the mid
 MuJoCo keeps it constant over all stages of a step, so that its profile is reproduced to second
 order, with RK4 as well.
 
-`passive` steps any MJCF as it is, with its contacts, tendons and all else, and without drives.  It
-neither closes nor checks loops and prescribes no motion.
+`passive` steps any MJCF as it is, with its contacts, tendons and all else, and without drives.
+It neither closes nor checks loops and prescribes no motion.
 """
 
 import re
@@ -39,7 +39,8 @@ from proofmass.sim.mujoco.settling import failure
 from proofmass.sim.protocol import Curves, Diverged, Run
 
 TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # the time in a warning of MuJoCo
-FLYWHEEL = 1e9  # inertia of a flywheel, in multiples of the drive's load inertia in the start pose
+# inertia of a flywheel, in multiples of the drive's load inertia in the start pose
+FLYWHEEL = 1e9
 
 
 def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
@@ -197,7 +198,8 @@ def step_through(
     """
     applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
     ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    rest = torque.shape[1] - 1  # steps of an interval after its first; one call if all are alike
+    # steps of an interval after its first; one call if all are alike
+    rest = torque.shape[1] - 1
     steady = (torque[:, 1:] == torque[:, 1:2]).all(axis=(1, 2)).tolist()
     where: slice | NDArray[np.int32] = dofs
     if dofs.size < 2:  # a plain number is written three times as fast as an array
@@ -244,8 +246,8 @@ def check(
 ) -> None:
     """Raise `Diverged` if the run failed, with the curves until the failure.
 
-    MuJoCo resets a state that is not finite and continues; it reports this only in a warning.  The
-    texts of the warnings, `said`, contain the time of the reset.
+    MuJoCo resets a state that is not finite and continues; it reports this only in a warning.
+    `said` has the texts of all warnings, with the time of the reset.
     """
     gaps, pose = cast(Array, curves.violations), record.rows["qpos"]
     finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)

@@ -49,7 +49,8 @@ from proofmass.sim.protocol import (
     left_to_sidecar,
 )
 
-NOT_ASSEMBLED = 0.05  # [extents] a start pose with loops open by more is refused as not assembled
+# [extents] a start pose with loops open by more is refused as not assembled
+NOT_ASSEMBLED = 0.05
 
 
 def check_settings(settings: Mapping[str, object]) -> None:

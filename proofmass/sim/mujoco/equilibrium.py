@@ -36,8 +36,10 @@ from proofmass.sim.mujoco.linkage import CLOSED, NEAR, STRIDE, Linkage
 from proofmass.sim.mujoco.model import refuse_dry_friction
 from proofmass.sim.protocol import BadModel, Run, Unsupported
 
-DEPENDENT = 1e-10  # share of the largest singular value below which rows are linearly dependent
-FLAT = 1e-9  # share of the largest stiffness below which differences cannot tell it from zero
+# share of the largest singular value below which rows are linearly dependent
+DEPENDENT = 1e-10
+# share of the largest stiffness below which differences cannot tell it from zero
+FLAT = 1e-9
 
 
 class RestEquations:
@@ -104,7 +106,8 @@ class RestEquations:
 
 COVERED = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BLOCKS = 10  # rounds in which all joints in a wrong state are switched at once
-TOUCHES = 1e-12  # [rad or extents] rounding of a pose; a joint further beyond a stop has passed it
+# [rad or extents] rounding of a pose; a joint further beyond a stop has passed it
+TOUCHES = 1e-12
 PULLS = 1e-12  # share of the largest force: rounding of the reaction of a stop
 
 
@@ -187,18 +190,23 @@ WIDER = 5e-4
 # share of the largest stiffness: where differences over one and two steps differ by more, a force
 # has a kink in between
 KINKED = 1e-5
-FAR = 0.5  # [rad or extents] a start pose further from equilibrium than this lacks a drive
-MOST = {False: 15, True: 200}  # Newton steps, by whether the method descends or follows a path
-FAST = 0.1  # ratio of a Newton step to the one before, below which the old stiffness is good enough
-EXACT = 1e-11  # [rad or extents] size of the next Newton step at which an equilibrium is found
-LEVER = 1e3  # [rad or m per m] larger ratios of joint motion to loop opening mark a limit position
+# [rad or extents] a start pose further from equilibrium than this lacks a drive
+FAR = 0.5
+# Newton steps, by whether the method descends or follows a path
+MOST = {False: 15, True: 200}
+# ratio of a Newton step to the one before, below which the old stiffness is good enough
+FAST = 0.1
+# [rad or extents] size of the next Newton step at which an equilibrium is found
+EXACT = 1e-11
+# [rad or m per m] larger ratios of joint motion to loop opening mark a limit position
+LEVER = 1e3
 # error of a tangent's prediction beyond which the pose has jumped: share of the motion, plus an
 # amount [rad or extents]
 OFF, BRIEF = 0.3, 1e-3
 # share of the longer of two predictions, by the tangents of both ends of a stride: if they differ
 # by more, the pose has snapped through
 TURNED = 0.5
-SHORTEST = 1e-8  # default of `RestingLinkage.shortest`, as a share of a stride
+SHORTEST = 1e-8  # smallest part of a stride in which a path is followed
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE = "the equilibrium becomes unstable"
 REFUSED = {"tendon_limited": "a limited tendon", "actuator_dyntype": "an actuator with a state"}

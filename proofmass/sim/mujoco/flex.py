@@ -51,7 +51,8 @@ from proofmass.sim.rods import (
     without_links_to_rods,
 )
 
-DAMPED = 0.3  # [`tempo` of the rod] damping over stiffness of a flex: critical for the slowest mode
+# [`tempo` of the rod] damping over stiffness of a flex: critical for the slowest mode
+DAMPED = 0.3
 
 
 def points(rod: Rod) -> Chain:
@@ -153,9 +154,11 @@ DIRECTIONS = (S.mjSENS_FRAMEXAXIS, S.mjSENS_FRAMEYAXIS, S.mjSENS_FRAMEZAXIS, S.m
 NO_RATE = "the engine is at rest: no rates, no accelerations"
 NO_ENERGY = "MuJoCo counts no energy of a flex that bends"
 NO_TURN = "the points of a flex do not rotate: directions are not read"
-PACE = 0.06  # time step, in multiples of `tempo` / segments; edges then stretch alike for all n
+# time step, in multiples of `tempo` / segments; edges then stretch alike for all n
+PACE = 0.06
 BLOCK = 20  # steps between two checks of the speed
-STILL = 1e-10  # [rod lengths per `tempo`] speed of the fastest joint below which a model is at rest
+# [rod lengths per `tempo`] speed of the fastest joint below which a model is at rest
+STILL = 1e-10
 MOST = 100_000  # steps after which the search for an equilibrium is given up
 PROMPT = 0.1  # [steps] time constant of the constraints; shorter ones are hardly stiffer
 STIFF = 0.9999, 0.9999, 0.001  # solimp of the constraints, the stiffest that MuJoCo accepts

@@ -36,27 +36,37 @@ AT_REST = (
     "mj_transmission",
 )
 """Parts of ``mj_fwdPosition``: all but those of inertia."""
-SETTLED = 1e-13  # [m or rad] size of the last Newton step of `release`; poses round by about 1e-15
-TOUCHES = 1e-12  # [rad or m] rounding of a pose; a joint further beyond its range has left it
-NEAR = 1e-8  # [extents or rad] size of a Newton step after which an error of its square remains
+# [m or rad] size of the last Newton step of `release`; poses round by about 1e-15
+SETTLED = 1e-13
+# [rad or m] rounding of a pose; a joint further beyond its range has left it
+TOUCHES = 1e-12
+# [extents or rad] size of a Newton step after which an error of its square remains
+NEAR = 1e-8
 # [extents or rad] error at which `place` stops: Newton step times distance from the inverse's pose
 LEFT = 1e-15
-CHORD = 1e-3  # [extents or rad] distance from its pose up to which an inverse is used again
+# [extents or rad] distance from its pose up to which an inverse is used again
+CHORD = 1e-3
 CLOSED = 1e-11  # [extents or rad] largest constraint violation of a closed loop
 # [extents or rad per extent] ratio of motion to constraint violation above which a pose counts as
 # singular, because of rounding
 UNSURE = 1e5
 UNDRIVEN = np.zeros(0)  # values or rates of no drives
-NUDGE = 1e-3  # [rad or extents] offset at which a pose next to a singular one is not singular
+# [rad or extents] offset at which a pose next to a singular one is not singular
+NUDGE = 1e-3
 STRIDE = 0.1  # [rad or extents] largest motion of drives in a stride: keeps the assembly mode
 FAR = 2.0  # [strides] largest extrapolation by a polynomial
-BENDS = 0.3  # largest share by which a polynomial leaves its tangent, or drives their last line
+# largest share by which a polynomial leaves its tangent, or drives their last line
+BENDS = 0.3
 BLOCK = 1000  # poses whose loops are closed together
-AHEAD = 1e-2  # [extents or rad] largest error of an interpolated pose; else poses follow singly
+# [extents or rad] largest error of an interpolated pose; else poses follow singly
+AHEAD = 1e-2
 SHORTENS = 0.1  # largest ratio of a Newton step to the one before it, of interpolated poses
-SURE = 1e8  # ratio of singular values up to which a matrix is regular and inverted by elimination
-REGULAR = 1e3  # the same ratio for poses that are closed together; else poses follow singly
-THERE = 1e-12  # [extents or rad] size of the last Newton step of poses that are closed together
+# ratio of singular values up to which a matrix is regular and inverted by elimination
+SURE = 1e8
+# the same ratio for poses that are closed together; else poses follow singly
+REGULAR = 1e3
+# [extents or rad] size of the last Newton step of poses that are closed together
+THERE = 1e-12
 TURNS = 5  # largest number of Newton steps of poses that are closed together
 
 
@@ -323,9 +333,9 @@ class Linkage:
     def refined(self, inverse: Array, jacobian: Array) -> Array:
         """The inverse of a Jacobian, from the inverse at a pose that differs by a Newton step.
 
-        Rates by the old inverse would have an error of that step, up to `THERE`, which is larger
-        than the rounding of the pose.  One step of Newton's method on the inverse squares the
-        error.
+        Rates by the old inverse would have an error of that step, up to `THERE`, which is
+        larger than the rounding of the pose.  One step of Newton's method on the inverse squares
+        the error.
         """
         rows = np.vstack([jacobian, self.units])
         return np.asarray(2.0 * inverse - inverse @ (rows @ inverse))

@@ -237,7 +237,7 @@ def carried(root: Element) -> dict[str, list[str]]:
 
 
 def include(parent: Element, folder: Path) -> None:
-    """Replace ``include`` elements by the elements of the included files, in place."""
+    """Replace ``<include>`` elements by the elements of the included files, in place."""
     for place, child in reversed(list(enumerate(parent))):
         if child.tag == "include":
             there = read_tree(folder / child.get("file", ""))
@@ -461,7 +461,8 @@ def curve_of(recorder: Recorder, name: str) -> str:
         return f"turn(sensors[:, {first} : {first + 4}])[:, {'wxyz'.index(part)}]"
     k = "xyz".index(part) if part else 0
     off = float(gravity[k])
-    more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""  # MuJoCo subtracts gravity
+    # MuJoCo subtracts gravity
+    more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""
     return f"sensors[:, {first + k}]{more}"
 
 

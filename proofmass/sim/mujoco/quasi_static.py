@@ -4,8 +4,8 @@ Moments of drives and forces between bodies are those at rest, or with `Run.iner
 drives' rates and accelerations; they follow from the engine's inverse dynamics with rigid loops.
 Controls of changing loads are set at each pose; between two poses they are followed like drives.
 Degrees of freedom that the drives leave are in the equilibrium of springs, weights and joint
-limits, see `proofmass.sim.mujoco.equilibrium`; with the setting ``settled`` the engine itself steps
-until it is at rest, see `proofmass.sim.mujoco.settling`.
+limits, see `proofmass.sim.mujoco.equilibrium`.  With the setting ``settled = true`` the engine
+itself steps until it is at rest, see `proofmass.sim.mujoco.settling`.
 
 A run of kind `equilibrium` finds one pose and the shapes of its rods.  The start shapes may be far
 from equilibrium: Newton's method descends in steps of bounded size, up to a maximum number.
@@ -39,7 +39,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 
     The sweep ends early where the loops cannot be closed any further, where a joint that the drives
     move leaves its range, or where the equilibrium of the remaining degrees of freedom folds or
-    becomes unstable.  With the setting ``settled`` the engine steps in time.
+    becomes unstable.  With the setting ``settled = true`` the engine steps in time.
 
     Raises
     ------

@@ -7,9 +7,9 @@ they act on: a force F opens a constraint by
     (1 - d) F T^2 / m      (d, T: the constraint's solimp and time constant, m: inertia)
 
 Every joint therefore gets an armature with which the phase of its oscillation on its own stiffness
-grows by `PACE` radians per step, and the damping that is critical for the slowest degree of
-freedom.  With solimp 0.9999 and a time constant of two to five steps the relative error of a moment
-is then 1e-7 to 1e-6; with MuJoCo's default solref and solimp of limits (`solreflimit`,
+grows by `PACE` radians per step, and the damping that is critical for the slowest degree
+of freedom.  With solimp 0.9999 and a time constant of two to five steps the relative error of a
+moment is then 1e-7 to 1e-6; with MuJoCo's default solref and solimp of limits (`solreflimit`,
 `solimplimit`) it is 1e-2.
 """
 
@@ -54,7 +54,7 @@ def until_still(
     hold: Callable[[], None] = lambda: None,
     where: str = "",
 ) -> int:
-    """Step until all speeds are below `still` at two checks in succession; the number of steps.
+    """Step until all speeds are below `still` at two successive checks; the number of steps.
 
     Parameters
     ----------
@@ -96,7 +96,8 @@ VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
 PACE = 0.015  # [rad] phase per step of a joint that oscillates on its own stiffness
 FAINT = 1e-3  # share of the largest stiffness; joints with less oscillate more slowly
-FLYWHEEL = 1e12  # inertia of a drive in multiples of the largest: until rest only rounding moves it
+# inertia of a drive in multiples of the largest: until rest only rounding moves it
+FLYWHEEL = 1e12
 GLIDE = 100  # steps in which the drives move by a stride of `Linkage`
 BLOCK = 50  # steps between two checks of the speed
 STILL = 1e-9  # [rad/s or m/s] speed of the fastest joint below which the model is at rest

@@ -479,7 +479,7 @@ def tilted(share: float) -> float:
 def leaning(tilt: float, turn: float, way: float) -> Array:
     """The quaternion [1] of a body that is rotated by `turn` about the vertical, and then tilted.
 
-    The `tilt` is small, and its horizontal axis has the direction `way` [all rad].
+    The `tilt` is small, and its horizontal axis is at the angle `way` [all rad].
     """
     found = np.zeros(4)
     lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
