@@ -332,8 +332,8 @@ class RestingLinkage(Linkage):
     def jumped(self, pose: Array, promised: Array, behind: Array) -> bool:
         """Whether the joints snapped from `pose` to another path of equilibria.
 
-        They did if they moved otherwise than `promised` by the tangent at `pose`, or if the tangent
-        at the new pose predicts another motion, `behind`, for the same stride.
+        They did if their motion differs from that `promised` by the tangent at `pose`, or if the
+        tangent at the new pose predicts another motion, `behind`, for the same stride.
         """
         moved = np.zeros(self.model.nv)
         mujoco.mj_differentiatePos(self.model, moved, 1.0, pose, self.data.qpos)

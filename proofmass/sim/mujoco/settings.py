@@ -237,8 +237,10 @@ def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
 def spelled(value: object) -> str:
     """A value as text of MJCF, with all its digits.
 
-    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER"), spelled(100), spelled(False)
-    ('0.02 1', '0.3333333333333333', 'Euler', '100', 'disable')
+    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER")
+    ('0.02 1', '0.3333333333333333', 'Euler')
+    >>> spelled(100), spelled(False)
+    ('100', 'disable')
     """
     if isinstance(value, (tuple, list)):
         return " ".join(map(spelled, value))
