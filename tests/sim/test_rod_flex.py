@@ -178,7 +178,7 @@ def test_what_a_flex_cannot_be(change, load, words, tmp_path):
 
 def test_what_it_is_not_asked_for(tmp_path):
     file = model(tmp_path, actuators=pull("r.tip", 0, 1), ctrl="1")
-    with pytest.raises(Unsupported, match="in equilibrium"):
+    with pytest.raises(Unsupported, match="only in an equilibrium run"):
         rest(file, cantilever(5), kind="dynamics")
     with pytest.raises(Unsupported, match="'motor1' is driven"):
         rest(PAIR, cantilever(5), drives=held())
