@@ -31,7 +31,7 @@ from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
 from proofmass.sim.rods import Chain, RodPose, of_rods, shapes
 
 ACC = int(mujoco.mjtStage.mjSTAGE_ACC)
-NO_ACC = "springs, weights or joint limits determine the pose, an equilibrium without accelerations"
+NO_ACC = "springs, weights or joint limits determine the pose: an equilibrium has no accelerations"
 
 
 def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
