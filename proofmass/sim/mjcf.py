@@ -47,9 +47,9 @@ NOT_FINITE = {
     "NaN": re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE),
     "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE),
 }
-# first letters of fields whose numbers every run uses
+# prefixes of fields whose numbers every run uses
 NUMBERS = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")
-LIMITS = ("range", "margin")  # last letters of fields that may be infinite, for no limit
+LIMITS = ("range", "margin")  # suffixes of fields that may be infinite, for no limit
 
 _thread = local()
 

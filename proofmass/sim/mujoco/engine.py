@@ -1,4 +1,4 @@
-"""MuJoCo: all runs of any MJCF whose loops are ``connect`` or ``joint`` equalities."""
+"""The MuJoCo engine: all kinds of runs of an MJCF with ``connect`` and ``joint`` equalities."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

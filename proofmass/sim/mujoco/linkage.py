@@ -130,7 +130,7 @@ class Linkage:
         self.bodies = {
             i: anchor_bodies(model, i) for i, kind in self.equalities if kind == EQ.mjEQ_CONNECT
         }
-        self.hinged = model.nq == model.nv  # joints whose places can be added to
+        self.hinged = model.nq == model.nv  # only hinges and slides, whose values can be added to
         self.stridden = UNDRIVEN, UNDRIVEN, UNDRIVEN
         self.rub = np.zeros(model.nv)
         self.loaded = np.flatnonzero(data.xfrc_applied.any(axis=1))

@@ -500,8 +500,8 @@ KINDS = {
 }
 """Kinds of elements that a program refers to by name, by the field that counts them in a model."""
 LEFT_OUT = "_", "key_", "name", "path"
-"""First letters of arrays that are not compared: a program sets the state of its key, and may
-contain the files of meshes.  Sizes are compared with the arrays."""
+"""Prefixes of arrays that are not compared: a program sets the state of its key, and may contain
+the files of meshes.  Sizes are compared with the arrays."""
 
 
 def write_rods(root: Element, path: Path, rods: Sequence[Rod]) -> None:
