@@ -187,10 +187,10 @@ class LimitedJoints:
 NUDGE = 6e-6
 # step [rad or extents] of differences of fourth order, which rates need: errors of 1e-12
 WIDER = 5e-4
-# share of the largest stiffness: where differences over one and two steps differ by more, a force
-# has a kink in between
+# share of the largest stiffness: if differences with one and with two step widths differ by more, a
+# force has a kink in between
 KINKED = 1e-5
-# [rad or extents] a start pose further from equilibrium than this lacks a drive
+# [rad or extents] a start pose further from equilibrium is refused, since it probably lacks a drive
 FAR = 0.5
 # Newton steps, by whether the method descends or follows a path
 MOST = {False: 15, True: 200}
@@ -222,8 +222,8 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     ------
     Unsupported
         A tendon has dry friction, or a joint has it in a run of kind equilibrium or in a sweep with
-        changing loads and degrees of freedom left; an equilibrium would be needed of a model with
-        what `REFUSED` lists.
+        changing loads and degrees of freedom left.  Also if degrees of freedom are left in a model
+        with one of the features in `REFUSED`.
     """
     refuse_dry_friction(model, run.kind)
     joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
@@ -291,7 +291,7 @@ class RestingLinkage(Linkage):
         self.reach = np.where(slide, model.stat.extent, 1.0)
         self.adr_of = model.jnt_qposadr[model.dof_jntid]
         self.stops = LimitedJoints(model, self.dofs, self.reach)
-        self.stuck, self.stuck_at = np.zeros(0, int), np.zeros(0)  # joints that friction sticks
+        self.stuck, self.stuck_at = np.zeros(0, int), np.zeros(0)  # joints that stick
         # the engine's own limits are soft; rows of the equations constrain the joints instead
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
