@@ -26,6 +26,7 @@ from proofmass.recorded import RecordedColumn
 from proofmass.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.pymunk.engine import PymunkSettings
+from proofmass.sim.protocol import BadSetting, Engine
 from proofmass.sim.recorded.engine import RecordedSettings
 
 ROOT = Path(__file__).parent.parent
@@ -200,6 +201,16 @@ def test_functions_that_a_sidecar_can_name() -> None:
         assert draw == charts, name
         assert marks == [key for key in functions if key == "events"], name
         assert set(laws) <= functions.keys(), name
+
+
+def test_the_engine_on_the_page_is_one() -> None:
+    (script,) = re.findall(r"^```python\n(.*?)^```", page("engines"), re.MULTILINE | re.DOTALL)
+    there: dict[str, Any] = {}
+    exec(compile(script, "docs/engines.md", "exec"), there)
+    assert isinstance(there["ENGINE"], Engine)
+    assert there["ENGINE"].settings().timestep == 0.001
+    with pytest.raises(BadSetting, match="iterations"):
+        there["ENGINE"].check_settings({"iterations": 0.5})
 
 
 def test_the_script_on_the_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
