@@ -25,8 +25,8 @@ from proofmass.outcome import GOOD
 from proofmass.recorded import RecordedColumn
 from proofmass.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
-from proofmass.sim.pymunk.engine import PymunkSettings
 from proofmass.sim.protocol import BadSetting, Engine
+from proofmass.sim.pymunk.engine import PymunkSettings
 from proofmass.sim.recorded.engine import RecordedSettings
 
 ROOT = Path(__file__).parent.parent
