@@ -1,4 +1,7 @@
-"""Calls that compile a changed model or evaluate a reference, in a worker within limits."""
+"""Call a function in a worker process, within the limits of time and memory of a case's run.
+
+Studies compile changed models and evaluate references in this way.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,13 +13,16 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
 
 def limited(case: Case, kind: Kind, function: Callable, *args: Any, least: float = 0.0) -> Any:
-    """`isolated`, within the limits of one of a case's runs, with at least so much time [s]."""
+    """Call a function in a worker, within the limits of a run; it has at least `least` [s]."""
     limits = case.run[kind]
     return isolated(function, *args, timeout=max(limits.timeout, least), memory=limits.memory)
 
 
 def bounded(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
-    """`limited` for a call that is no run itself; raises InputError where it reaches a limit."""
+    """Call a function as `limited` does; raise InputError if it reaches a limit or crashes.
+
+    For calls that are no runs of an engine: they compile a model or evaluate a reference.
+    """
     try:
         return limited(case, kind, function, *args)
     except (TimedOut, OutOfMemory, Crashed) as error:

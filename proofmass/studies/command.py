@@ -1,4 +1,4 @@
-"""What the commands of all studies share: the cases that they are given, and times."""
+"""Parts that the commands of all studies share: load the given cases, check given times."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -14,10 +14,10 @@ from proofmass.solve import with_computing_solvers
 
 
 def named(paths: list[Path]) -> list[Case]:
-    """The cases below the paths; raises the fault of any of them.
+    """Load all cases below the paths; raise the first error of any of them.
 
-    Workers of a cluster, which are in a folder of their own, find them as well.  Models without a
-    sidecar are passed over, unless there are no others.
+    Paths are made absolute, since workers of a cluster run in other folders.  Models without a
+    sidecar are passed over with a message; if there are no others, the first of them is the error.
     """
     wrong: list[InputError] = []
     files = collect(paths, wrong)
@@ -44,12 +44,12 @@ def named(paths: list[Path]) -> list[Case]:
 
 
 def computing(case: Case) -> Case:
-    """The case with the solvers that compute; says which others it has.
+    """The case without solvers whose curves are recorded; a message names each that is left out.
 
     Raises
     ------
     InputError
-        It has others alone.
+        All its solvers have recorded curves.
     """
     case_left, others = with_computing_solvers(case)
     if others and not case_left.run:
@@ -68,7 +68,7 @@ def computing(case: Case) -> Case:
 
 
 def seconds(option: str, value: float) -> float:
-    """A number of seconds that was given; raises ValueError if it is none."""
+    """The value of an option in seconds; raise ValueError unless it is positive and finite."""
     if not 0 < value < inf:
         raise ValueError(f"{option} {value:g}: give a number of seconds above 0, such as 30")
     return value

@@ -1,4 +1,4 @@
-"""What a run must keep, whatever its reference says: closed loops, energy, the length of rods."""
+"""Invariants of a run, which need no reference: closed loops, energy, the length of rods."""
 
 import mujoco
 import numpy as np
@@ -11,16 +11,18 @@ S = mujoco.mjtSensor
 
 
 def invariants(case: Case, curves: Curves) -> dict[str, float]:
-    """How far a run is off what it must keep.
+    """How far a run violates its invariants.
 
     Returns
     -------
     dict of str to float
-        violation: largest distance between points that a loop should hold together [m].
-        energy: largest change of kinetic and potential energy together over the largest kinetic
-        energy; of free motions without friction, whose case has a channel for each of the two.
-        stretch: 0 in cases with rods that do not stretch, whose links are rigid; where they come
-        apart is in violation.
+        violation: constraint violation, the largest distance between two points that a loop should
+        hold together [m].
+        energy: largest change of the sum of kinetic and potential energy, divided by the largest
+        kinetic energy [1]; only for free motions without friction or damping, of cases with a
+        channel for each of the two energies.
+        stretch: 0 for cases whose rods cannot stretch, since their links are rigid; links that come
+        apart count in the violation.
     """
     found = {"violation": curves.violation}
     names = energies(case)
@@ -35,13 +37,13 @@ def invariants(case: Case, curves: Curves) -> dict[str, float]:
 
 
 def conserved(case: Case) -> bool:
-    """Whether nothing in the model drives, loads or brakes it."""
+    """Whether energy is conserved: no drive, actuator, damping or friction acts in the model."""
     model = compiled(case)
     return not (case.drive or model.nu or model.dof_damping.any() or model.dof_frictionloss.any())
 
 
 def energies(case: Case) -> list[str]:
-    """The model's sensors of kinetic and of potential energy, as far as there are."""
+    """Names of the model's sensors of kinetic and potential energy, in that order, if present."""
     model = compiled(case)
     found = {int(model.sensor_type[k]): model.sensor(k).name for k in range(model.nsensor)}
     return [found[kind] for kind in (S.mjSENS_E_KINETIC, S.mjSENS_E_POTENTIAL) if kind in found]

@@ -1,10 +1,10 @@
-"""One run of a study: in the engine, on a processor of its own, compared with the reference.
+"""Measure one run of a study: run the engine on a reserved processor, compare with the reference.
 
-No two timed runs of any study on this machine are on the same processor.
+No two timed runs of any study on this machine use the same processor at the same time.
 
-The reference of many runs of a case is computed once where the same is asked for again.  That of a
-free motion is kept in a file as well: its integration takes longer than most runs, and must not
-count as time of the run that happens to be first.
+References are cached in the process, for runs that need the same one.  The reference of a free
+motion is also kept in a file: its integration takes longer than most runs, and must not count as
+time of the run that happens to be the first.
 """
 
 import getpass
@@ -42,20 +42,20 @@ try:
 except ImportError:  # Windows, where runs are not pinned
     fcntl = None  # type: ignore[assignment]
 
-LOOK_AGAIN = 0.005  # s
+LOOK_AGAIN = 0.005  # s between two looks for a free processor
 
 
 def cores() -> list[int]:
-    """The processors that runs may be pinned to; none where the system cannot."""
+    """Numbers of the processors that runs may be pinned to; empty where the system cannot pin."""
     return sorted(os.sched_getaffinity(0)) if fcntl and hasattr(os, "sched_getaffinity") else []
 
 
 @contextmanager
 def own_core() -> Iterator[int | None]:
-    """A processor that nobody else gets meanwhile, waited for; None where there is no pinning.
+    """Reserve a processor, after waiting for a free one; None where the system cannot pin.
 
-    Locks are on files, so that other processes keep away too, and go with the process that has
-    them.  Waiting processes form a queue, so that a study that asks without a pause does not get
+    A reservation is a lock on a file: other processes respect it, and it ends with the process that
+    has it.  Waiting processes form a queue, so that a study that asks without a pause does not get
     all processors.
     """
     if not cores():
@@ -69,7 +69,7 @@ def own_core() -> Iterator[int | None]:
 
 
 def first_free(held: ExitStack) -> int:
-    """Wait for a processor, and keep it as long as `held`."""
+    """Wait for a free processor and lock it until `held` is closed; return its number."""
     while True:
         for core in cores():
             file = lock_file(f"core-{core}").open("w")
@@ -84,13 +84,13 @@ def first_free(held: ExitStack) -> int:
 
 
 def lock_file(name: str) -> Path:
-    """A file to lock, this user's own."""
+    """Path of a lock file of the current user."""
     return Path(tempfile.gettempdir()) / f"proofmass-{getpass.getuser()}-{name}.lock"
 
 
 @contextmanager
 def pinned(core: int | None) -> Iterator[None]:
-    """Keep this process on one processor for a while."""
+    """Pin this process to one processor within the context; do nothing for None."""
     if core is None:
         yield
         return
@@ -104,7 +104,7 @@ def pinned(core: int | None) -> Iterator[None]:
 
 @cache
 def machine() -> str:
-    """This machine's kind of processor, and how many it has."""
+    """Name of this machine's processor, and how many it has, such as ``NAME x 2``."""
     name = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     for line in info.read_text().splitlines() if info.exists() else ():
@@ -122,15 +122,16 @@ def load_average() -> float:
 
 
 T = TypeVar("T")
-CACHED = 8  # references; the motions of driven runs differ, and nobody asks for them again
+CACHED = 8  # references in memory; those of driven runs differ from run to run and are used once
 Key = tuple[str | int | bytes, ...]
 cached: dict[Key, dict[str, Array]] = {}
 
 
 def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]:
-    """`reference_for`, channel by channel; free motions and exact sweeps have it in common.
+    """Reference curves of a run by channel, as `reference_for` gives them, from the cache if there.
 
-    The integration of a free linkage takes longer than most runs that are compared with it.
+    Runs of a free motion, and sweeps whose drives are exact, share one reference.  The integration
+    of a free linkage takes longer than most runs that are compared with it.
     """
     key = key_of(case, kind, curves)
     found = cached.pop(key) if key in cached else reference_for(case, kind, curves).channels
@@ -139,13 +140,13 @@ def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]
 
 
 def key_of(case: Case, kind: Kind, curves: Curves) -> Key:
-    """What a reference depends on."""
+    """Key of the reference of a run in the cache: case, kind of run, samples and drive motion."""
     where = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
     return *identity(case), kind, where
 
 
 def cache_reference(key: Key, channels: dict[str, Array]) -> None:
-    """Remember a reference in this process, and forget the one that was not used the longest."""
+    """Put a reference into the cache of this process, which keeps those that were used last."""
     while len(cached) >= CACHED:
         del cached[next(iter(cached))]
     cached[key] = channels
@@ -159,44 +160,45 @@ def write_reference(case: Case, kind: Kind, file: Path) -> None:
 
 
 def read_reference(case: Case, kind: Kind, file: Path) -> None:
-    """Remember the reference that `write_reference` wrote, if it did; the case is the same."""
+    """Put the reference that `write_reference` wrote for the same case into the cache, if any."""
     key = key_of(case, kind, Curves(grid(case, kind), {}))
     if key not in cached and file.is_file():
         with np.load(file) as arrays:
             cache_reference(key, dict(arrays))
 
 
-REFERENCE = 600.0  # s, after which a reference of a free motion is given up
+REFERENCE = 600.0  # s, wall time after which the reference of a free motion is given up
 writing: dict[Path, Lock] = {}
 SHORT = 0.02
-"""Wall time [s] of runs that are made twice and timed the second time: what a process does for the
-first time takes some milliseconds."""
-CONSTANT = 1e-9  # a curve whose range is this share of another's, in the same unit, is rounding
+"""Wall time [s] below which a run is made twice and timed the second time: a process needs some
+milliseconds more for the first run."""
+CONSTANT = 1e-9  # share of the largest range of a unit's curves, up to which a curve is rounding
 
 
 @dataclass(frozen=True)
 class StudyRun:
-    """A run of a case that a study asks for, and its place in the study's table.
+    """A run of a case that a study asks for, with its entries in the study's table.
 
     Attributes
     ----------
     case : Case
-        From `load_case`, or a changed copy of it (`model_copy`): another start, other samples.
+        From `load_case`, or a changed copy of it (`model_copy`), such as with another start or
+        other samples.
     run : {"sweep", "dynamics", "equilibrium"}
-        Which of its runs.
+        Which of the case's runs.
     setting : Setting
         The engine and its parameters.
     study, series, varied : str
         The study that asks for the run, the convergence series that the run belongs to, and the
         parameter that differs in this series.
     value : float
-        Value of that parameter [its unit], such as s of a time step.
+        Value of the varied parameter [its unit], such as a time step in s.
     reference : path, optional
-        File that the reference of a free motion is read from; it is written first if it is missing.
+        File of the reference of a free motion; it is written first if it is missing.
     key : str
-        `proofmass.studies.store.key_of` the run, where it is known already.
+        Key of the run in the store, from `proofmass.studies.store.key_of`, if it is known already.
     timed : bool
-        Whether its wall time matters: a short run is then made twice, and the second one timed.
+        Whether the wall time matters: a short run is then made twice, and the second one timed.
     """
 
     case: Case
@@ -212,14 +214,14 @@ class StudyRun:
 
     @property
     def label(self) -> str:
-        """What a progress line calls it."""
+        """The run in a line of progress: case, kind of run, engine and parameters."""
         parameters = ", ".join(f"{name} {value}" for name, value in self.setting.parameters.items())
         return f"{self.case.name} {self.run} {self.setting.engine} {parameters}"
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """The result of one run: fields as in `StudyRow`, and `curves`, the channels over x."""
+    """The result of one run: fields as in `StudyRow`, and the recorded `curves` by name."""
 
     errors: dict[str, float] = field(default_factory=dict)
     invariants: dict[str, float] = field(default_factory=dict)
@@ -237,25 +239,25 @@ class Measurement:
 
     @property
     def complete(self) -> bool:
-        """Whether there is something to time."""
+        """Whether the run came to an end, so that its wall time counts."""
         return self.outcome in (Outcome.RAN, Outcome.STOPPED)
 
 
 failed: dict[Path, Measurement] = {}
-"""Of references of free motions that this process could not evaluate, what became of them."""
+"""References of free motions that this process could not evaluate, by file, with the reason."""
 
 OUTCOMES: dict[type[Exception], Outcome] = {
     **FAILURES,
     NotSolved: Outcome.NOT_SOLVED,
     BadModel: Outcome.NO_START,
 }
-"""What a worker raises, as an outcome; a pose that was not found is not a diverged run."""
+"""Outcomes by the exceptions that a worker raises; `NotSolved` has an outcome of its own here."""
 
 
 def measure(
     function: Callable[..., T], *args: Any, timeout: float, memory: float = MEMORY
 ) -> T | Measurement:
-    """Call a function in a process of its own.
+    """Call a function in a process of its own; turn an exception into a measurement.
 
     Parameters
     ----------
@@ -264,7 +266,7 @@ def measure(
     *args
         Arguments of the function.
     timeout, memory : float
-        Wall time and memory after which the process is ended [s, GiB].
+        Wall time and memory at which the process is ended [s, GiB].
 
     Returns
     -------
@@ -279,13 +281,13 @@ def measure(
 
 
 def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
-    """Run a task in a process of its own, on a processor of its own.
+    """Run a task in a process of its own, on a reserved processor.
 
     Parameters
     ----------
     task : StudyRun
     again : bool
-        Whether the run is only timed, since its errors are known.
+        Whether this is a repeat, which is timed and not compared with the reference.
     timeout : float
         Wall time after which the run is given up [s].
 
@@ -312,9 +314,10 @@ def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
 
 
 def write_missing_reference(task: StudyRun, file: Path) -> None:
-    """Write the reference of a free motion, if nobody did; that is no time of a run.
+    """Write the reference of a free motion into a file, if it is not there.
 
-    Where it cannot be evaluated, `failed` says why: no setting of the case has one.
+    This is done before the run, so that it does not count as time of the run.  If the reference
+    cannot be evaluated, `failed` gets the reason: then no setting of the case has a reference.
     """
     limits = task.case.run[task.run]
     with writing.setdefault(file, Lock()):
@@ -337,7 +340,7 @@ def write_missing_reference(task: StudyRun, file: Path) -> None:
 
 
 def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
-    """Run a task in this process, on one processor from beginning to end."""
+    """Run a task in this process, pinned to a processor; `again` leaves out the comparison."""
     with pinned(core):
         case, run = task.setting.applied(task.case, task.run)
         if task.reference and not again:
@@ -367,12 +370,12 @@ def simulate_task(task: StudyRun) -> Curves:
 
 
 def step_taken(kind: Kind, curves: Curves) -> float:
-    """Time step that the engine says it took [s]; NaN where nothing is stepped through time."""
+    """Time step that the engine reports [s]; NaN for runs that are no dynamics."""
     return float(str(curves.settings.get("timestep", NAN))) if kind == "dynamics" else NAN
 
 
 def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Measurement:
-    """A run compared with its reference."""
+    """Compare a run with its reference: `cost` with errors, invariants, outcome and curves."""
     kind = cast(Kind, run.kind)
     channels = {f"channel.{name}": values for name, values in curves.channels.items()}
     cost = replace(cost, curves={"x": curves.x, **channels})
@@ -383,7 +386,7 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
         asked = (
             relative_errors(case, kind, as_asked(run, curves)) if drives_moved(run, curves) else {}
         )
-    except InputError as error:  # a pose that the mechanism cannot have
+    except InputError as error:  # the mechanism cannot have such a pose
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
     if wrong := not_finite(cached_reference(case, kind, curves)):
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=wrong)
@@ -398,17 +401,17 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
 
 
 def drives_moved(run: Run, curves: Curves) -> bool:
-    """Whether drives moved in time, so that they may be elsewhere than they were asked to be."""
+    """Whether drives moved in time, so that their motion may differ from the prescribed one."""
     return run.kind == "dynamics" and bool(run.drives) and curves.drive is not None
 
 
 def as_asked(run: Run, curves: Curves) -> Curves:
-    """Curves of a run as if its drives had moved exactly as they were asked to."""
+    """Curves of a run, with the prescribed motion of its drives in place of the measured one."""
     return replace(curves, drive=run.motion(curves.x))
 
 
 def clocked(engine: str, model: Path, run: Run) -> tuple[Curves, float]:
-    """A run, and the share of its time in which its processor did something else."""
+    """Curves of a run, and the share of its wall time that the processor gave to others [1]."""
     wall, own = time.perf_counter(), time.process_time()
     curves = simulate(engine, model, run)
     own, wall = time.process_time() - own, time.perf_counter() - wall
@@ -416,7 +419,7 @@ def clocked(engine: str, model: Path, run: Run) -> tuple[Curves, float]:
 
 
 def not_finite(channels: dict[str, Array]) -> str:
-    """The first channel that is not a number somewhere, and where; nothing if all are."""
+    """The first channel with a value that is not finite, and its sample; empty if there is none."""
     for name, values in channels.items():
         finite = np.isfinite(values)
         if not finite.all():
@@ -425,7 +428,7 @@ def not_finite(channels: dict[str, Array]) -> str:
 
 
 def relative_errors(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
-    """Largest error of each kind of channel, as a share of the reference's range."""
+    """Largest error of each kind of channel, as a share of the reference's range [1]."""
     found = dict[str, float]()
     for what, errors in channel_errors(case, kind, curves):
         found[what] = max(float(errors.max()), found.get(what, 0.0))
@@ -433,9 +436,9 @@ def relative_errors(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
 
 
 def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str, Array]]:
-    """Kind and errors of one channel after the other, as shares of the reference's range.
+    """For each channel its kind, and its errors (n,) as shares of the reference's range [1].
 
-    Curves that the reference has constant have no range and are left out.
+    Channels whose reference is constant have no range and are left out.
     """
     wanted = cached_reference(case, kind, curves)
     channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
@@ -449,5 +452,5 @@ def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str
 
 
 def span(values: Array) -> float:
-    """Range of a curve."""
+    """Range of a curve: its largest value minus its smallest."""
     return float(np.ptp(values))

@@ -1,4 +1,4 @@
-"""Studies in the report: their pages are written below it, and its pages lead to them."""
+"""Write the pages of studies into the folder of a report, which links to them."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ HOME = "../index.html"
 
 @dataclass(frozen=True)
 class StudyKind:
-    """A kind of study: the table by which it is known, and what writes its pages."""
+    """A kind of study: the file that identifies its folder, and the function for its pages."""
 
     name: str
     table: str
@@ -37,7 +37,7 @@ KINDS = (
         "stress",
         "stress.csv",
         "Where it breaks",
-        "boundaries bisected, beside the theory where there is one",
+        "boundaries found by bisection, compared with theory where there is one",
         write_stress,
     ),
     StudyKind(
@@ -51,12 +51,12 @@ KINDS = (
 
 
 def write_study_pages(folders: Iterable[Path], output: Path) -> list[ShownStudy]:
-    """Write the pages of studies below a report, from their tables.
+    """Write the pages of studies into the folder of a report, from the tables of the studies.
 
     Raises
     ------
     InputError
-        There is no study in a folder, or two are of one kind.
+        A folder has no study, or two studies are of the same kind.
     """
     asked: dict[str, tuple[StudyKind, Path]] = {}
     for folder in folders:
@@ -77,7 +77,7 @@ def write_study_pages(folders: Iterable[Path], output: Path) -> list[ShownStudy]
 
 
 def one(kind: StudyKind, folder: Path, output: Path) -> ShownStudy:
-    """Write the pages of one study."""
+    """Write the pages of one study; return its entry and links for the report."""
     pages = kind.write(folder, output / kind.name, HOME)
     links = {name: f"{kind.name}/{link}" for name, link in pages.parts.items()}
     return ShownStudy(kind.title, kind.what, f"{kind.name}/{pages.first.name}", links)

@@ -1,7 +1,7 @@
-"""A record of a study: one run, its setting, how far it was off and what it cost; tables of them.
+"""Records of a study: a run with its setting, its errors and its cost; read and write their tables.
 
-A setting is one engine with a value for each of its parameters.  A table is a CSV file with one
-record a row, and a file beside it that describes the columns.
+A setting is an engine with values of its parameters.  A table is a CSV file with one record in each
+row; a second file, ``NAME.columns.md``, describes the columns.
 """
 
 import csv
@@ -26,25 +26,26 @@ from proofmass.strict import Kind
 
 @dataclass(frozen=True)
 class Setting:
-    """An engine and what is set in it, in place of all that a sidecar says.
+    """An engine and the values of its parameters, which replace all settings of the sidecar.
 
     Attributes
     ----------
     engine : str
-        Its name.
+        Name of the engine.
     parameters : dict of str to ParameterValue
-        Settings of the engine: timestep [s], and others; and `segments`, of all rods of the case.
+        Settings of the engine, such as timestep [s]; and `segments`, the number of segments of
+        each rod of the case.
     """
 
     engine: str
     parameters: dict[str, ParameterValue] = field(default_factory=dict)
 
     def but(self, **parameters: ParameterValue) -> "Setting":
-        """The same with other parameters."""
+        """The same setting with some parameters replaced or added."""
         return Setting(self.engine, {**self.parameters, **parameters})
 
     def applied(self, case: Case, kind: Kind) -> tuple[Case, Run]:
-        """The case, with its rods cut as the setting says, and what to ask of its engine."""
+        """The case with this setting, its rods with that many segments, and the run to ask for."""
         parameters: dict[str, Any] = dict(self.parameters)
         if segments := parameters.pop("segments", None):
             case = case.model_copy(
@@ -61,7 +62,7 @@ class Setting:
 
 NAN = float("nan")
 KINDS = {**units.KINDS, "force": units.FORCES, "energy": ("J",)}
-"""Units of each kind of channels; a run has an error of each kind."""
+"""SI units by kind of channel; a run has one error for each kind of channel that it has."""
 
 
 def format_kind(kind: str) -> str:
@@ -82,47 +83,48 @@ class StudyRow:
     study : str
         trade, choose, stress or diet.
     case, run, engine : str
-        What was run.
+        Name of the case, kind of run, and name of the engine.
     series, varied : str
         The convergence series that the run belongs to (all parameters but one, in words), and
         the parameter that is varied.
     value : float
-        Value of that parameter [its unit], such as s of a time step.
+        Value of the varied parameter [its unit], such as a time step in s.
     parameters : dict of str to ParameterValue
         Values of all parameters.
     errors : dict of str to float
-        Largest error of each kind of channel, as a share of the reference's range [1], at the state
-        that the drives really had.
+        Largest error of each kind of channel, as a share of the reference's range [1]; the
+        reference is evaluated at the motion that the drives really had.
     invariants : dict of str to float
-        violation: largest distance of points that a loop should hold together [m]; energy: largest
-        change over the largest kinetic energy [1], where nothing drives or brakes; stretch of
-        rods [1].
+        violation: largest distance between two points that a loop should hold together [m];
+        energy: largest change of energy over the largest kinetic energy [1], where nothing drives
+        or brakes the motion; stretch of rods [1].
     seconds, steps : float, int
-        Least wall time of all runs of the setting [s]; number of time steps.
+        Shortest wall time of all runs of the setting [s]; number of time steps.
     repeats : tuple of float
         Wall times of all runs that were timed [s].
     pinned : bool
-        Whether its process kept to one processor, which no other run of a study used meanwhile.
+        Whether its process was pinned to a processor that no other run of a study used meanwhile.
     shared : float
         Share of the time of the run in `seconds` that its processor gave to other processes [1].
     machine : str
-        Processor that it was on, and how many the machine has.
+        Name of the processor, and how many the machine has.
     outcome, message : str
-        ran; stopped: a sweep that ended early, with errors up to there; or why there are no errors:
-        diverged, not finite, no reference (at a pose that the run came to), crashed, timed out,
-        out of memory, unsupported.
+        ran; stopped: a sweep that ended early, with errors up to its end; or why there are no
+        errors: diverged, not finite, no reference (at a pose that the run came to), crashed, timed
+        out, out of memory, unsupported.
     key : str
-        What its files in the store are called: ``store.curves(row.key)``.
+        Key of its files in the store, as in ``store.curves(row.key)``.
     asked : dict of str to float
-        The same as `errors` [1], at the state that the drives were asked to have; empty if no drive
-        moves in time.
+        As `errors` [1], with the reference at the prescribed motion of the drives; empty if no
+        drive moves in time.
     step : float
-        Time step that the engine took [s], which need not be the one that was asked for: whole
-        steps lead from sample to sample.  NaN where nothing was stepped, or the run gave no curves.
+        Time step that the engine took [s].  It may be shorter than the one that was asked for,
+        since a whole number of steps leads from sample to sample.  NaN where nothing was stepped,
+        or the run gave no curves.
     load : float
-        Load average, the number of processes that wanted a processor [1] in the last minute: the
-        larger of those when a timed run began and ended.  NaN where the system has none, and in
-        tables of earlier versions.
+        Load average of the machine, the number of processes that wanted a processor [1] in the last
+        minute: the largest of those at the start and end of the timed runs.  NaN where the system
+        has none, and in tables of earlier versions.
     """
 
     study: str
@@ -149,11 +151,11 @@ class StudyRow:
     load: float = NAN
 
     def reached(self, kind: str) -> float:
-        """Error of a kind that somebody gets who asks for the motion; NaN if there is none."""
+        """Error of a kind against the prescribed motion, `asked` if there is any; NaN if none."""
         return (self.asked or self.errors).get(kind, NAN)
 
 
-SPREAD = {  # a column for each key
+SPREAD = {  # fields of `StudyRow` with a column for each key: prefixes of these columns
     "parameters": "parameter",
     "errors": "error",
     "asked": "asked",
@@ -214,12 +216,12 @@ def write_table(rows: Iterable[StudyRow], file: Path) -> None:
 
 
 def read_table(file: Path) -> list[StudyRow]:
-    """The rows of a CSV file that `write_table` wrote, as they were.
+    """The rows of a CSV file that `write_table` wrote.
 
     Raises
     ------
     InputError
-        It is not there, or lacks a column that every row needs.
+        The file is not there, or lacks a column that every row needs.
     """
     try:
         with file.open(encoding="utf-8", newline="") as stream:
@@ -238,7 +240,7 @@ def read_table(file: Path) -> list[StudyRow]:
 
 
 def table(rows: Sequence[StudyRow]) -> str:
-    """CSV with a header; a cell is empty where a row has no value.
+    """Text of the CSV table of rows, with a header; a cell is empty where a row has no value.
 
     >>> print(table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4", "timestep", 0.01,
     ...                  {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])
@@ -255,7 +257,7 @@ def table(rows: Sequence[StudyRow]) -> str:
 
 
 def flat(row: StudyRow) -> dict[str, str]:
-    """The cells of a row, by their columns."""
+    """The cells of a row by the names of their columns."""
     cells = dict[str, str]()
     for one in fields(StudyRow):
         value = getattr(row, one.name)
@@ -267,7 +269,7 @@ def flat(row: StudyRow) -> dict[str, str]:
 
 
 def format_cell(value: Any) -> str:
-    """A cell: a number, true or false, an array, a word; nothing for NaN.
+    """Text of a cell: a number, true or false, a JSON array, or a word; empty for NaN.
 
     >>> [format_cell(value) for value in (1e-3, float("nan"), (0.02, 1.0), "RK4", "8")]
     ['0.001', '', '[0.02, 1.0]', 'RK4', '"8"']
@@ -278,7 +280,7 @@ def format_cell(value: Any) -> str:
 
 
 def read(cell: str) -> Any:
-    """What a cell of a parameter shows."""
+    """Value of a cell: parsed as JSON, an array as a tuple; else the text of the cell."""
     try:
         value = json.loads(cell)
     except ValueError:
@@ -287,7 +289,7 @@ def read(cell: str) -> Any:
 
 
 def parsed(cells: dict[str, str]) -> StudyRow:
-    """The row of some cells."""
+    """The row with these cells, by the names of their columns."""
     values = dict[str, Any]()
     for name, kind in get_type_hints(StudyRow).items():
         if name in SPREAD:
@@ -304,7 +306,7 @@ def parsed(cells: dict[str, str]) -> StudyRow:
 
 
 def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:
-    """Write what the columns of a table are, and what its rows."""
+    """Write a Markdown file that describes the rows and columns of a table."""
     lines = [f"| `{column}` | {what} |" for column, what in columns.items()]
     write_whole(
         file,

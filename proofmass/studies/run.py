@@ -1,13 +1,13 @@
-"""Run the tasks of a study: side by side, stored one by one, so that a killed study goes on.
+"""Run the tasks of a study in parallel; each result is stored at once, so that a study can resume.
 
     store = Store(folder)
     with pool(jobs=2) as workers:                        # or pool(dask="tcp://...")
         rows = run(tasks, store, workers, repeats=0)     # errors and invariants; one run each
-        rows = run(tasks, store, workers)                # the same, and timings in 5 rounds
+        rows = run(tasks, store, workers)                # the same, and wall times of 5 more rounds
     write_table(rows, folder / "trade.csv")
     store.curves(rows[0].key)                            # x, channel.angle, ...
 
-A run that is in the store is not made again, whichever study asked for it.
+A run that is in the store is not made again, even if another study asked for it.
 """
 
 import os
@@ -26,25 +26,26 @@ from proofmass.studies.store import Store
 from proofmass.worker import stopping
 
 Progress = Callable[[str, int, int], None]
-Unit = tuple[str, int]  # the key of a task, and the number of a repeat; 0 is the run for errors
-CONNECT = "10s"
+Unit = tuple[str, int]  # key of a task and number of the repeat; 0 is the first run, with errors
+CONNECT = "10s"  # for the connection to a Dask scheduler
 SPAN = 0.3
-"""Wall time of repeats together [s] that tells a run's time: what disturbs a run for a moment, such
-as an interrupt or another process, takes a small share of so long a time."""
+"""Wall time that all repeats of a long run take together [s]: a short disturbance, such as an
+interrupt or another process, is a small share of it."""
 MOMENT = 0.1
-"""Wall time [s] from which a run is long beside what disturbs it for a moment."""
+"""Wall time [s] from which a run is long compared with a short disturbance."""
 
 
 @contextmanager
 def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]:
-    """Where runs go: `jobs` side by side here, one a processor if not given, or a Dask cluster.
+    """An executor for runs: `jobs` threads on this machine, one for each processor if not given.
 
-    Its workers need proofmass and the model's files in the same place.
+    With `dask`, the address of a scheduler, runs go to a Dask cluster, whose workers need proofmass
+    and the files of the models at the same paths.
 
     Raises
     ------
     ValueError
-        dask is not installed, or nothing answers at that address.
+        Dask is not installed, or no scheduler answers at the address.
     """
     if dask is None:
         with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
@@ -75,36 +76,36 @@ def run(
     timeout: float | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
-    """Run tasks, each of them once, and then up to `repeats` times for their wall times alone.
+    """Run each task once, then up to `repeats` times more for its wall time alone.
 
-    Rounds are interleaved: all tasks once, then all of them again.  A run longer than `MOMENT` is
-    repeated less often: once, or until it took `SPAN` with its repeats.  The first run is one of
-    the timings.
+    Repeats are made in rounds: all tasks once, then all of them again.  A run longer than `MOMENT`
+    is repeated less often: once, or until all its runs together took `SPAN`.  The wall time of the
+    first run counts as well.
 
     Parameters
     ----------
     tasks : iterable of StudyRun
-        Equal runs of several tasks are made once.
+        Tasks with the same key are run once.
     store : Store
-        Where every finished run is kept at once.
+        Where every finished run is saved at once.
     workers : Executor, optional
-        From `pool`; local ones if not given.
+        From `pool`; threads of this machine if not given.
     repeats : int
-        How often a task is repeated at most; with 0 its row says that nothing was timed.
+        Largest number of repeats of a task; with 0 the rows have no timings.
     repeated : collection of int, optional
-        Numbers of the tasks that are repeated, all if not given; of the others the first run is the
-        only timing.
+        Numbers of the tasks that are repeated, all if not given; the other tasks have one timing,
+        that of the first run.
     longest_repeated : float
-        A task whose first run took longer [s] is not repeated; that run is its only timing.
+        A task whose first run took longer than this [s] is not repeated and has one timing.
     timeout : float, optional
-        Wall time after which a run is given up [s]; the sidecar's if not given.
+        Wall time after which a run is given up [s]; that of the sidecar if not given.
     progress : callable
         Called as ``progress(label, done, total)`` after each run.
 
     Returns
     -------
     list of StudyRow
-        One for each task, in the order of the tasks; failed ones with outcome and message.
+        One row for each task, in the order of the tasks; outcome and message tell of a failure.
 
     Raises
     ------
@@ -149,7 +150,7 @@ def run(
 
 
 def repeats_needed(seconds: float, repeats: int) -> int:
-    """How often a run that took so long [s] is repeated.
+    """Number of repeats of a run that took `seconds`: all below `MOMENT`, else as `SPAN` allows.
 
     >>> [repeats_needed(seconds, 5) for seconds in (0.01, 0.2, 1.5)]
     [5, 1, 1]
@@ -158,7 +159,7 @@ def repeats_needed(seconds: float, repeats: int) -> int:
 
 
 def referred(tasks: Iterable[StudyRun], store: Store) -> list[StudyRun]:
-    """Tasks with the files of their references; those of one run of a case share one."""
+    """The tasks with the file of their reference, which all tasks of one run of a case share."""
     files: dict[tuple[int, Kind], Path | None] = {}
     found = list[StudyRun]()
     for task in tasks:
@@ -169,12 +170,12 @@ def referred(tasks: Iterable[StudyRun], store: Store) -> list[StudyRun]:
 
 
 def is_shared(case: Case, kind: Kind) -> bool:
-    """Whether all settings of a run have one reference: that of a free motion without rods."""
+    """Whether all settings of a run have the same reference: a free motion without rods."""
     return kind == "dynamics" and not case.drive and not case.rod
 
 
 def reference_of(task: StudyRun, store: Store) -> Path | None:
-    """Where the reference of a free motion is kept, which all settings have in common."""
+    """File of the reference of a run, if all settings share it (see `is_shared`); else None."""
     if not is_shared(task.case, task.run):
         return None
     first = replace(task, setting=Setting("mujoco"), key="")
@@ -183,7 +184,7 @@ def reference_of(task: StudyRun, store: Store) -> Path | None:
 
 @dataclass
 class Rounds:
-    """Runs that were found or made, and where more of them go."""
+    """Runs of tasks, found in the store or made, with what is needed to make more of them."""
 
     tasks: dict[str, StudyRun]
     store: Store
@@ -193,7 +194,7 @@ class Rounds:
     found: dict[Unit, Measurement] = field(default_factory=dict)
 
     def make(self, units: list[Unit], later: int = 0) -> None:
-        """Find runs in the store, and make those that are not there, in that order."""
+        """Load runs from the store, then make the missing ones; `later` counts as work to come."""
         total = len(self.found) + len(units) + later
         missing = []
         for unit in units:
@@ -226,9 +227,9 @@ class Rounds:
 
 
 def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") -> StudyRow:
-    """The row of a task, from its run for errors and the repeats of it.
+    """The row of a task from its first run, which has the errors, and its repeats.
 
-    A repeat that failed, where the first run did not, is a failure of the task.
+    If a repeat failed, the row has the outcome of the first one that did.
     """
     first, *repeats = found
     failed = next((k for k, one in enumerate(repeats) if not one.complete), None)

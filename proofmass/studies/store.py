@@ -1,6 +1,7 @@
-"""Finished runs in a folder, named by what was run: a small JSON file each, curves as .npz beside.
+"""Store of finished runs: a folder with a JSON file for each run and an .npz file for its curves.
 
-A file is written beside its place and moved there, so that it is whole whenever it is there.
+The names of the files are keys: digests of all that the result of a run depends on.  A file is
+written under another name and then renamed, so that a file of the store is always complete.
 """
 
 import io
@@ -36,22 +37,22 @@ from proofmass.studies.bounded import bounded
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 
-MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, to every run of it
+MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, part of every key
 TaskKey = tuple[int, int, str]
-"""What tells tasks apart in a process: case, change of its model, run and setting."""
-BATCH = 32  # settings whose models one call of a worker compiles
+"""Identity of a task in a process: id of the case, time of change of its model, run and setting."""
+BATCH = 32  # settings for whose keys one call of a worker compiles the models
 LATE = Outcome.TIMED_OUT
-ABANDONED = 3600.0  # [s] after which a file that is not whole is one that nobody writes any more
-OWN = measure, invariants, reference, drive  # modules of the core that a result depends on
+ABANDONED = 3600.0  # [s] since its last change, after which a partial file is deleted
+OWN = measure, invariants, reference, drive  # modules on whose code a result depends
 
 
 class Store:
-    """Finished runs in a folder, by task and number of the repeat.
+    """Finished runs in a folder, by key of the task and number of the repeat.
 
     Parameters
     ----------
     folder : path
-        Made if it is not there.  Workers of a cluster need it in the same place.
+        Made if it does not exist.  Workers of a cluster need it at the same path.
     """
 
     def __init__(self, folder: Path | str):
@@ -64,11 +65,11 @@ class Store:
                 half.unlink()
 
     def key(self, task: StudyRun) -> str:
-        """The key of a task; see `find_keys`."""
+        """The key of a task; see `key_of`."""
         return self.find_keys([task])[0]
 
     def find_keys(self, tasks: Sequence[StudyRun]) -> list[str]:
-        """The keys of tasks, each found once for a setting of a run; of many tasks side by side."""
+        """The keys of tasks; those that are not known yet are computed in parallel, in batches."""
         places = [place_of(task) for task in tasks]
         unknown: dict[tuple[int, str], dict[TaskKey, StudyRun]] = {}
         for place, task in zip(places, tasks, strict=True):
@@ -83,11 +84,11 @@ class Store:
             every = list(threads.map(lambda batch: keys_of([one for _, one in batch]), batches))
         for batch, keys in zip(batches, every, strict=True):
             for (place, task), key in zip(batch, keys, strict=True):
-                self.keys[place] = task.case, key  # with the case, so that no other has its number
+                self.keys[place] = task.case, key  # keeps the case alive: its id stays unique
         return [task.key or self.keys[place][1] for place, task in zip(places, tasks, strict=True)]
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
-        """What a run gave; None if it was not made, or was given up after less than `timeout`."""
+        """The result of a run; None if it is missing, or timed out after less than `timeout` [s]."""
         if (key, repeat) in self.known:
             return self.known[key, repeat]
         if not (file := self.file(key, repeat)).is_file():
@@ -112,7 +113,7 @@ class Store:
         return self.remember(key, repeat, found)
 
     def remember(self, key: str, repeat: int, found: Measurement) -> Measurement:
-        """Keep what a run gave without its curves; one that was late may be made again."""
+        """Keep a result without its curves in memory, unless it timed out: it may be made again."""
         if found.outcome != LATE:
             self.known[key, repeat] = replace(found, curves={})
         return found
@@ -120,7 +121,7 @@ class Store:
     def once(
         self, key: str, task: StudyRun, timeout: float, make: Callable[[], Measurement]
     ) -> Measurement:
-        """What a task's first run gave; made and saved first if it is not there."""
+        """The result of a task's first run; if it is not there, it is made and saved."""
         found = self.load(key, 0, timeout)
         if found is None:
             found = make()
@@ -128,7 +129,7 @@ class Store:
         return found
 
     def curves(self, key: str) -> dict[str, Array]:
-        """The curves of a task's first run: x, and ``channel.NAME`` for each of its channels."""
+        """The curves of a task's first run: ``x``, and ``channel.NAME`` for each channel."""
         file = self.folder / f"{key}.npz"
         try:
             with np.load(file) as arrays:
@@ -139,14 +140,14 @@ class Store:
             raise foreign(file) from None
 
     def records(self, case: str, run: str) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Key and record of every first run of a case of that name, whatever its model was."""
+        """Key and record of every first run of a case of that name, also with earlier models."""
         for file in sorted(self.folder.glob("*.0.json")):
             record = read(file)
             if isinstance(record, dict) and (record.get("case"), record.get("run")) == (case, run):
                 yield file.name.removesuffix(".0.json"), record
 
     def repeats(self, key: str) -> list[Measurement]:
-        """What all runs of a task gave, the first one before the timed ones."""
+        """The results of all runs of a task: the first run, then its repeats."""
         found = list[Measurement]()
         while one := self.load(key, len(found)):
             found.append(one)
@@ -155,7 +156,7 @@ class Store:
     def save(
         self, key: str, repeat: int, task: StudyRun, found: Measurement, timeout: float
     ) -> None:
-        """Keep what a run gave; its curves first, for with the record it is finished."""
+        """Save the result of a run: first its curves, then its record, which marks it finished."""
         if found.curves:
             packed = io.BytesIO()
             np.savez(packed, **found.curves)  # type: ignore[arg-type]  # digits do not compress
@@ -174,12 +175,12 @@ class Store:
         self.remember(key, repeat, found)
 
     def file(self, key: str, repeat: int) -> Path:
-        """Where a run is kept."""
+        """Path of the record of a run."""
         return self.folder / f"{key}.{repeat}.json"
 
 
 def as_record(found: Measurement) -> dict[str, Any]:
-    """A record of what a run gave, without curves and without numbers that are none."""
+    """The result of a run for its JSON file, without curves and without fields that are NaN."""
     return {
         k: v
         for k, v in asdict(replace(found, curves={})).items()
@@ -188,12 +189,12 @@ def as_record(found: Measurement) -> dict[str, Any]:
 
 
 def read(file: Path) -> Any:
-    """What is in a JSON file that `write_whole` wrote.
+    """Content of a JSON file that `write_whole` wrote.
 
     Raises
     ------
     InputError
-        Something else has changed it since.
+        The file is no JSON: something else has changed it since.
     """
     try:
         return json.loads(read_text(file))
@@ -202,12 +203,12 @@ def read(file: Path) -> Any:
 
 
 def foreign(file: Path) -> InputError:
-    """The error of a file in the store that something else has changed."""
+    """The error for a file of the store that something else has changed."""
     return InputError(file, "", "not what a study wrote there; delete it, and it is made again")
 
 
 def once(file: Path, make: Callable[[], Any]) -> Any:
-    """What is in a JSON file; made and written there first if it is not there."""
+    """Content of a JSON file; if the file is not there, `make` gives it and it is written."""
     if not file.is_file():
         write_whole(file, json.dumps(make()))
     return read(file)
@@ -216,13 +217,13 @@ def once(file: Path, make: Callable[[], Any]) -> Any:
 def key_of(task: StudyRun) -> str:
     """SHA-256 of all that a run's result depends on: model, sidecar, parameters, versions, sources.
 
-    Neither the study that asks for the run nor titles, views and tolerances are part of it.
+    The study that asks for the run, titles, views and tolerances are no part of the key.
     """
     return keys_of([task])[0]
 
 
 def keys_of(tasks: Sequence[StudyRun]) -> list[str]:
-    """The keys of tasks of one run of a case, whose models one call of a worker compiles."""
+    """The keys of tasks of one run of a case; one call of a worker compiles all their models."""
     case, kind = tasks[0].case, tasks[0].run
     table = case.run[kind]
     same = {
@@ -254,7 +255,7 @@ def keys_of(tasks: Sequence[StudyRun]) -> list[str]:
 def compiled_with(
     case: Case, kind: Kind, settings: Sequence[Setting]
 ) -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
-    """With each setting applied to a case: its model's digest, its rods, its engine's settings."""
+    """For each setting of a case: digest of the compiled model, its rods, the engine's settings."""
     found = []
     for setting in settings:
         changed, run = setting.applied(case, kind)
@@ -264,12 +265,12 @@ def compiled_with(
 
 
 def place_of(task: StudyRun) -> TaskKey:
-    """The place of a task among those of this process."""
+    """Identity of a task within this process; see `TaskKey`."""
     changed = task.case.model_path.stat().st_mtime_ns
     return id(task.case), changed, f"{task.run} {task.setting}"
 
 
 @cache
 def sources() -> str:
-    """Digest of the code of simulators and references; a version stays while it is developed."""
+    """Digest of the code of simulators and references, which may change within a version."""
     return sources_with(Path(str(module.__file__)) for module in OWN)

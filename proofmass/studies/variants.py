@@ -1,12 +1,14 @@
-"""Variants: changed copies of cases whose reference is known.
+"""Variants: changed copies of cases whose reference is still known.
 
-It is known by dimensional analysis, it is read from the model, or the drive goes elsewhere.
+The reference of a variant follows by dimensional analysis, or is computed from the changed model,
+or stays the same function where only the motion of the drives is changed.
 
-A self-referenced case reads its reference from its own MJCF, so that the MJCF may be changed.
+The reference of a self-referenced case is computed from its own MJCF, so that the MJCF may be
+changed.
 
-In a scaled case times and masses stay.  With all lengths s times as long, gravity is made s times
-as large; then forces are s, moments and energies s^2, inertias s^2 times as large, and the curves
-are the same.
+In a scaled case times and masses stay.  If all lengths are multiplied by s, gravity is multiplied
+by s as well; then forces are multiplied by s, moments, energies and inertias by s^2, and the curves
+keep their shape.
 """
 
 from collections.abc import Callable
@@ -31,14 +33,14 @@ from proofmass.studies.bounded import bounded
 from proofmass.studies.store import digest
 
 READS = "planar"
-"""The reference that knows the model's own sensors, whatever the model."""
+"""The reference that is computed from the model itself, for the sensors of any planar model."""
 
 
 def self_referenced(case: Case) -> Case:
-    """The case with its channels held to what the planar reference reads from the model.
+    """The case with the planar reference, which is computed from the model, for all its channels.
 
-    Channels that must equal a number still must.  Drives must not take their law from the
-    reference that is left behind: see `movable`.
+    Channels that are compared with a number stay as they are.  The motion profile of a drive must
+    not come from the old reference: see `movable`.
     """
     if case.reference == READS:
         return case
@@ -54,21 +56,21 @@ def self_referenced(case: Case) -> Case:
 
 
 def movable(case: Case) -> bool:
-    """Whether nothing of its motion is the reference's own: no law, no recorded curve."""
+    """Whether the motion does not depend on the reference: no motion profile or curve of it."""
     return not case.recorded and all(d.to is not None for d in case.drive)
 
 
 SIZE = {"m": 1, "m/s": 1, "m/s^2": 1, "N": 1, "N m": 2, "J": 2}
-"""Powers of the length that units go with; angles and times with none."""
+"""Powers of the length scale by which quantities of a unit are multiplied; other units by none."""
 LOAD = {"N": 1, "N m": 1, "J": 1}
-"""Powers of the forces, with lengths as they are."""
+"""Powers of a factor on all forces, at constant lengths, by unit of the channels."""
 LENGTHS = "pos", "size", "fromto", "from", "to", "anchor", "extent"
 TURNING = {"stiffness": 2, "damping": 2, "armature": 2, "frictionloss": 2}
 SLIDING = {"range": 1, "ref": 1, "springref": 1, "frictionloss": 1}
 
 
 def with_model(case: Case, folder: Path, change: Callable[[Element], None]) -> Case:
-    """The case with its MJCF changed, as a file in a folder."""
+    """The case with a changed copy of its MJCF, which is written into a folder."""
     root = read_tree(case.model_path)
     change(root)
     text = ElementTree.tostring(root, encoding="unicode")
@@ -76,7 +78,7 @@ def with_model(case: Case, folder: Path, change: Callable[[Element], None]) -> C
 
 
 def thinned(case: Case, folder: Path) -> Case:
-    """The case held to every other row of its recorded curve, as a file in a folder."""
+    """The case with every other row of its recorded curve, which are written into a folder."""
     file = case.file.parent / case.reference
     head, *rows = [
         line
@@ -88,7 +90,7 @@ def thinned(case: Case, folder: Path) -> Case:
 
 
 def placed(folder: Path, like: Path, text: str) -> Path:
-    """A text in a folder, in a file named after another one and what is in it."""
+    """Write a text into a folder; the file is named after `like` and the digest of the text."""
     file = folder.absolute() / f"{like.stem}-{digest(text.encode())[:16]}{like.suffix}"
     folder.mkdir(parents=True, exist_ok=True)
     if not file.exists():
@@ -97,16 +99,16 @@ def placed(folder: Path, like: Path, text: str) -> Path:
 
 
 def times(element: Element, key: str, factor: ArrayLike) -> None:
-    """Multiply an attribute that is there."""
+    """Multiply the numbers of an attribute of an element, if it has that attribute."""
     if key in element.attrib:
         values = np.array(element.get(key, "").split(), float) * np.asarray(factor)
         element.set(key, " ".join(repr(float(v)) for v in values))
 
 
 def with_channels(case: Case, powers: dict[str, int], factor: float) -> Case:
-    """The case with what its channels must be multiplied, by their units.
+    """The case with its channels multiplied by a power of a factor, which depends on the unit.
 
-    A reference that reads the model has done it.
+    The planar reference is computed from the changed model and needs no such factor.
     """
     if case.reference == READS:
         return case
@@ -120,7 +122,7 @@ def with_channels(case: Case, powers: dict[str, int], factor: float) -> Case:
 
 
 def heavier(case: Case, folder: Path, factor: float) -> Case:
-    """The case with its last body so many times as heavy."""
+    """The case with mass and inertia of its last body multiplied by a factor."""
 
     def change(root: Element) -> None:
         *_, last = root.iter("inertial")
@@ -131,7 +133,7 @@ def heavier(case: Case, folder: Path, factor: float) -> Case:
 
 
 def weightier(case: Case, folder: Path, factor: float) -> Case:
-    """The case with so many times as much gravity."""
+    """The case with gravity multiplied by a factor, in the model and in the parameters."""
     parameters = {
         k: v * factor if k == "gravity" and not isinstance(v, str) else v
         for k, v in case.parameters.items()
@@ -141,7 +143,7 @@ def weightier(case: Case, folder: Path, factor: float) -> Case:
 
 
 def set_gravity(root: Element, model: mujoco.MjModel, factor: float) -> None:
-    """Write gravity, which a model need not mention."""
+    """Write gravity, that of the compiled model times a factor, into an MJCF."""
     option = root.find("option")
     if option is None:
         option = ElementTree.SubElement(root, "option")
@@ -149,7 +151,7 @@ def set_gravity(root: Element, model: mujoco.MjModel, factor: float) -> None:
 
 
 def stiffer(case: Case, folder: Path, factor: float) -> Case:
-    """The case with all springs and rods so many times as stiff, and all loads as large."""
+    """The case with stiffness of all springs and rods, and all loads, multiplied by a factor."""
 
     def change(root: Element) -> None:
         for joint in root.iter("joint"):
@@ -173,7 +175,7 @@ def stiffer(case: Case, folder: Path, factor: float) -> Case:
 
 
 def with_loads(case: Case, factor: Callable[[str], float]) -> Case:
-    """The case with the controls of loads that change so many times as large, by actuator."""
+    """The case with the controls of its changing loads multiplied by a factor of each actuator."""
 
     def times(load: LoadTable) -> LoadTable:
         by, changed = factor(load.actuator), dict[str, object]()
@@ -188,16 +190,17 @@ def with_loads(case: Case, factor: Callable[[str], float]) -> Case:
 
 
 def times_column(column: RecordedColumn | tuple[float, ...], by: float) -> Any:
-    """A column of a profile, all of whose values are so many times as large."""
+    """A column of a profile with all its values multiplied by a factor."""
     if isinstance(column, tuple):
         return tuple(by * value for value in column)
     return column.model_copy(update={"scale": by * column.scale, "shift": by * column.shift})
 
 
 def larger(case: Case, folder: Path, factor: float) -> Case:
-    """The case with all lengths so many times as long, and all that goes with them.
+    """The case with all lengths multiplied by a factor, and quantities by powers of it.
 
-    Its reference keeps its own, so that no length may be asked of it: no rod, no driven slide.
+    The reference keeps its own lengths, so that it must not be asked for a length: the case may
+    have no rod and no driven slide.
     """
     model = compiled(case)
     changed = with_model(case, folder, lambda root: enlarge(root, model, factor))
@@ -210,18 +213,18 @@ def larger(case: Case, folder: Path, factor: float) -> Case:
 
 
 def wide(equality: Element) -> int:
-    """How many numbers its solimp has."""
+    """Number of values in the ``solimp`` of an equality."""
     return len(equality.get("solimp", "").split())
 
 
 def enlarge(root: Element, model: mujoco.MjModel, factor: float) -> None:
-    """Multiply all numbers of an MJCF that lengths are part of."""
+    """Multiply all numbers of an MJCF that depend on lengths by powers of a factor."""
     for element in root.iter():
         for key in LENGTHS:
             times(element, key, factor)
         for key in ("diaginertia", "fullinertia"):
             times(element, key, factor**2)
-        if element.tag in ("connect", "equality"):  # the third is a width [m]
+        if element.tag in ("connect", "equality"):  # the third value is a width [m]
             times(element, "solimp", np.array([1.0, 1.0, factor, 1.0, 1.0])[: wide(element)])
     for joint in root.iter("joint"):
         sliding = joint.get("type") == "slide"
@@ -235,15 +238,15 @@ def enlarge(root: Element, model: mujoco.MjModel, factor: float) -> None:
 
 
 def along(model: mujoco.MjModel, count: int) -> Array:
-    """Powers of the length that joints go with, of which the MJCF states so many: slides 1.
+    """Powers of the length for the values of the first `count` joints: 1 for slides, else 0.
 
-    A joint has one coordinate and one rate in what both engines run.
+    Joints have one coordinate and one rate each in the models that both engines can run.
     """
     return np.array(model.jnt_type[:count] == mujoco.mjtJoint.mjJNT_SLIDE, float)
 
 
 def loads(model: mujoco.MjModel) -> Array:
-    """Powers of the length that the actuators' controls go with: moments 2, forces 1."""
+    """Powers of the length for the controls of all actuators: moments 2, forces 1."""
     powers = [2 if is_on_hinge(model, a) else 1 for a in range(model.nactuator)]
     return np.repeat(powers, model.actuator_ctrlnum)
 
@@ -256,7 +259,7 @@ def is_on_hinge(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def bodies(case: Case) -> list[Element]:
-    """The bodies' own masses that the MJCF states."""
+    """The ``inertial`` elements of the MJCF, one for each body whose mass it states."""
     return list(read_tree(case.model_path).iter("inertial"))
 
 
@@ -265,7 +268,7 @@ FEWEST = 2  # samples of a run after its first
 
 
 def with_way(case: Case, far: float) -> Case:
-    """The case with its first drive so far, at constant speed, and the others in proportion."""
+    """The case with its first drive moving `far` at constant speed, the others in proportion."""
     leader = case.drive[0]
     way = float(leader.to or 0.0) - leader.start
     times = far / abs(way)
@@ -280,23 +283,23 @@ def with_way(case: Case, far: float) -> Case:
 
 
 def with_swing(case: Case, far: float, seconds: float) -> Case:
-    """The case with its dynamics run a swing so far, and back."""
+    """The case with its first drive swinging `far` and back in a period of `seconds`."""
     leader, *others = with_way(case, far).drive
     swing = leader.model_copy(update={"rate": None, "period": seconds})
     return case.model_copy(update={"drive": (swing, *others)})
 
 
 def with_whole_steps(case: Case, seconds: float, step: float) -> Case:
-    """The case with a dynamics run in which an engine takes just the step that is asked for.
+    """The case with its samples moved so that an engine takes exactly the step that is asked for.
 
-    There are whole steps from sample to sample: as many as fit between two samples of the case, or
-    one.  The end is moved to the nearest sample; a drive that may go no further than it does, at
-    constant speed with no whole turns or by a law, ends at the last one before its end.
+    A whole number of steps leads from sample to sample: as many as fit between two samples of the
+    case, or one.  The end of the run is moved to the nearest sample.  A motion that may not go on
+    past its end (see `may_go_on`) ends at the last sample that is not past it.
 
     Parameters
     ----------
     case : Case
-        With a dynamics run, of a reference that can be evaluated anywhere.
+        With a dynamics run, and a reference that can be evaluated at any time.
     seconds : float
         Duration that is asked for [s].
     step : float
@@ -315,7 +318,7 @@ def with_whole_steps(case: Case, seconds: float, step: float) -> Case:
 
 
 def with_duration(case: Case, seconds: float) -> Case:
-    """The case with a dynamics run of another length [s], and drives that go on as they do."""
+    """The case with a dynamics run of another duration [s]; drives keep their speed or period."""
     if case.drive and case.drive[0].steady:
         leader = case.drive[0]
         moved, *others = with_way(case, abs(leader.speed) * seconds).drive
@@ -326,7 +329,7 @@ def with_duration(case: Case, seconds: float) -> Case:
 
 
 def may_go_on(case: Case) -> bool:
-    """Whether a motion may go on: free, to and fro, or in whole turns; not with rows of a load."""
+    """Whether a motion may go on past its end: free, to and fro, or whole turns; no load profile."""
     if any(load.profile for load in case.load):
         return False
     if not case.drive or case.drive[0].period:
@@ -336,9 +339,9 @@ def may_go_on(case: Case) -> bool:
 
 
 def with_longer_run(case: Case, factor: float, seconds: float) -> Case:
-    """The case with its dynamics run so many times as long, with as many samples.
+    """The case with its dynamics run of `seconds` extended by a factor, with as many samples.
 
-    A drive that makes no whole turns goes to and fro instead.
+    A drive that makes no whole turns moves to and fro instead.
     """
     if not may_go_on(case):
         leader = case.drive[0]
@@ -347,12 +350,12 @@ def with_longer_run(case: Case, factor: float, seconds: float) -> Case:
 
 
 def evaluate_run(case: Case, kind: Kind) -> Curves:
-    """The reference's curves of a run whose drives go just as they should; in a worker."""
+    """The reference curves of a run at the prescribed motion of its drives, from a worker."""
     return cast(Curves, bounded(case, kind, evaluate_run_here, case, kind))
 
 
 def evaluate_run_here(case: Case, kind: Kind) -> Curves:
-    """The same, in this process."""
+    """The reference curves of a run at the prescribed motion of its drives, in this process."""
     x = grid(case, kind)
     state = tuple(
         np.array(part) for part in zip(*(law(x) for law in laws(case, kind)), strict=True)
@@ -361,12 +364,12 @@ def evaluate_run_here(case: Case, kind: Kind) -> Curves:
 
 
 def makes_whole_turns(case: Case, way: float) -> bool:
-    """Whether the leader makes whole turns, and may go on."""
+    """Whether the first drive is a hinge and its way is a whole number of turns."""
     rest = way / (2 * np.pi) % 1.0
     return has_hinged_leader(case) and way > 1.0 and min(rest, 1.0 - rest) < 1e-6
 
 
 def has_hinged_leader(case: Case) -> bool:
-    """Whether the leader is a hinge."""
+    """Whether the joint of the first drive is a hinge."""
     kind = int(compiled(case).joint(case.drive[0].joint).type[0])
     return kind == int(mujoco.mjtJoint.mjJNT_HINGE)
