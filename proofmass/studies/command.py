@@ -61,7 +61,7 @@ def computing(case: Case) -> Case:
         )
     for solver in others:
         errors.print(
-            f"{case.name}: {solver} is left out: its curves are recorded, nothing is set in it",
+            f"{case.name}: {solver} is left out: its curves are recorded, so it has no settings",
             markup=False,
         )
     return case_left

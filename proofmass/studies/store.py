@@ -88,7 +88,7 @@ class Store:
         return [task.key or self.keys[place][1] for place, task in zip(places, tasks, strict=True)]
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
-        """The result of a run; None if it is missing, or timed out after less than `timeout` [s]."""
+        """The result of a run; None if missing, or given up after less than `timeout` [s]."""
         if (key, repeat) in self.known:
             return self.known[key, repeat]
         if not (file := self.file(key, repeat)).is_file():

@@ -329,7 +329,7 @@ def with_duration(case: Case, seconds: float) -> Case:
 
 
 def may_go_on(case: Case) -> bool:
-    """Whether a motion may go on past its end: free, to and fro, or whole turns; no load profile."""
+    """Whether a motion may go on past its end: free, to and fro, whole turns; no load profile."""
     if any(load.profile for load in case.load):
         return False
     if not case.drive or case.drive[0].period:

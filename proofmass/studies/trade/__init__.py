@@ -1,1 +1,1 @@
-"""Accuracy over wall time: settings from coarse to fine, error floors, and the one to choose."""
+"""Studies of errors against wall time, of orders and error floors; choice of a setting."""

@@ -1,4 +1,9 @@
-"""The cheapest measured setting that is as good as is asked for, and the evidence that it is."""
+"""Choose the cheapest measured setting with a small enough error, and verify it.
+
+Errors are shares of the reference's range.  A setting is good enough if its measured error times
+`MARGIN` is no larger than the error that is asked for, and further runs confirm it: as a program
+without proofmass, and from a shifted start, where these are possible.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -24,17 +29,17 @@ from proofmass.studies.trade.words import (
 )
 from proofmass.wording import number
 
-MARGIN = 2.0  # a measured error is so much better than asked: another start may be worse by some
-ALIKE = 1.5  # an error so near to the error floor of another series is taken to be at the same one
+MARGIN = 2.0  # wanted error over the measured one, at least: from another start it may be larger
+ALIKE = 1.5  # ratio up to which an error is taken to be at the error floor of another series
 
 
 class Cannot(Exception):
-    """No measured setting is good enough; says which is best, and what keeps it there."""
+    """No measured setting is good enough; the message names the best one and its error floor."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A setting to use.
+    """The chosen setting, with the evidence for it.
 
     Attributes
     ----------
@@ -45,15 +50,15 @@ class Choice:
     check : Check
         The result of running the setting again.
     beside : str
-        What the engine's defaults would cost for the same error, in a sentence.
+        A sentence on what the engine's defaults would cost for the same error.
     ratio : float
-        Wall time of the defaults over that of the setting [1], by the order of the defaults where
-        no measured step of theirs is good enough; NaN where none can be.
+        Wall time of the defaults over that of the setting [1].  If no measured step of the defaults
+        is good enough, it is extrapolated by their order; NaN if that is not possible.
     refused : tuple of str
         Cheaper settings whose second run was not good enough, a sentence for each.
     motion : str
-        That a free motion is chaotic or sensitive to its start, and until when errors are judged;
-        empty for other motions.
+        A sentence that a free motion is chaotic or sensitive to its start, and until when errors
+        are judged; empty for other motions.
     """
 
     row: StudyRow
@@ -80,7 +85,7 @@ def choose(
     verify: Verify = verify,
     limits: Limits | None = None,
 ) -> Choice:
-    """The cheapest setting whose error is as small as is asked for, with margin.
+    """Choose the cheapest setting that meets an error with margin, and run it again to verify it.
 
     Parameters
     ----------
@@ -89,19 +94,19 @@ def choose(
     rows : iterable of StudyRow
         Measured settings of that run.
     wanted : float
-        Largest error that is good enough, as a share of the reference's range [1]; the measured one
-        must be half of it.
+        Largest error that is good enough, as a share of the reference's range [1]; the measured
+        error must be at most half of it.
     of : str
-        Kind of channels: position, velocity, acceleration, ...
+        Kind of error: position, velocity, acceleration, ...
     engine : str, optional
         The only engine to choose from.
     verdicts : iterable of Verdict
         Orders and error floors of the series that the settings belong to.
     verify : callable, optional
-        Runs a setting again, as its program and from a shifted start; the errors of both runs must
-        be no larger than `wanted`.
+        Function that runs a setting again, as a program and from a shifted start; the errors of
+        both runs must be no larger than `wanted`.
     limits : Limits, optional
-        Wall time that a search for finer steps may take, and took.
+        Wall time that the search for finer steps may take and did take, for the message.
 
     Raises
     ------
@@ -125,7 +130,8 @@ def choose(
 def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
     """Settings that meet an error with margin, cheapest first.
 
-    Where only iterations differ, fewer come first: they are never dearer, whatever the clock says.
+    Settings that differ only in the number of iterations are sorted by that number, since fewer
+    iterations never cost more; differences of their wall times are noise.
     """
     good = [
         row
@@ -148,7 +154,7 @@ def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
 
 
 def apart_from_iterations(row: StudyRow) -> str:
-    """What rows have in common that differ in a number of iterations only."""
+    """Key that is equal for rows whose settings differ only in the number of iterations."""
     said = {name: value for name, value in row.parameters.items() if name != "iterations"}
     return repr((row.engine, "iterations" in row.parameters, sorted(said.items())))
 
@@ -160,8 +166,11 @@ def best(
     verdicts: Iterable[Verdict],
     limits: Limits | None = None,
 ) -> tuple[str, ...]:
-    """Why no setting is good enough: the best one, and its error floor; then the evidence, and what
-    a series that still falls would need."""
+    """Sentences on why no setting is good enough.
+
+    They name the best setting, its error floor with the evidence if there is one, and what a series
+    whose error still falls would need.
+    """
     able = [row for row in rows if row.outcome == Outcome.RAN and isfinite(row.reached(of))]
     if not able:
         return none_ran(rows, of)
@@ -184,9 +193,10 @@ def would_need(
     verdicts: Iterable[Verdict],
     limits: Limits | None = None,
 ) -> str:
-    """The step and cost by which the cheapest series that still falls would be good enough.
+    """Step and cost with which the cheapest series that still falls should be good enough.
 
-    And why it was not measured: it costs more than a run or all finer steps may.
+    With `limits` the sentence also says why that step was not measured: it takes longer than a run
+    may, or than what is left of the budget.
     """
     promised = promises(rows, verdicts, of, wanted / MARGIN)
     if not promised:
@@ -199,7 +209,7 @@ def would_need(
     if limits is None:
         return f"{said}; proofmass choose measures finer steps"
     if first.seconds > limits.likely:
-        return f"{said}; --longest is {number(limits.longest)}"
+        return f"{said}; --longest is {number(limits.longest)} s"
     if limits.short:
         return (
             f"{said}; of --budget {number(limits.budget)} s, {number(limits.spent, 2)} s are spent"
@@ -208,9 +218,9 @@ def would_need(
 
 
 def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
-    """What became of settings none of which has such an error: how many, and the first of them.
+    """Sentences on settings none of which has such an error: counts of outcomes, and the first one.
 
-    The first is the model's own setting, where there is one.
+    The first setting is that of the model itself, if it was measured.
     """
     if not rows:
         return ("no setting was measured",)
@@ -229,7 +239,7 @@ def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
 def beside(
     rows: Iterable[StudyRow], chosen: StudyRow, of: str, wanted: float, verdicts: Iterable[Verdict]
 ) -> tuple[str, float]:
-    """What the engine's defaults, refined to the same error, would cost; and over the chosen."""
+    """Cost of the engine's defaults refined to the same error: a sentence, and `Choice.ratio`."""
     plain = [
         row
         for row in rows
@@ -259,7 +269,7 @@ def beside(
     falls = order(*((one.value, one.reached(of)) for one in (before, row))) if before else NAN
     if not falls > FALLS:
         return short, NAN
-    more = (MARGIN * row.reached(of) / wanted) ** (1 / falls)  # as many steps
+    more = (MARGIN * row.reached(of) / wanted) ** (1 / falls)  # times as many steps
     ratio = more * row.seconds / chosen.seconds
     return (
         f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
@@ -268,14 +278,15 @@ def beside(
 
 
 def is_default(row: StudyRow) -> bool:
-    """Whether nothing but the time step differs from what the engine has by itself."""
+    """Whether a setting differs from the defaults of its engine in the time step only."""
     return engine_of(row.engine).is_default(row.parameters)
 
 
 def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
-    """The error floor that a row stands at: of its own series, or of another of that engine.
+    """The error floor at which a row is: that of its own series, or of another of its engine.
 
-    None where the error is the drives' own, for floors are stated at the motion they really had.
+    None where most of the error is that of the drives, since floors are stated at the motion that
+    the drives really had.
     """
     if by_drives(row, of):
         return None
@@ -292,7 +303,7 @@ def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | N
 
 
 def words(choice: Choice, case: Case) -> list[str]:
-    """A choice in sentences."""
+    """Describe a choice in sentences, the evidence for it included."""
     row, check = choice.row, choice.check
     return [
         f"{case.name}, {row.run}: {format_kind(choice.of)} within "
@@ -309,7 +320,7 @@ def words(choice: Choice, case: Case) -> list[str]:
 
 
 def format_rods(case: Case, kind: str) -> str:
-    """The number of segments that each rod has in a run in time, where no setting changes it."""
+    """A sentence on the number of segments of each rod in dynamics, which no setting changes."""
     if not case.rod or kind != "dynamics":
         return ""
     numbers = ", ".join(f"{name} {rod.segments}" for name, rod in case.rod.items())
@@ -317,7 +328,7 @@ def format_rods(case: Case, kind: str) -> str:
 
 
 def printed(choice: Choice, case: Case) -> str:
-    """What to paste, with the evidence as comments in it."""
+    """Text to paste for the chosen setting, with the evidence as comments in it."""
     lines = snippet(choice.check.used, choice.row.steps, case.model_path)
     own_lines = [fill(line, 92, subsequent_indent="  ") for line in words(choice, case)]
     if choice.check.ran:

@@ -1,4 +1,4 @@
-"""``proofmass choose``: the cheapest setting that is as good as is asked for, to paste."""
+"""``proofmass choose``: print or write the cheapest setting with a small enough error."""
 
 from dataclasses import replace
 from functools import partial
@@ -46,7 +46,7 @@ def run_choose(
     longest: float,
     budget: float,
 ) -> None:
-    """What ``proofmass choose`` does; `proofmass.cli` says what it is given."""
+    """Run the command ``proofmass choose``; `proofmass.cli` describes its options."""
     with answering(f"{store} keeps the runs"):
         case = only_case(path)
         kind = chosen(case, kind)
@@ -105,7 +105,7 @@ def run_choose(
 
 
 def only_case(path: Path) -> Case:
-    """The one case that a path is of."""
+    """Load the only case of a path; raise InputError if the path has several."""
     if sum(file.suffix == ".toml" for file in collect([path], [])) > 1:
         raise not_one_case(path)
     (case,) = named([path])
@@ -113,14 +113,14 @@ def only_case(path: Path) -> Case:
 
 
 def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longest: float) -> None:
-    """What ``proofmass choose --creep`` does; see `proofmass.studies.trade.creep`."""
+    """Run the command ``proofmass choose --creep``; see `proofmass.studies.trade.creep`."""
     with answering("nothing is kept"):
         case = only_case(path)
         if not 0 < wanted < inf:
             raise ValueError(f"--creep {wanted:g}: give a speed in m/s, such as 1e-6")
         if "dynamics" not in case.run or case.drive:
             raise ValueError(
-                f"--creep: {case.name} has no motion that is let go, which comes to rest"
+                f"--creep: {case.name} has no free motion in time, which could come to rest"
             )
         require_solver(case, "dynamics", solver)
         writable(case, "dynamics", output)
@@ -129,7 +129,7 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
             model, *tried = hold(case, solver, wanted, seconds("--longest", longest))
         best = min((model, *tried), key=lambda one: one.rate if one.rate == one.rate else inf)
         lines = [
-            f"{case.name}, dynamics: what stands still creeps with {wanted:g} m/s at most",
+            f"{case.name}, dynamics: places at rest are to creep with {wanted:g} m/s at most",
             *(f"{format_setting(case, one)}: {one.words}" for one in (*tried[::-1], model)),
         ]
         if not best.rate <= wanted:
@@ -149,7 +149,7 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
 
 
 def format_setting(case: Case, one: Creep) -> str:
-    """A setting in words: what is not as in the sidecar."""
+    """Describe a setting: its engine, and the parameters that differ from the sidecar."""
     own = case.settings.get(one.setting.engine, {})
     more = {k: v for k, v in one.setting.parameters.items() if own.get(k) != v}
     chosen = engine_of(one.setting.engine).chooses
@@ -169,7 +169,7 @@ def choose_with_drive(
     store: Store,
     limits: Limits,
 ) -> Choice:
-    """`choose`, with finer steps where the program's drive asks for them."""
+    """Choose a setting; if the drives of its program are not accurate enough, try finer steps."""
     tried = list[tuple[StudyRow, float]]()
 
     def noted(case: Case, kind: Kind, row: StudyRow, of: str, wanted: float) -> Check:
@@ -193,7 +193,7 @@ def choose_with_drive(
 
 
 def head(choice: Choice, case: Case, name: str = "run.py") -> str:
-    """What a program says of itself."""
+    """Text of the docstring of a written program."""
     lines = [fill(line, 92) for line in words(choice, case)]
     return (
         f"{lines[0]}.\n\n" + "\n".join(lines[1:]) + f"\n\nMade by proofmass choose with "
@@ -203,13 +203,13 @@ def head(choice: Choice, case: Case, name: str = "run.py") -> str:
 
 
 def made_with(engine: str) -> str:
-    """The distributions that an engine's results come from, with their versions."""
+    """The distributions that compute an engine's results, with their versions."""
     packages = engine_of(engine).packages
     return ", ".join(f"{name} {versions(engine)[name]}" for name in packages) or engine
 
 
 def writable(case: Case, kind: Kind, output: Path | None) -> None:
-    """Raise ValueError where no program can be written: in runs without time steps."""
+    """Raise ValueError if no program can be written: no dynamics, or an unusable file name."""
     if output is None:
         return
     if kind != "dynamics":
@@ -226,12 +226,12 @@ def writable(case: Case, kind: Kind, output: Path | None) -> None:
 
 
 def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
-    """The engine that moves drives in such a way; the one that was asked for, if all do.
+    """The only engine whose programs can move drives in the way `drive`; else `solver` as given.
 
     Raises
     ------
     ValueError
-        No engine does; or there is nothing to drive.
+        No engine of the case can, or no drive of the run moves in time.
     """
     if not drive:
         return solver
@@ -251,18 +251,18 @@ def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
 
 
 def slack_for(case: Case, drive: str) -> float:
-    """How far the search follows settings that are not the cheapest with an ideal drive."""
+    """The `slack` of `search`: `YIELDING` if the drives of programs yield, else `SLACK`."""
     names = dict.fromkeys(name.partition(":")[0] for name in case.run["dynamics"].solvers)
     yields = any(one.kind == drive and one.gain for name in names for one in imposed(case, name))
     return YIELDING if yields else SLACK
 
 
 ROUNDS = 4
-"""In which steps are made finer for the sake of drives."""
+"""Number of times that steps are made finer because drives of programs are not accurate enough."""
 
 
 def require_error(error: float) -> None:
-    """Raise ValueError for an error that is no share of a range."""
+    """Raise ValueError unless an error is a share between 0 and 1."""
     if not 0 < error < 1:
         raise ValueError(
             f"--error {error:g}: give a share of the range between 0 and 1, such as 1e-5"
@@ -270,14 +270,14 @@ def require_error(error: float) -> None:
 
 
 def require_solver(case: Case, kind: Kind, solver: str) -> None:
-    """Raise ValueError for an engine that the case does not run in."""
+    """Raise ValueError if an engine is named in which the case does not run."""
     known = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
     if solver and solver not in known:
         raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")
 
 
 def there(rows: list[StudyRow], of: str) -> None:
-    """Raise ValueError if no run tells such an error, but some tell others."""
+    """Raise ValueError if no run has an error of that kind, while some have other errors."""
     kinds = dict.fromkeys(kind for row in rows for kind in row.errors)
     if kinds and of not in kinds:
-        raise ValueError(f"--of {of}: no channel is one; there are: {', '.join(kinds)}")
+        raise ValueError(f"--of {of}: no channel is of that kind; there are: {', '.join(kinds)}")

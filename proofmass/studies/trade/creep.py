@@ -1,10 +1,11 @@
-"""How fast creeps what friction should hold, and the setting with which it creeps slower.
+"""Measure how fast bodies creep that friction should keep at rest, and find a slower setting.
 
-    rate = |x(T) - x(T - T / 10)| / (T / 10)        of a place x that the reference has at rest
+    rate = |x(T) - x(T - T / 10)| / (T / 10)        of a coordinate x at rest in the reference
 
-Soft contacts slip at any load.  A program of the engine alone tells the rate, as the model is and
-with the setting that the engine's adapter proposes: in MuJoCo a larger `impratio`, to which the
-rate is inverse; see `proofmass.sim.mujoco.contacts.creep_rate`.
+Soft contacts slip at any load.  The rate is measured by a program that needs the engine only, with
+the settings of the model and with those that the engine's adapter proposes: in MuJoCo a larger
+`impratio`, to which the rate is inversely proportional; see
+`proofmass.sim.mujoco.contacts.creep_rate`.
 """
 
 from collections.abc import Sequence
@@ -28,28 +29,29 @@ from proofmass.wording import number
 LAST = 0.1
 """Share of a run, at its end, over which the rate is taken."""
 STILL = 1e-9
-"""What the reference may move meanwhile [extents]."""
+"""Largest motion of the reference in that time for it to be at rest [extents of the model]."""
 MARGIN = 1.05
-"""How much slower than was asked for the setting is to be."""
+"""Ratio of the wanted rate to the rate that a proposed setting aims at."""
 MOST = 4
-"""Settings that are tried: each ten times less far from the model than the one before it."""
+"""Largest number of proposed settings; each asks for a tenth of the previous reduction."""
 
 
 @dataclass(frozen=True)
 class Creep:
-    """How fast a setting lets creep what should stand still.
+    """The creep rate with a setting.
 
     Attributes
     ----------
     setting : Setting
-        As used, with what the engine chooses by itself.
+        The setting as used, with parameters that the engine chooses by itself.
     rate : float
-        Of the channel that creeps fastest [m/s]; NaN where the run has no result.
+        Rate of the channel that creeps fastest [m/s]; NaN if the run has no result.
     channel : str
+        Name of that channel.
     seconds, steps
         Cost of the run: wall time [s], and steps.
     failure : str
-        Why there is no rate.
+        Reason why there is no rate.
     """
 
     setting: Setting
@@ -61,7 +63,7 @@ class Creep:
 
     @property
     def words(self) -> str:
-        """What came of the setting."""
+        """The rate and cost of the setting, or the failure, in words."""
         if self.failure:
             return self.failure
         return (
@@ -71,17 +73,17 @@ class Creep:
 
 
 def at_last(x: Array) -> NDArray[np.bool_]:
-    """Which samples are in the last tenth of a run."""
+    """Mask (n,) of the samples in the last tenth of a run."""
     return np.asarray(x >= x[-1] - LAST * np.ptp(x))
 
 
 def still(case: Case) -> list[str]:
-    """The channels of places that the reference has at rest in the last tenth of a motion.
+    """Names of the channels of position whose reference is at rest in the last tenth of a motion.
 
     Raises
     ------
     InputError
-        There are none.
+        There is no such channel.
     """
     x = grid(case, "dynamics")
     late = at_last(x)
@@ -93,14 +95,14 @@ def still(case: Case) -> list[str]:
         raise InputError(
             case.file,
             "channels",
-            f"no place is at rest in the last tenth of the run, from {x[late][0]:g} s on: nothing "
-            "to hold; give a run that ends at rest, and a channel of a place",
+            f"no place is at rest in the last tenth of the run, from {x[late][0]:g} s on, so "
+            "that no creep can be measured; give a run that ends at rest, and a channel of a place",
         )
     return found
 
 
 def creep(case: Case, setting: Setting, names: Sequence[str], longest: float) -> Creep:
-    """Run a setting as a program, and tell how fast these channels creep."""
+    """Run a setting as a program in a worker, and measure the creep of the named channels."""
     used = as_used(case, setting)
     text = program(case, used, imposed(case, setting.engine)[0])
     found: Creep = limited(case, "dynamics", creep_here, case, used, names, text, longest)
@@ -110,7 +112,7 @@ def creep(case: Case, setting: Setting, names: Sequence[str], longest: float) ->
 def creep_here(
     case: Case, setting: Setting, names: Sequence[str], text: str, longest: float
 ) -> Creep:
-    """The same, in this process."""
+    """Run the program of a setting, and measure the creep of the named channels."""
     try:
         curves, seconds, steps = run_bare(text, setting.applied(case, "dynamics")[1], longest)
     except NoCurves as why:
@@ -124,16 +126,16 @@ def creep_here(
 
 
 def hold(case: Case, solver: str, wanted: float, longest: float) -> list[Creep]:
-    """The rates as the model is, and then with each setting that was tried.
+    """Measure the creep with the model's own settings, then with others until one is slow enough.
 
-    The last one is as slow as was asked for, or none is.
+    If the last result is not slow enough, none is.
 
     Parameters
     ----------
     case : Case
-        Its motion ends at rest.
+        A case whose motion ends at rest.
     solver : str
-        One of its solvers.
+        Name of one of its engines.
     wanted : float
         Largest rate that is slow enough [m/s].
     longest : float

@@ -1,11 +1,12 @@
-"""What a disturbance does to a motion: chaos, the horizon of a trajectory, and rounding.
+"""Effect of small disturbances on a motion: chaos, the horizon of a trajectory, and rounding.
 
-    motion = motion_of(case, store, workers, timeout)   # of a free motion
+    motion = motion_of(case, kind, store, timeout)      # of a free motion
     motion.horizon                                      # s, until which errors mean something
 
-A start that is disturbed by 1e-9 moves a regular motion by more in proportion to time, a chaotic
-one by exp(rate * t).  Where that is more than 1e-4 of the range, an error of 1e-4 says nothing of a
-mechanism whose start is known to 1e-9, so that errors are judged up to there only.
+If the start is disturbed by 1e-9, the distance from the undisturbed motion grows in proportion to
+time for a regular motion, and as exp(rate * t) for a chaotic one.  Once the distance is more than
+1e-4 of the range, an error of 1e-4 means nothing for a mechanism whose start is known to 1e-9.
+Errors are therefore judged only until then, the horizon.
 """
 
 from collections.abc import Callable
@@ -34,39 +35,41 @@ from proofmass.studies.variants import times, with_model
 from proofmass.wording import number
 
 NUDGE = 1e-9
-"""Of all joints at the start, and of arcs of rods with a free end: rad, or times the mechanism's
-size.  Of the rates of the joints, per s, where one stands at the end of its range: a nudge of its
-value would decide whether it touches its stop in the first step."""
+"""Disturbance of the start: of all joints, and of arcs of rods with a free end [rad, or mechanism's
+size].  If a joint starts at its joint limit, the rates of the joints are disturbed instead [per s]:
+a disturbed value would decide whether the joint touches its limit in the first step."""
 SHARE = 1e-4
-"""Share of the range that a nudge may move a trajectory by, the coarsest error that studies ask."""
+"""Share of the range by which a disturbance may move a trajectory before its horizon: the coarsest
+error for which studies look."""
 LINEAR = 1e-2
-"""Share of the range from which on a disturbance is none any more."""
+"""Share of the range up to which a disturbance counts as small, so that its growth is fitted."""
 NOTABLE = 100.0
-"""Times a nudge that a motion must make of it to be called sensitive."""
+"""Growth of a disturbance [1] from which a motion is called sensitive to its start."""
 SUSTAINED = 10.0
-"""Times that it grows in each half of a chaotic motion; what grows with the cube of time grows by
-8 in the second."""
+"""Least growth [1] of a disturbance in each half of a chaotic motion; a disturbance that grows with
+the cube of time grows by 8 in the second half."""
 LEAST = 11
-"""Samples that errors are judged at, at least."""
+"""Least number of samples at which errors are judged."""
 ULPS = 4
-"""Roundings that masses are changed by, so that each step rounds otherwise."""
+"""Relative change of masses in machine epsilons, after which each step rounds differently."""
 ROUNDED = 0.3
-"""Share of an error that a change by roundings must move it by, to have made it."""
+"""Share of an error by which roundings must move the result for rounding to be its cause."""
 
 
 @dataclass(frozen=True)
 class DisturbedMotion:
-    """How a free motion answers to a start that is disturbed by `NUDGE`.
+    """Response of a free motion to a start that is disturbed by `NUDGE`.
 
     Attributes
     ----------
     growth : float
-        Largest distance from the undisturbed motion, as a share of its range, over `NUDGE` [1].
+        Largest distance from the undisturbed motion, as a share of its range, divided by `NUDGE`
+        [1].
     rate : float
-        Rate of exponential growth of the distance [1/s], fitted up to `LINEAR`; NaN where the
-        growth is not sustained.
+        Rate of exponential growth of the distance [1/s], fitted while it is below `LINEAR`; NaN if
+        the growth is not sustained.
     horizon : float
-        Time until which the distance is less than `SHARE` [s]; NaN if it is so in the whole run.
+        Time until which the distance is less than `SHARE` [s]; NaN if that is the whole run.
     until : float
         Length of the run [s].
     """
@@ -78,7 +81,7 @@ class DisturbedMotion:
 
     @property
     def words(self) -> str:
-        """The same in a sentence; nothing of a motion that answers in proportion.
+        """The response in a sentence; empty if the growth is below `NOTABLE`.
 
         >>> DisturbedMotion(1.9e7, 0.84, 15.2, 20.0).words.partition(",")[0]
         'chaotic: a start disturbed by 1e-9 moves it 1.9e7 times as far in 20 s'
@@ -90,7 +93,7 @@ class DisturbedMotion:
             f"far in {number(self.until)} s"
         )
         text = (
-            f"chaotic: {text}, e times every {number(1 / self.rate, 2)} s"
+            f"chaotic: {text}, growing by a factor of e every {number(1 / self.rate, 2)} s"
             if self.rate > 0
             else f"sensitive to its start: {text}"
         )
@@ -103,14 +106,14 @@ class DisturbedMotion:
 
 
 def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> DisturbedMotion | None:
-    """How a case's free motion answers; None where none is free, or no engine runs it as given.
+    """Response of a case's free motion to a disturbance; None if it has none, or no engine runs it.
 
     Parameters
     ----------
     case, kind : Case, {"sweep", "dynamics", "equilibrium"}
         The case, and which of its runs.
     store : Store
-        Keeps the results, and the changed model.
+        Store for the results and the changed model.
     timeout : float
         Wall time after which a run is given up [s].
     """
@@ -127,7 +130,7 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Disturbed
 
 
 def answer(x: Array, away: Array) -> DisturbedMotion:
-    """A motion's answer, from its distance (n,) to the undisturbed one at times x [s]."""
+    """The response of a motion, from its distance (n,) to the undisturbed one at times x [s]."""
     peak = np.maximum.accumulate(away)
     end = int(np.argmax(peak > LINEAR)) if peak[-1] > LINEAR else x.size - 1
     middle = end // 2
@@ -143,7 +146,7 @@ def answer(x: Array, away: Array) -> DisturbedMotion:
 
 
 def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
-    """The case with its run cut at the motion's horizon; the case itself where it has none."""
+    """The case with its run ended at the motion's horizon; the case itself without a horizon."""
     table = case.run[kind]
     if motion is None or not motion.horizon > 0 or not table.until or not table.n:
         return case
@@ -155,9 +158,9 @@ def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
 
 
 def rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
-    """How far changes by some roundings move a run, by kind of channel [share of its range].
+    """Largest change of a run by roundings, for each kind of channel, as a share of its range [1].
 
-    Masses are changed by `ULPS` roundings and the start by one: each step rounds otherwise.
+    Masses are changed by `ULPS` roundings and the start by one: each step then rounds differently.
     """
     other = rounded(task.case, store.folder / "models")
     found = parted(task, other, store, timeout) if other else {}
@@ -165,15 +168,15 @@ def rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
 
 
 def moved(case: Case, folder: Path) -> Case | None:
-    """The case with a start that is nudged: joints or their rates, and arcs of rods with free ends.
+    """The case with a disturbed start: joints or their rates, and arcs of rods with a free end.
 
-    None where the file has no such key, or nothing that can be nudged: no rod closes a straight
-    line between pins that are nudged.
+    None if the file does not state the key of the start, if nothing can be disturbed, or if the
+    disturbed model does not compile: a straight rod cannot be closed between displaced pins.
     """
     model, own = compiled(case), own_joints(case)
     sliding = model.jnt_type[own] == mujoco.mjtJoint.mjJNT_SLIDE
     units = np.where(sliding, size(model, case.start), 1.0)
-    signs = np.where(np.arange(sliding.size) % 3 == 1, -1.0, 1.0)  # not all along one motion
+    signs = np.where(np.arange(sliding.size) % 3 == 1, -1.0, 1.0)  # not all in one direction
     bent = {
         name: rod.model_copy(update={"turn": rod.turn + NUDGE})
         for name, rod in case.rod.items()
@@ -193,7 +196,7 @@ def moved(case: Case, folder: Path) -> Case | None:
 
 
 def rounded(case: Case, folder: Path) -> Case | None:
-    """The case with other last digits of its masses and of its start."""
+    """The case with masses and start changed by roundings; None if its file lacks the start key."""
 
     more = 1.0 + ULPS * np.finfo(float).eps
 
@@ -211,7 +214,7 @@ def rounded(case: Case, folder: Path) -> Case | None:
 
 
 def at_stop(case: Case) -> bool:
-    """Whether a joint stands at an end of its range at the start."""
+    """Whether a joint is at its joint limit at the start."""
     model = compiled(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
     values = (model.key_qpos[key] if key >= 0 else model.qpos0)[model.jnt_qposadr]
@@ -222,7 +225,7 @@ def at_stop(case: Case) -> bool:
 
 
 def own_joints(case: Case) -> NDArray[np.bool_]:
-    """Which joints (njnt,) of a case's compiled model are of its file, and not of its rods."""
+    """Mask (njnt,) of the joints of the compiled model that belong to its file, not to its rods."""
     model = compiled(case)
     added = {name for rod in case.rods for name in joints_of(chain(rod))}
     return np.array([model.joint(j).name not in added for j in range(model.njnt)], bool)
@@ -235,9 +238,10 @@ def with_start(
     change: Callable[[Element], None] = lambda _: None,
     what: str = "qpos",
 ) -> Case | None:
-    """The case with other positions, or rates, of its own joints at its start.
+    """The case with positions (or rates, by `what`) of its own joints changed at its start.
 
-    None where its file does not state that key.
+    `move` changes them, and `change` the rest of the MJCF.  None if the file does not state the key
+    of the start.
     """
     model, own = compiled(case), own_joints(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
@@ -260,9 +264,10 @@ def with_start(
 
 
 def parted(task: StudyRun, other: Case, store: Store, timeout: float) -> dict[str, Array]:
-    """How far two runs of a setting part, by kind of channel (n,) [share of its range], over x.
+    """Distance (n,) of two runs with a setting by kind of channel, as shares of its range; and x.
 
-    Nothing where either fails.  Neither is compared with a reference.
+    The runs are those of a task's case and of another case.  Neither is compared with a reference.
+    Empty if either fails.
     """
     twin = replace(task, case=other)
     file = store.folder / f"{key_of(task)}.{digest(key_of(twin).encode())[:16]}.parted.json"
@@ -277,7 +282,7 @@ def parted(task: StudyRun, other: Case, store: Store, timeout: float) -> dict[st
 
 
 def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
-    """The largest distance at each sample of two runs, by kind of channel."""
+    """Largest distance (n,) of two runs at each sample, by kind of channel; and x."""
     found = {"x": one.x}
     channels = {
         n: c
@@ -299,7 +304,7 @@ def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
 def motions_of(
     cases: list[Case], kinds: list[Kind], store: Store, workers: Executor, timeout: float
 ) -> list[DisturbedMotion | None]:
-    """`motion_of` of many cases side by side, in workers of this machine or a cluster."""
+    """Call `motion_of` for many cases in parallel, in workers of this machine or of a cluster."""
     futures = [
         workers.submit(motion_of, case, kind, store, timeout)
         for case, kind in zip(cases, kinds, strict=True)

@@ -1,7 +1,7 @@
-"""The work-precision diagram of a trade study as a figure for papers.
+"""Draw the work-precision diagram of a trade study as a figure for papers.
 
-Errors over wall time and over steps on logarithmic axes.  Letters, failures, orders and error
-floors stand beside its series.
+It shows errors over wall time and over steps on logarithmic axes, with letters for the series,
+crosses for failed settings, triangles for expected orders, and error floors with their causes.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,24 +28,24 @@ from proofmass.studies.trade.verdict import Verdict, front
 from proofmass.wording import number
 
 INK, PALE = "#333333", "#888888"
-NEAR = 9.0  # [pt] ends of series that are no further apart have their letters in one place
-LEVEL = 3.0  # error floors of one cause that differ by no more are one
-NARROW = 26  # letters of the margin in a row
-ROW = 0.06  # of a panel's height: one row of the margin
-SHOWN = 0.5  # off the expected order: what has no part that is nearer gets no triangle
-TRIANGLE_AT = 0.4  # of the errors: where a triangle stands
+NEAR = 9.0  # [pt] distance of ends of series up to which their letters share one place
+LEVEL = 3.0  # ratio of error floors of one cause up to which they share one text in the margin
+NARROW = 26  # characters in a line of the margin
+ROW = 0.06  # height of a line of the margin, as a share of the height of a panel
+SHOWN = 0.5  # difference of slope and expected order up to which a triangle is drawn
+TRIANGLE_AT = 0.4  # height of a triangle, as a share of the error above it
 Name = tuple[str, str]
-"""Engine and name, which together name a series."""
+"""Engine and name of a series, which identify it."""
 SeriesEnds = Mapping[Name, tuple[float, float]]
 
 
 def name_of(of: StudyRow | Verdict) -> Name:
-    """The series that a run or a verdict belongs to."""
+    """Engine and name of the series that a run or a verdict belongs to."""
     return of.engine, of.series
 
 
 def letter(look: Look) -> str:
-    """Of a series, as in the legend.
+    """Letter of a series in the legend; after 26 series a number follows the letter.
 
     >>> letter(Look("", (0, ()), "", 1)), letter(Look("", (0, ()), "", 27))
     ('b', 'b1')
@@ -55,7 +55,7 @@ def letter(look: Look) -> str:
 
 
 def letters(ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look]) -> None:
-    """The letter of each series at its finest setting; of series that end together side by side."""
+    """Draw the letter of each series at its end; series that end close together share a text."""
     groups: list[tuple[float, float, list[Name]]] = []
     points = 72 / ax.figure.dpi
     for series, end in ends.items():
@@ -82,12 +82,12 @@ def letters(ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look]) -> None:
 
 
 def work(row: StudyRow) -> float:
-    """Steps in time, or segments of rods where nothing is stepped."""
+    """Number of time steps of a run, or number of segments where the segments are varied."""
     return row.value if row.varied == "segments" else float(row.steps)
 
 
 def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Name, Look]) -> None:
-    """Crosses at the upper edge, where their cost is known."""
+    """Draw failed runs as crosses at the upper edge, if their cost is known."""
     for row in rows:
         x = row.seconds if timed else work(row) or planned(row, rows)
         if row.outcome != Outcome.RAN and x > 0:
@@ -105,7 +105,7 @@ def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Nam
 
 
 def planned(row: StudyRow, rows: Iterable[StudyRow]) -> float:
-    """Steps that a run without any would have made, by one that ran; 0 where nothing tells."""
+    """Steps that a failed run would have taken, from the duration of one that ran; 0 if unknown."""
     spans = (r.steps * step(r) for r in rows if r.steps)
     steps = next((s for s in spans if s > 0), np.nan) / step(row)
     return steps if steps > 0 else 0.0
@@ -117,7 +117,7 @@ def step(row: StudyRow) -> float:
 
 
 def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]) -> None:
-    """A triangle for each expected order, below the part of a series that is nearest to it."""
+    """Draw a triangle for each expected order, below the part of a series of nearest slope."""
     orders: dict[float, list[Name]] = {}
     for verdict in verdicts:
         if verdict.expected > 0:
@@ -139,14 +139,14 @@ def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[
 
 
 def slope(kind: str, a: StudyRow, b: StudyRow) -> float:
-    """Order from one number of steps to the next."""
+    """Order that the errors of two runs show over their numbers of steps."""
     return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(work(b) / work(a)))
 
 
 def draw_floors(
     ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look], verdicts: Iterable[Verdict], named: bool
 ) -> None:
-    """A short level tick where a series stays; `named`: what keeps it there, in the margin."""
+    """Draw a horizontal tick at each error floor; with `named`, its cause in the margin."""
     groups: list[list[Verdict]] = []
     for verdict in sorted(
         (v for v in verdicts if v.floor > 0 and name_of(v) in ends), key=lambda v: v.floor
@@ -177,7 +177,7 @@ def draw_floors(
 
 
 def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, Look]) -> None:
-    """Level, series and cause of each error floor at the right of a panel, none over another."""
+    """Write level, cause and series of error floors at the right of a panel, without overlaps."""
     low, high = np.log(ax.get_ylim())
     texts = [
         fill(
@@ -204,7 +204,7 @@ def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, L
 
 
 def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
-    """Rising places of texts moved up so far that texts of such heights do not touch.
+    """Move texts up from their rising places as far as needed so that they do not overlap.
 
     >>> spread([0.1, 0.15, 0.9], [0.1, 0.1, 0.1])
     [0.1, 0.2, 0.9]
@@ -234,22 +234,22 @@ FRONT: dict[str, Any] = {
     "solid_capstyle": "round",
     "zorder": 1,
 }
-TOP = 10.0  # ranges: a run that is off by more is drawn at the upper edge
+TOP = 10.0  # [ranges] error from which on a run is drawn at the upper edge
 
 
 def trade_figure(
     rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
 ) -> Figure:
-    """The diagram of one run of a case: a row of panels for each kind of error.
+    """Draw the diagram of one run of a case: a row of panels for each kind of error.
 
     Parameters
     ----------
     rows : sequence of StudyRow
-        All settings, also those that failed.
+        All settings, failed ones included.
     verdicts : iterable of Verdict
         Error floors and expected orders of the series.
     looks : mapping
-        From `dressed`.
+        Look of each series, from `dressed`.
     """
     kinds, verdicts = shown_kinds(rows), list(verdicts)
     looks = {name: looks[name] for name in map(name_of, rows)}
@@ -263,7 +263,7 @@ def trade_figure(
 
 
 def other_parameters_figure(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
-    """Errors over parameters other than the step, a column each, coarse at the left."""
+    """Draw errors over parameters other than the step: a column for each, coarse at the left."""
     kinds, parameters = shown_kinds(rows), list(dict.fromkeys(row.varied for row in rows))
     looks = {name: looks[name] for name in map(name_of, rows)}
     figure, axes = grid(kinds, len(parameters), len(looks), 2.4, 0.15)
@@ -291,7 +291,7 @@ def other_parameters_figure(rows: Sequence[StudyRow], looks: Mapping[Name, Look]
 def grid(
     kinds: Sequence[str], across: int, lines: int, wide: float, right: float
 ) -> tuple[Figure, NDArray[Any]]:
-    """Empty panels, a row for each kind of error, below the room for a legend of so many series."""
+    """Make a figure of empty panels, a row for each kind of error, with room for the legend."""
     width = LEFT + across * (wide + GAP) - GAP + right
     head = 0.1 + LINE * -(-(lines + 2) // entries(width))
     down = len(kinds) * (HIGH + ABOVE + BELOW)
@@ -309,37 +309,37 @@ def grid(
 
 
 def varied_in(rows: Iterable[StudyRow]) -> str:
-    """What the series of the diagram vary: the step, or else what the first series varies."""
+    """The parameter that the diagram is about: the time step, else that of the first series."""
     there = dict.fromkeys(row.varied for row in rows)
     return "timestep" if "timestep" in there else next(iter(there))
 
 
 def value_of(row: StudyRow) -> float:
-    """Where a parameter stands: its size, if that has a name of its own."""
+    """Place of a run on the axis of its parameter: its size if that has a label, else its value."""
     return size(row.engine, row.varied, row.value) if label_of(row) else row.value
 
 
 def label_of(row: StudyRow) -> str:
-    """What the sizes along a series are called; empty where they are the parameter's own values."""
+    """Label for the sizes of a varied parameter; empty if its own values are drawn."""
     try:
         return engine_of(row.engine).labels.get(row.varied, "")
-    except NoEngine:  # a table may have another machine's
+    except NoEngine:  # the table may come from a machine with other engines
         return ""
 
 
 def shown_kinds(rows: Iterable[StudyRow]) -> list[str]:
-    """Kinds of errors of which something can be drawn; one at least."""
+    """Kinds of errors that some run has; position if there are none."""
     rows = list(rows)
     return [kind for kind in KINDS if any(good(row, kind) for row in rows)] or ["position"]
 
 
 def good(row: StudyRow, kind: str) -> bool:
-    """Whether a run has an error of that kind that can be drawn."""
+    """Whether a run has an error of that kind that can be drawn: finite, and above zero."""
     return row.outcome == Outcome.RAN and 0 < row.errors.get(kind, np.nan) < np.inf
 
 
 def dressed(rows: Iterable[StudyRow]) -> dict[Name, Look]:
-    """A look for each series: colour by engine, marker by integrator, dash among those alike."""
+    """A look for each series: colour by engine, marker by integrator, dashes for equal markers."""
     looks: dict[Name, Look] = {}
     markers: dict[Name, int] = {}
     alike: dict[Name, int] = {}
@@ -366,7 +366,7 @@ def panels(
     looks: Mapping[Name, Look],
     verdicts: Sequence[Verdict],
 ) -> None:
-    """One kind of error, over wall time and over steps or segments."""
+    """Draw one kind of error over wall time, and over steps or segments."""
     left, right = pair
     shown = [row for row in rows if good(row, kind)]
     best = front(rows, kind)
@@ -389,12 +389,12 @@ def panels(
 
 
 def seconds(row: StudyRow) -> float:
-    """Wall time [s]."""
+    """Wall time of a run [s]."""
     return row.seconds
 
 
 def scale(ax: Axes, errors: Sequence[float]) -> None:
-    """Both axes logarithmic, with room for letters and crosses."""
+    """Make both axes logarithmic, with room for letters and crosses."""
     ax.set_xscale("log")
     decades(ax, min(errors, default=1e-3) / 8, max(errors, default=1.0) * 8)
     ax.xaxis.set_major_locator(LogLocator(numticks=8))
@@ -410,7 +410,7 @@ def curve(
     look: Look,
     best: Sequence[StudyRow] = (),
 ) -> None:
-    """One series, from coarse to fine; settings on the front are filled."""
+    """Draw one series from coarse to fine; markers of settings on the front are filled."""
     y = [min(row.errors[kind], TOP) for row in rows]
     layer = 3 + look.number / 20
     ax.plot(
@@ -437,7 +437,7 @@ def curve(
 
 
 def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
-    """The front: no setting measured is below and at the left of it."""
+    """Draw the front as steps: no measured setting is both below and to the left of it."""
     if best:
         ax.step(
             [row.seconds for row in best],
@@ -448,7 +448,7 @@ def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
 
 
 def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
-    """The series by their letters; with marks the front, and what a cross is."""
+    """Draw the legend: series by their letters; with `marks` also the front and the cross."""
     handles = [
         Line2D(
             [],
@@ -484,5 +484,5 @@ def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
 
 
 def entries(width: float) -> int:
-    """Columns of the legend of a figure of that width [inch]."""
+    """Number of columns of the legend of a figure of that width [inch]."""
     return max(1, int(width / ENTRY))

@@ -1,10 +1,11 @@
-"""What causes an error floor: each possible cause is changed separately, and the error follows one.
+"""Find the cause of an error floor: change each possible cause separately and compare the errors.
 
-Whether a series ends in a floor is found in `proofmass.studies.trade.series`.
+`proofmass.studies.trade.series` finds whether a series ends in a floor.
 
-A cause that has a share s of the error, and is of first order, changes it by a factor
-1 / (1 - s/2) when it is halved.  The time step is no cause: a floor is what halving it leaves.
-Rounding is a cause where a disturbance of its size shows it (`proofmass.studies.trade.disturbed`).
+If a cause has a share s of the error, and the error is of first order in it, halving the cause
+divides the error by 1 / (1 - s/2).  The time step is no cause of a floor, since halving it leaves
+the error.  Rounding is a cause if a disturbance of the size of rounding moves the result by enough
+(`proofmass.studies.trade.disturbed`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,9 +22,9 @@ from proofmass.studies.trade.varied import ConvergenceSeries, at_step, studied
 from proofmass.studies.variants import READS, movable, self_referenced, thinned
 
 SIGNIFICANT = 1.1
-"""Factor on the error from which a cause is one: a fifth of the error, if of first order."""
+"""Factor on the error from which a change counts as the cause: a fifth of a first-order error."""
 FEWEST = 2
-"""Segments of a rod."""
+"""Least number of segments of a rod."""
 UNKNOWN = "unknown"
 ROUNDING = "rounding"
 
@@ -33,14 +34,15 @@ PerturbedCase = tuple[Case, Perturbation]
 
 
 def halvings(run: Kind, series: ConvergenceSeries, setting: Setting, own: float) -> list[Setting]:
-    """A setting of a series with half and a quarter of its step, or of its links.
+    """The setting with half and a quarter of its step, or with two and four times the segments.
 
     Parameters
     ----------
     run, series, setting
-        Where loops get harder with the step along the series, they do so here.
+        Kind of run, series, and a setting of it.  If the stiffness of loops changes with the step
+        along the series (`ConvergenceSeries.scaled`), it does so here as well.
     own : float
-        The model's time step [s], for a setting that has none.
+        Time step of the model [s], used if the setting has none.
     """
     if run != "dynamics":
         n = int(str(setting.parameters["segments"]))
@@ -55,17 +57,17 @@ def halvings(run: Kind, series: ConvergenceSeries, setting: Setting, own: float)
 def list_perturbations(
     case: Case, run: Kind, setting: Setting, folder: Path, scaled: bool = False
 ) -> list[PerturbedCase]:
-    """All possible causes of an error that can be changed in a run, each of them changed.
+    """List the run with each possible cause of its error changed, one at a time.
 
     Parameters
     ----------
     case, run, setting
-        The run whose error is looked at.
+        The run whose error is examined.
     folder : Path
-        Takes the models and curves that it needs.
+        Folder into which changed models and curves are written.
     scaled : bool
-        Whether loops get harder with the step along the setting's series, so that the step alone
-        changes how many steps their time constants have.
+        Whether the stiffness of loops changes with the step along the setting's series.  If so, a
+        change of the step alone changes the ratio of time constants to the step.
     """
     if run == "dynamics":
         found = engine_of(setting.engine).perturbations(setting.parameters, studied(case), scaled)
@@ -81,7 +83,7 @@ def list_perturbations(
 
 
 def double_segments(case: Case, setting: Setting) -> Perturbation | None:
-    """Twice as many segments of all rods; None without rods."""
+    """The change to twice as many segments of all rods; None without rods."""
     if not case.rod:
         return None
     finer = setting.but(segments=2 * int(str(setting.parameters["segments"])))
@@ -89,10 +91,10 @@ def double_segments(case: Case, setting: Setting) -> Perturbation | None:
 
 
 def halve_segments(case: Case, setting: Setting) -> Iterator[PerturbedCase]:
-    """Half as many segments of each rod, for a run in time; nothing without rods.
+    """The change to half as many segments of each rod, for dynamics; nothing without rods.
 
-    Not twice as many: the highest frequency of a chain goes with the square of their number, and
-    few settings are stable with twice as many at the same step.
+    The number is halved, not doubled, because the highest frequency of a chain grows with the
+    square of it: few settings are stable with twice as many segments at the same step.
     """
     numbers = {
         name: int(str(setting.parameters.get("segments", rod.segments)))
@@ -113,10 +115,10 @@ def halve_segments(case: Case, setting: Setting) -> Iterator[PerturbedCase]:
 
 
 def perturb_reference(case: Case, setting: Setting, folder: Path) -> Iterator[PerturbedCase]:
-    """Half of a recorded curve, or the general solver as a second reference.
+    """The change to every other row of a recorded curve, or to the planar solver as reference.
 
-    The general solver knows only the model: not the profile that a drive may have from the first
-    reference.
+    The general planar solver knows only the model, so it is left out if a drive has its motion
+    profile from the case's reference (see `movable`).
     """
     if case.recorded:
         words = "every other row of the recorded curve"
@@ -132,7 +134,7 @@ def perturb_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Pe
 
 
 def perturb_samples(case: Case, run: Kind, setting: Setting) -> Iterator[PerturbedCase]:
-    """Samples at the ends of links, or every other of those in time, which has the same steps."""
+    """The change of samples: to the ends of segments in equilibrium, to every other one in time."""
     table = case.run[run]
     if table.n is None:
         return
@@ -160,23 +162,23 @@ def sampled(case: Case, run: Kind, n: int) -> Case:
 def judge(
     error: float, found: Sequence[tuple[Perturbation, StudyRow]], kind: str, at_floor: bool = False
 ) -> tuple[str, str]:
-    """What an error follows, and the factors that tell.
+    """Find the change that moves an error most, and describe the factors of all changes.
 
     Parameters
     ----------
     error : float
         The error before any cause was changed, as a share of the reference's range [1].
     found : sequence of (Perturbation, StudyRow)
-        All changes, and the runs with them.
+        All changes, each with the row of its run.
     kind : str
         Kind of error, such as position.
     at_floor : bool
-        Whether halving the step was shown to leave the error, so that the step is no cause.
+        Whether halving the step is known to leave the error, so that the step is no cause.
 
     Returns
     -------
     cause, evidence : str
-        The cause that moves the error most, and the factor of each change, in words.
+        The cause that moves the error most, or `UNKNOWN`; and the factor of each change, in words.
     """
     gains: dict[str, float] = {}
     words = []
@@ -193,16 +195,20 @@ def judge(
 
 
 def gain(perturbation: Perturbation, ratio: float) -> float:
-    """By which factor the error is better; worse where a cause could only be made worse."""
+    """Factor by which a change moves an error as expected; `ratio` is the error before over after.
+
+    It is the reciprocal of the ratio if the cause could only be made worse, and the larger of both
+    if the error may go either way.  A cause that is removed entirely is rated as if it were halved.
+    """
     if perturbation.better is None:
         return max(ratio, 1 / ratio)
-    if perturbation.whole:  # it had a share 1 - 1/ratio, whose half would have given this
+    if perturbation.whole:  # the cause had a share 1 - 1/ratio; half of it would give this
         return 2 / (1 + 1 / ratio)
     return ratio if perturbation.better else 1 / ratio
 
 
 def factor(ratio: float) -> str:
-    """What was done to an error, in words.
+    """Describe the change of an error; `ratio` is the error before over the error after.
 
     >>> factor(4.0), factor(0.5), factor(1.0)
     ('divides the error by 4.00', 'multiplies the error by 2.00', 'leaves the error')

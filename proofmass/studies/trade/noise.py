@@ -1,8 +1,8 @@
-"""What the clock can tell apart: intervals of wall times, ties, and whether a machine was busy.
+"""Noise of wall times: intervals of repeated timings, ties, and whether a machine was busy.
 
 Repeated timings of a setting differ, most of all on a machine that has other work.  The interval of
-a setting goes from its least to its greatest wall time.  Settings whose intervals overlap are tied:
-the study does not tell which of them is cheaper.
+a setting goes from its shortest to its longest wall time.  Settings whose intervals overlap are
+tied: the study cannot say which of them is cheaper.
 """
 
 import re
@@ -15,25 +15,25 @@ from proofmass.studies.trade.verdict import able
 from proofmass.wording import number
 
 LOADED = 1.25
-"""Load average over processors from which on runs wait: a study itself has one run a processor."""
+"""Load average per processor above which runs wait; the study itself runs one on each processor."""
 TAKEN = 0.05
-"""Share of a run's time that its processor gave to others, from which on the run was disturbed."""
+"""Share of a run's time that its processor gave to others, above which the run was disturbed."""
 APART = 1.5
-"""Greatest over least wall time of a usual setting from which on a machine was busy; settings along
-a series are a factor of two apart."""
+"""Longest over shortest wall time of the median setting, above which the machine was busy; settings
+next to each other in a series differ by a factor of two."""
 SEVERAL = 0.1
-"""Share of the settings that must be disturbed before a machine is called busy."""
+"""Share of the settings that must be disturbed for the machine to be called busy."""
 
 
 class Interval(NamedTuple):
-    """Least, stated and greatest wall time of a setting [s]."""
+    """Shortest, stated and longest wall time of a setting [s]."""
 
     low: float
     stated: float
     high: float
 
     def overlaps(self, other: "Interval") -> bool:
-        """Whether the clock does not tell the two apart.
+        """Whether two intervals overlap, so that the settings are tied.
 
         >>> Interval(1.0, 1.0, 2.0).overlaps(Interval(1.9, 1.9, 3.0))
         True
@@ -42,20 +42,20 @@ class Interval(NamedTuple):
 
 
 def usual_spread(rows: Iterable[StudyRow]) -> float:
-    """Greatest over least wall time of the middle one of all settings that were repeated; or 1."""
+    """Longest over shortest wall time, median of all settings that were repeated; 1 without any."""
     found = [max(row.repeats) / min(row.repeats) for row in rows if len(row.repeats) > 1]
     return median(found) if found else 1.0
 
 
 def interval(row: StudyRow, usual: float) -> Interval:
-    """The wall times of a setting; a single one may be so much too long as is usual."""
+    """Interval of a setting's wall times; a single one may be too long by the factor `usual` [1]."""
     if len(row.repeats) > 1:
         return Interval(min(row.repeats), row.seconds, max(row.repeats))
     return Interval(row.seconds / usual, row.seconds, row.seconds)
 
 
 def ties(rows: Iterable[StudyRow], chosen: StudyRow, usual: float) -> list[StudyRow]:
-    """Settings that the clock does not tell from a chosen one, which is none of them."""
+    """Settings other than the chosen one that are tied with it."""
     own = interval(chosen, usual)
     return [
         row
@@ -65,9 +65,10 @@ def ties(rows: Iterable[StudyRow], chosen: StudyRow, usual: float) -> list[Study
 
 
 def perhaps(rows: Iterable[StudyRow], kind: str, usual: float) -> list[StudyRow]:
-    """Settings that no other betters for certain: none as close has all its times below theirs.
+    """Settings that may be on the front: no setting with an error as small is faster for certain.
 
-    Where times are known exactly these are the front.
+    One setting is faster than another for certain if its longest wall time is below the other's
+    shortest.  If each setting has one exact time, these settings are the front.
     """
     timed = [(row, row.errors[kind], interval(row, usual)) for row in able(rows, kind)]
     return [
@@ -81,10 +82,10 @@ def perhaps(rows: Iterable[StudyRow], kind: str, usual: float) -> list[StudyRow]
 
 
 def band(rows: Iterable[StudyRow], kind: str, usual: float) -> list[tuple[float, float, float]]:
-    """Between what the front lies: errors, rising, each with least and greatest cost to reach it.
+    """Band in which the front lies: rising errors, each with bounds of the cost to reach it [s].
 
-    The cost of an error lies between the least of the lower and the least of the upper ends of all
-    intervals of settings that are as close.
+    Of the intervals of all settings with an error as small, the bounds are the least lower end and
+    the least upper end.
     """
     timed = sorted((row.errors[kind], *interval(row, usual)) for row in able(rows, kind))
     found = list[tuple[float, float, float]]()
@@ -100,7 +101,7 @@ PROCESSORS = re.compile(r" x (\d+)$")
 
 
 def processors(machine: str) -> int:
-    """How many processors a machine has, by `StudyRow.machine`; 0 where that does not say.
+    """Number of processors of a machine, from the text of `StudyRow.machine`; 0 if it has none.
 
     >>> processors("Some Processor x 2"), processors("")
     (2, 0)
@@ -110,7 +111,7 @@ def processors(machine: str) -> int:
 
 
 def busy(rows: Sequence[StudyRow]) -> list[str]:
-    """Why the wall times of a study are uncertain, a sentence each; none of a machine at rest."""
+    """Sentences on why the wall times of a study are uncertain; none if the machine was idle."""
     timed = [row for row in rows if row.repeats]
     words = []
     loaded = [row for row in timed if (n := processors(row.machine)) and row.load > LOADED * n]

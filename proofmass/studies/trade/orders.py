@@ -1,7 +1,7 @@
-"""The order that theory expects of a series: how errors fall with what is varied along it.
+"""The order of convergence that theory expects of a series: how errors fall with its parameter.
 
-Each engine says what is expected of its settings.  A rod as a chain of n segments converges with
-n^-2, with n^-1 if it has the naive springs.
+Each engine states the orders of its settings.  A rod as a chain of n segments converges as n^-2,
+and as n^-1 with the naive springs.
 """
 
 from proofmass.case import Case
@@ -11,14 +11,14 @@ from proofmass.studies.trade.varied import ConvergenceSeries, studied
 
 DERIVATIVE = {"position": 0, "energy": 1, "velocity": 1, "acceleration": 2, "force": 2}
 WITHIN = 0.2
-"""What an observed order may be off by: the next term of an expansion, a tenth of the error, turns
-second order into 1.9 to 2.1 and fourth order into 3.8 to 4.2."""
+"""Largest difference of an observed order from the expected one: a next term of the expansion that
+is a tenth of the error makes second order appear as 1.9 to 2.1, and fourth order as 3.8 to 4.2."""
 
 
 def expected(case: Case, run: Kind, series: ConvergenceSeries, kind: str) -> tuple[float, ...]:
-    """Orders that a series may show in one kind of error, any of its terms being the largest.
+    """Orders that a series may show in one kind of error: of each term that may be the largest.
 
-    Nothing where theory promises none; 0 is a floor from the start on.
+    Empty where theory states none; order 0 is a floor from the first setting on.
     """
     if len(series.settings) < 2:  # one setting shows no order
         return ()
@@ -28,7 +28,7 @@ def expected(case: Case, run: Kind, series: ConvergenceSeries, kind: str) -> tup
 
 
 def nearest(orders: tuple[float, ...], observed: float) -> float:
-    """The expected order that is nearest to the observed one, the first if none was; NaN if none.
+    """The expected order nearest to the observed one, or the first if that is NaN; NaN without any.
 
     >>> nearest((2.0, 1.0), 1.1), nearest((2.0, 1.0), float("nan"))
     (1.0, 2.0)
@@ -39,7 +39,7 @@ def nearest(orders: tuple[float, ...], observed: float) -> float:
 
 
 def off(observed: float, wanted: float) -> bool:
-    """Whether a series shows another order than theory expects.
+    """Whether an observed order differs from the expected one by more than `WITHIN`.
 
     >>> off(1.9, 2.0), off(1.5, 2.0), off(float("nan"), 2.0)
     (False, True, False)

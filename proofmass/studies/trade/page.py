@@ -1,7 +1,7 @@
-"""The pages of a trade study: what to do, the work-precision diagram, limits, tables.
+"""Write the pages of a trade study: advice, the work-precision diagram, error floors, and tables.
 
-Every setting is a marker of the diagram, every convergence series a curve, and every kind of error
-a tab.  Numbers that are none are None.
+In the diagram each setting is a marker and each convergence series a curve; each kind of error has
+a tab.  NaN and infinity are None in the data of a page.
 """
 
 import json
@@ -55,14 +55,15 @@ FIRST = "position"
 
 
 def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Written:
-    """Write a page for each case of a study, and an index; from the study's tables alone.
+    """Write a page for each case of a study, and an index, from the tables of the study alone.
 
     Parameters
     ----------
     folder : path
-        Holds ``trade.csv`` and ``verdicts.json``; see `proofmass.studies.trade.trade.write_study`.
+        Folder with ``trade.csv`` and ``verdicts.json``, from
+        `proofmass.studies.trade.trade.write_study`.
     output : path
-        Made when it is not there; gets copies of the tables.
+        Folder for the pages and copies of the tables; made if it does not exist.
     home : str
         Link to the report that the pages are part of.
 
@@ -95,14 +96,14 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
 
 
 def place(row: StudyRow) -> tuple[str, str]:
-    """What a page is about."""
+    """The case and the kind of run to which a row belongs; each pair has a page."""
     return row.case, row.run
 
 
 def write_part(
     rows: Sequence[StudyRow], verdicts: Sequence[Verdict], pages: Pages, files: list[str]
 ) -> dict[str, Any]:
-    """Write the page of one run of a case; what the index shows of it."""
+    """Write the page of one run of a case; return the data that the index shows of it."""
     case, run = place(rows[0])
     stem = f"{slug(case)}-{run}-trade"
     looks, usual, there = dressed(rows), usual_spread(rows), kinds(rows)
@@ -142,21 +143,21 @@ def write_part(
 
 
 def main_colour(engine: str, looks: Mapping[Name, Look]) -> str:
-    """The colour of an engine that is not that of its defaults, if there is a series of it."""
+    """The colour of an engine: its own if a series has it, else that of its first series."""
     own = [look.colour for name, look in looks.items() if name[0] == engine]
     known = KNOWN.get(engine)
     return known.colour if known and known.colour in own else own[0]
 
 
 def other_parameters(rows: Sequence[StudyRow]) -> list[StudyRow]:
-    """Settings of series that vary another parameter than the step, if any is drawn."""
+    """Settings of series that vary another parameter than the step; empty if none can be drawn."""
     varied = varied_in(rows)
     others = [row for row in rows if row.varied != varied]
     return others if any(good(row, kind) for row in others for kind in KINDS) else []
 
 
 def write_figures(rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: Path) -> None:
-    """The diagram for papers, and the errors over other parameters, if any was varied."""
+    """Save the diagram for papers, and the figure of errors over other parameters, if any."""
     looks, varied = dressed(rows), varied_in(rows)
     with rc_context(RC):
         save(trade_figure([row for row in rows if row.varied == varied], verdicts, looks), stem)
@@ -167,8 +168,11 @@ def write_figures(rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: P
 def prices(
     rows: Sequence[StudyRow], verdicts: Sequence[Verdict], usual: float
 ) -> Iterator[list[dict[str, str]]]:
-    """For each engine, and each error of the first kind that is asked: what to use, its wall time
-    [s], and how many times as long the engine's defaults take."""
+    """Rows of the index, one for each engine.
+
+    For each of `ASKED`, of the first kind of error, a row has the setting to use, its wall time [s],
+    and how many times as long the engine's defaults take.
+    """
     kind = next(iter(kinds(rows)), "")
     for engine in dict.fromkeys(row.engine for row in rows):
         own = [row for row in rows if row.engine == engine]
@@ -188,7 +192,7 @@ def prices(
 
 
 def cell(text: str = "", note: str = "") -> dict[str, str]:
-    """A cell of the index, with what stands below its text."""
+    """A cell of the index: a text, and a note below it."""
     return {"text": text, "note": note}
 
 
@@ -198,7 +202,7 @@ def series_records(
     looks: Mapping[Name, Look],
     colours: Mapping[str, Tone],
 ) -> Iterator[dict[str, Any]]:
-    """The table, series by series, every number already a word."""
+    """The table of each series, with all numbers as text."""
     own_verdicts = list(verdicts)
     for name, look in looks.items():
         own = [row for row in rows if name_of(row) == name]
@@ -218,7 +222,7 @@ def series_records(
 
 
 def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
-    """One run."""
+    """Cells of the table for one run."""
     return {
         "value": number(row.value),
         "errors": [number(row.errors.get(k, float("nan"))) for k in kinds],
@@ -235,7 +239,7 @@ def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
 def floor_records(
     verdicts: Iterable[Verdict], letters: Mapping[Name, str]
 ) -> Iterator[dict[str, str]]:
-    """What keeps each series from falling further, and the evidence."""
+    """Error floor of each series that has one, with its cause and the evidence."""
     for v in verdicts:
         if v.floor > 0 and name_of(v) in letters:
             yield {
@@ -249,7 +253,7 @@ def floor_records(
 
 
 def reached(verdicts: Iterable[Verdict], letters: Mapping[Name, str]) -> Iterator[dict[str, str]]:
-    """How far each series without an error floor came, and where a finer setting is worse."""
+    """For each series without an error floor how far it came, and where a finer setting is worse."""
     for v in verdicts:
         if (said := "; ".join(filter(None, (v.reached, v.worse)))) and name_of(v) in letters:
             yield {
@@ -261,7 +265,7 @@ def reached(verdicts: Iterable[Verdict], letters: Mapping[Name, str]) -> Iterato
 
 
 def measured(rows: Sequence[StudyRow]) -> str:
-    """How the times were taken."""
+    """Describe how the wall times were measured."""
     ran = [row for row in rows if row.repeats]
     machines = ", ".join(dict.fromkeys(row.machine for row in ran if row.machine))
     pinned = sum(row.pinned for row in ran)
@@ -285,7 +289,7 @@ TITLES = {
     "force": "Force or torque",
     "energy": "Energy",
 }
-"""Kinds of errors as tabs."""
+"""Titles of the tabs by kind of error."""
 
 
 def page_data(
@@ -295,7 +299,7 @@ def page_data(
     tones: Mapping[str, Tone],
     usual: float,
 ) -> dict[str, Any]:
-    """All that the diagram of one run of a case shows.
+    """Data of the diagram of one run of a case.
 
     Parameters
     ----------
@@ -306,7 +310,7 @@ def page_data(
     tones : mapping of str to Tone
         Tones of the colours of these looks, for light and dark pages.
     usual : float
-        Usual ratio of the greatest to the least wall time of a setting [1], from
+        Usual ratio of the longest to the shortest wall time of a setting [1], from
         `noise.usual_spread`.
     """
     names = list(looks)
@@ -324,12 +328,12 @@ def page_data(
 
 
 def kinds(rows: Sequence[StudyRow]) -> list[str]:
-    """Kinds of errors that there are."""
+    """Kinds of errors that some row has."""
     return [kind for kind in KINDS if any(kind in row.errors for row in rows)]
 
 
 def series_data(name: Name, look: Look, tone: Tone, verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """How a series is called and looks, and with which order its errors fall."""
+    """Names and look of a series, and the order of each kind of error."""
     orders = {
         v.kind: f"order {number(v.observed)}, expected {number(v.expected)}"
         + (" ✗" if off(v.observed, v.expected) else "")
@@ -351,7 +355,7 @@ def series_data(name: Name, look: Look, tone: Tone, verdicts: Sequence[Verdict])
 def setting_data(
     row: StudyRow, rows: Sequence[StudyRow], series: int, usual: float
 ) -> dict[str, Any]:
-    """One marker."""
+    """Data of the marker of one setting."""
     steps = work(row) or planned(row, rows)
     low, at, high = interval(row, usual)
     return {
@@ -381,10 +385,11 @@ def kind_data(
     looks: Mapping[Name, Look],
     usual: float,
 ) -> dict[str, Any]:
-    """The fronts and the error floors of a kind of error, settings and series by their numbers.
+    """Fronts and error floors of a kind of error, with numbers in place of settings and series.
 
-    `front` is that of the least wall times; `tied` are the settings that may be on it as well, for
-    all the clock can tell; `band` is where the front lies; `fewest` is the front over steps.
+    `front` is the front of the shortest wall times; `tied` are further settings that may be on it,
+    since their times are uncertain; `band` is the band in which the front lies; `fewest` is the
+    front over steps.
     """
     shown = [row for row in rows if good(row, kind)]
     numbers = {id(row): k for k, row in enumerate(rows)}
@@ -414,29 +419,29 @@ def kind_data(
 
 
 ASKED = (1e-3, 1e-5, 1e-7)
-"""Errors that the pages tell settings for [share of the range]."""
+"""Errors for which the pages recommend settings, as shares of the range [1]."""
 
 
 @dataclass(frozen=True)
 class Advice:
-    """The cheapest setting of one engine for an error, or the best it has.
+    """The cheapest setting of one engine for an error, or else its best setting.
 
     Attributes
     ----------
     engine, tone : str
-        In words, and the class of its colour.
+        Title of the engine, and the CSS class of its colour.
     place : int
-        Number of the setting in its table; -1 where nothing ran.
+        Number of the setting among the rows of the page; -1 if no setting ran.
     reached : bool
-        Whether it is as close as is asked for, with margin.
+        Whether the error is as small as is asked for, with margin.
     setting, error, cost, steps : str
-        In words.
+        The setting, its error, its wall time and its number of steps, in words.
     more : tuple of str
-        What its cost compares with, or what keeps the engine from the error.
+        Sentences that compare its cost with the defaults, or say what limits its error.
     tied : str
-        Settings that are close enough as well and that the clock does not tell from it.
+        Further settings that are good enough and tied with it.
     text : str
-        What to paste.
+        Text to paste.
     """
 
     engine: str
@@ -454,18 +459,18 @@ class Advice:
 
 @dataclass(frozen=True)
 class Asked:
-    """An error that somebody may ask for, and what each engine has for it, the cheapest first."""
+    """A wanted error, and the advice for each engine, the cheapest first."""
 
     wanted: str
     engines: tuple[Advice, ...]
     tied: bool
-    """Whether the clock does not tell the first two engines apart."""
+    """Whether the first two engines are tied."""
 
 
 def advised(
     rows: Sequence[StudyRow], verdicts: Sequence[Verdict], kind: str, usual: float
 ) -> list[Asked]:
-    """For each of `ASKED` what each engine has, `usual` from `noise.usual_spread`."""
+    """Advice of each engine for each of `ASKED`; `usual` is from `noise.usual_spread`."""
     found = []
     for wanted in ASKED:
         cheapest = dict[str, StudyRow]()
@@ -499,7 +504,7 @@ def use(
     verdicts: Iterable[Verdict],
     usual: float,
 ) -> Advice:
-    """What to use of one engine, whose settings `able` are close enough, the cheapest first."""
+    """Advice to use the cheapest of `able`, settings of one engine with a small enough error."""
     row = able[0]
     same = [format_setting_briefly(one) for one in ties(able, row, usual)]
     words = "; ".join(same[:MOST]) + (f"; and {len(same) - MOST} more" if same[MOST:] else "")
@@ -518,7 +523,7 @@ def use(
     )
 
 
-MOST = 4  # tied settings that are named
+MOST = 4  # tied settings that are listed by name
 
 
 def short(
@@ -528,7 +533,7 @@ def short(
     wanted: float,
     verdicts: Sequence[Verdict],
 ) -> Advice:
-    """The best that an engine has which is not close enough, and what keeps it there."""
+    """Advice for an engine without a good enough setting: the best one, and what limits its error."""
     ran = [r for r in own if r.outcome == Outcome.RAN and isfinite(r.errors.get(kind, NAN))]
     engine = own[0].engine
     if not ran:
@@ -551,12 +556,12 @@ def short(
 
 
 def place_of(rows: Sequence[StudyRow], row: StudyRow) -> int:
-    """The number of a row, which is the same object."""
+    """Number of a row among rows, found by identity."""
     return next(k for k, one in enumerate(rows) if one is row)
 
 
 def timed(row: StudyRow, usual: float) -> str:
-    """Wall time with its interval.
+    """Wall time of a setting with its interval, in words.
 
     >>> timed(StudyRow("", "", "", "", "", "", 1.0, seconds=0.01, repeats=(0.01, 0.02)), 1.0)
     '10 ms (10 to 20)'
@@ -573,9 +578,9 @@ UNITS = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
 
 
 def pasted(row: StudyRow) -> str:
-    """What to paste for a setting: in the engine's own words, or as the sidecar has it.
+    """Text to paste for a setting: in the engine's own form, or else as a table of the sidecar.
 
-    The sidecar's words stay where an engine needs settings that it chooses in the run.
+    An engine has no form of its own for a setting that lacks parameters which it chooses in a run.
 
     >>> print(pasted(StudyRow("", "", "", "mujoco", "", "", 1.0, {"timestep": 0.01})))
     <option timestep="0.01"/>
@@ -586,10 +591,10 @@ def pasted(row: StudyRow) -> str:
     """
     parameters = dict(row.parameters)
     if row.step > 0 and "timestep" in parameters:
-        parameters["timestep"] = row.step  # as it was taken: whole steps from sample to sample
+        parameters["timestep"] = row.step  # the step taken: whole steps from sample to sample
     try:
         engine = engine_of(row.engine)
-    except NoEngine:  # a table may have another machine's
+    except NoEngine:  # the table may come from a machine with other engines
         return in_sidecar(row.engine, parameters)
     own = {}
     if parameters.get("defaults"):
@@ -600,13 +605,13 @@ def pasted(row: StudyRow) -> str:
 
 
 def in_sidecar(engine: str, parameters: dict[str, ParameterValue]) -> str:
-    """Settings as TOML."""
+    """Settings as a TOML table of a sidecar."""
     lines = [f"{name} = {toml(value)}" for name, value in parameters.items() if name != "segments"]
     return "\n".join(["# in the sidecar", f"[settings.{engine}]", *lines])
 
 
 def toml(value: ParameterValue) -> str:
-    """A value as TOML has it.
+    """A value in TOML.
 
     >>> toml(True), toml((0.02, 1.0)), toml("RK4")
     ('true', '[0.02, 1.0]', '"RK4"')
@@ -617,7 +622,7 @@ def toml(value: ParameterValue) -> str:
 def limited_by(
     verdicts: Iterable[Verdict], kind: str, letters: dict[tuple[str, str], str]
 ) -> Iterator[dict[str, str]]:
-    """What limits the error of a kind, a cause each: levels, series, and the evidence of one."""
+    """Causes that limit a kind of error, with levels, series, and the evidence of one series."""
     groups = dict[str, list[Verdict]]()
     for verdict in verdicts:
         if (

@@ -1,8 +1,8 @@
-"""A setting in the engine's own words, to paste, and as a program that runs without proofmass.
+"""Write a setting as a snippet to paste, or as a program that runs without proofmass.
 
-A program holds the model, the state it starts from, how its drives are moved, the steps and what is
-recorded.  Its error is that of its own run, in an interpreter that does not import proofmass, at
-the motion that was asked for.
+A program contains the model, its start state, the motion of its drives, the time steps and the
+recorded channels.  Its error is measured: an interpreter that does not import proofmass runs it, and
+its curves are compared with the reference at the prescribed motion.
 """
 
 import csv
@@ -32,22 +32,22 @@ from proofmass.wording import number
 
 
 def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
-    """What to paste so that an engine runs with a setting.
+    """Text to paste so that an engine runs with a setting.
 
     Parameters
     ----------
     setting : Setting
-        With the parameters as used: all that its engine chooses by itself.
+        With the parameters as used, those that its engine chooses by itself included.
     steps : int
         Time steps of the run.
     model : path, optional
-        The MJCF that it is for: equalities whose own attributes, or whose class, would win are
-        named, with what to write into them.
+        The MJCF for which it is meant.  The text then names equalities whose own attributes, or
+        those of their class, would override it, with the values to write into them.
 
     Returns
     -------
     str
-        In the engine's own words, such as MJCF or Python.
+        In the form of the engine, such as MJCF or Python.
     """
     return engine_of(setting.engine).snippet(setting.parameters, steps, model)
 
@@ -62,15 +62,15 @@ class ProgramRun:
     Attributes
     ----------
     errors : dict of str to float
-        Largest error of each kind of channel at the motion that was asked for, as a share of the
-        reference's range [1].
+        Largest error of each kind of channel, as a share of the reference's range [1], with the
+        reference at the prescribed motion.
     seconds, steps : float, int
         Wall time of the program's loop [s], and number of time steps.
     failure : str
-        Why there are no errors, in the program's own words.
+        Why there are no errors: the last line that the program wrote, or what is wrong with it.
     driven : dict of str to float
-        The same as `errors` [1], at the motion that the program's drives really had; equal to it
-        without drives, and empty where the reference does not cover that motion.
+        As `errors` [1], with the reference at the motion that the program's drives really had;
+        equal to `errors` without drives, empty if the reference does not cover that motion.
     """
 
     errors: dict[str, float] = field(default_factory=dict)
@@ -92,15 +92,15 @@ def program(case: Case, setting: Setting, drive: Imposed, head: str = "") -> str
     Raises
     ------
     Unsupported
-        The engine cannot write it; says why.
+        The engine cannot write the program; the message says why.
     InputError, BadModel
-        The case is at fault.
+        The case or its model has an error.
     """
     return str(limited(case, "dynamics", written, case, setting, drive, head))
 
 
 def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
-    """The same, in this process."""
+    """The text of `program`, written in this process."""
     case, run = setting.applied(case, "dynamics")
     motion = motion_source([each.law for each in run.drives], run.x)
     given = {}
@@ -111,7 +111,7 @@ def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
 
 
 def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float) -> ProgramRun:
-    """Run the program of a setting, or find in the store what it gave."""
+    """Run the program of a setting, or read its result from the store."""
     text = program(case, setting, drive)
     name = digest(
         json.dumps(
@@ -130,13 +130,13 @@ def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: f
     return ran
 
 
-LATE = "no end after"
+LATE = "no end after"  # begin of the failure of a program that took too long
 
 
 def run_program(
     case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
 ) -> ProgramRun:
-    """Run a program in a bare interpreter, and hold its curves against the reference."""
+    """Run a program in a bare interpreter, and compare its curves with the reference."""
     case, run = setting.applied(case, "dynamics")
     try:
         curves, seconds, steps = run_bare(text, run, timeout, core)
@@ -154,18 +154,18 @@ def run_program(
 
 
 class NoCurves(Exception):
-    """A program has no result, in its own words."""
+    """A program has no curves; the message is the last line that it wrote, or what is wrong."""
 
 
 def run_bare(
     text: str, run: Run, timeout: float, core: int | None = None
 ) -> tuple[Curves, float, int]:
-    """Curves of a program in a bare interpreter, the wall time of its loop [s], and its steps.
+    """Run a program in a bare interpreter: its curves, wall time of its loop [s], number of steps.
 
     Raises
     ------
     NoCurves
-        It failed, took too long, or wrote what is not finite.
+        The program failed, took too long, or wrote values that are not finite.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.py"
@@ -183,7 +183,7 @@ def run_bare(
         except subprocess.TimeoutExpired:
             raise NoCurves(f"{LATE} {timeout:g} s") from None
         if done.returncode or not (printed := PRINTED.search(done.stdout)):
-            raise NoCurves((done.stderr.strip().splitlines() or ["it ended without a word"])[-1])
+            raise NoCurves((done.stderr.strip().splitlines() or ["it ended without a message"])[-1])
         curves = read_curves(Path(folder) / "curves.csv", run)
     for name, values in curves.channels.items():
         if not np.isfinite(values).all():
@@ -205,7 +205,7 @@ def read_curves(file: Path, run: Run) -> Curves:
 
 
 def drive_words(drive: Imposed) -> str:
-    """How a drive is moved, in words.
+    """Describe how a drive is moved.
 
     >>> drive_words(Imposed("flywheel")), drive_words(Imposed("servo", 0.5))
     ('a flywheel', 'a servo of gain 0.5')

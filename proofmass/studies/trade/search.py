@@ -1,9 +1,10 @@
-"""Search for the cheapest setting that is as good as is asked for, without measuring all others.
+"""Search for the cheapest setting with a small enough error, without measuring all settings.
 
-A family is an engine with everything but the time step: an integrator, how hard its loops are held,
-how often its solver goes over them.  Each family starts with one step from sample to sample and
-goes on to the step that the order of its last errors says is good enough, as long as that promises
-to be cheaper than what is good enough already.  The cheapest settings are then timed in rounds.
+A family is an engine with values of all parameters but the time step: an integrator, the stiffness
+of loops, the number of iterations of the solver.  The first setting of each family takes one step
+from sample to sample.  The next step is the one that should be good enough by the order of the last
+errors; a family is followed as long as that step should be cheaper than the cheapest setting that
+is good enough already.  The cheapest settings are then timed again in rounds.
 """
 
 import time
@@ -30,38 +31,43 @@ from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
 from proofmass.studies.trade.varied import as_given, studied
 
-REPEATS = 2  # of settings that may be the cheapest
-CLOSE = 1.25  # ratio of two steps, one good enough and the other not, that is close enough
-FARTHEST = 30.0  # ratio of two steps in turn, at most
-SLACK = 2.0  # times the cheapest: single runs tell no less apart; these are timed in rounds
+REPEATS = 2  # timed runs of each setting that may be the cheapest
+CLOSE = 1.25  # ratio of a step to a good enough one below which no step between them is tried
+FARTHEST = 30.0  # largest ratio of a step to the next one
+SLACK = 2.0
+"""Ratio to the wall time of the cheapest setting up to which settings are followed, and timed again
+in rounds: single runs cannot rank shorter distances."""
 SURE = 1.3
-"""Times the cheapest of runs longer than `MOMENT`, which single ones tell apart."""
-LONG = 0.5  # s, of runs of which the cheapest is made first, the others only where it fails
+"""The same ratio for runs longer than `MOMENT`, whose single wall times are more certain."""
+LONG = 0.5  # [s] expected time from which only the cheapest run is made, others if it is not enough
 YIELDING = 40.0
-"""Slack of drives that yield: what is cheapest with an ideal drive may be far from it with them."""
-PLAIN = 8.0  # times the cheapest: how far the engine's defaults are followed, to compare with
-BETWEEN = 4.0  # ratio of two steps that show whether an order holds
-HOPELESS = 3  # steps in turn with which a family does not run at all, or is far off
+"""The same ratio for drives that yield: the cheapest setting with an ideal drive may be far from the
+cheapest one with such drives."""
+PLAIN = 8.0  # the same ratio for the engine's defaults, which are measured for comparison
+BETWEEN = 4.0  # ratio of a step to the next one that is tried to see whether an order holds
+HOPELESS = 3  # steps that failed, or have errors above `COARSE`, after which a family may be given up
 STUCK = 0.01
-"""Share that `HOPELESS` steps in turn, each a quarter of the last, change of an error over `COARSE`
-where finer ones do not help either: the engine follows another motion."""
+"""Relative change of an error above `COARSE` over `HOPELESS` steps, each a quarter of the one before,
+up to which the engine is taken to follow another motion: finer steps do not help."""
 NARROWER = 1 / 3
-"""Share of the logarithm of the ratio of two steps that the next one leaves out at least."""
+"""Least distance of a step between two others from each of them, on the logarithmic scale, as a share
+of their distance."""
 ALIKE = 1e-3
-"""Share by which the errors of two families differ at most where nothing matters that differs."""
-SAME = 0.2  # by which orders differ that count as the same
-BEST = 3  # settings that are refined at once for the sake of their drives
-RUNS = 12  # of a family at most
+"""Relative difference of errors up to which two families count as equal."""
+SAME = 0.2  # difference of two orders up to which they count as equal
+BEST = 3  # settings that are refined together because their drives are not accurate enough
+RUNS = 12  # largest number of runs of a family
 REFERENCE_TIMES = 5.0
-"""Times what the reference takes: each worker evaluates it once, beside others."""
+"""Factor on the time of the reference that a run gets in addition: each worker evaluates the
+reference once, while others run."""
 
 
 @dataclass
 class SettingFamily:
-    """Settings of one engine that differ in the step, and their rows, from coarse to fine.
+    """Settings of one engine that differ in the time step, and the rows measured so far.
 
-    ``at(step)`` is the setting with a step [s]; `plain` families are the engine's own defaults.
-    The first step is `first`, or the whole way from sample to sample.
+    ``at(step)`` is the setting with a step [s].  `plain` marks the engine's own defaults.  The
+    first step is `first`, or else `sample`, the time from sample to sample [s].
     """
 
     engine: str
@@ -73,11 +79,11 @@ class SettingFamily:
     rows: list[StudyRow] = field(default_factory=list)
 
     def step(self, wanted: float) -> float:
-        """`whole_step` of its samples."""
+        """The longest step up to the wanted one that fits its samples [s]; see `whole_step`."""
         return whole_step(self.sample, wanted)
 
     def next(self, of: str, needed: float, limit: float) -> float | None:
-        """The step to try next; None if no other promises to be good enough for less [s]."""
+        """The step to try next [s]; None if none should be good enough for less than `limit` [s]."""
         if not self.rows:
             return self.first or self.sample
         if len(self.rows) >= RUNS or any(
@@ -104,16 +110,16 @@ class SettingFamily:
         return step if self.cost(step) <= limit else None
 
     def cost(self, step: float) -> float:
-        """Wall time that a step promises to take [s], by that of the finest one that ran."""
+        """Expected wall time of a run with a step [s], from that of the finest step that ran."""
         ran = [row for row in self.rows if isfinite(row.seconds)]
         finest = min(ran, key=lambda row: row.value, default=None)
         return finest.seconds * finest.value / step if finest else 0.0
 
     def finer(self, rows: list[StudyRow], of: str, needed: float, limit: float) -> float | None:
-        """The step that the order of the last errors says is good enough.
+        """The finer step [s] that should be good enough by the order of the last errors, or None.
 
-        Where that one would take longer than the limit [s], a step between the two shows whether
-        the order holds; where it is known to hold, none is tried.
+        If a run with that step should take longer than the limit [s], a step `BETWEEN` times finer
+        is tried to see whether the order holds; if the order is known to hold, no step is tried.
         """
         last = rows[-1]
         if not error(last, of) < COARSE:
@@ -121,7 +127,7 @@ class SettingFamily:
         if len(rows) < 2 or not error(rows[-2], of) < COARSE:
             return last.value / 2.0
         falls = order(rows[-2], last, of)
-        if falls < FALLS:  # once more, then it is at a floor
+        if falls < FALLS:  # one more refinement, then it counts as a floor
             flat = len(rows) > 2 and order(rows[-3], last, of) < FALLS
             return None if flat else last.value / 2.0
         wanted = last.value * (SAFE * needed / error(last, of)) ** (1 / falls)
@@ -132,7 +138,7 @@ class SettingFamily:
 
 
 def whole_step(sample: float, wanted: float) -> float:
-    """The longest step up to the wanted one of which a whole number leads to the next sample.
+    """The longest step up to the wanted one with a whole number of steps from sample to sample [s].
 
     >>> whole_step(1.0, 0.3), whole_step(1.0, 0.2)
     (0.25, 0.2)
@@ -141,11 +147,12 @@ def whole_step(sample: float, wanted: float) -> float:
 
 
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
-    """A step between one that is not good enough and one that is; None where none is much longer.
+    """A step between one that is not good enough and one that is; None if there is little to gain.
 
-    That is where the two are close.  Of runs that are long it is also where errors that fall with
-    their order say so, or with the first order: theirs may be too high, as the coarse one may be
-    far off.  Short ones are tried, for errors need not fall evenly.
+    There is little to gain if the two steps are close (`CLOSE`).  For long runs it is also so if, by
+    the order of the two errors, the step that is just good enough is close to the fine one; the
+    order is taken as 1 at most, since an error far off at the coarse step makes it too high.  Short
+    runs are tried in any case, since errors need not fall evenly.
     """
     if coarse.value < CLOSE * fine.value:
         return None
@@ -164,7 +171,7 @@ def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float |
 
 
 def stuck(rows: Sequence[StudyRow], of: str) -> bool:
-    """Whether the last steps of a family show that finer ones do not come to the right motion."""
+    """Whether the errors of the last steps hardly change, so that finer steps will not help."""
     last = [error(row, of) for row in rows[-HOPELESS:]]
     return len(last) == HOPELESS and max(last) - min(last) <= STUCK * min(last) < inf
 
@@ -181,7 +188,7 @@ def order(coarse: StudyRow, fine: StudyRow, of: str) -> float:
 
 
 def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
-    """What is searched in dynamics: of an engine, or of all that the case runs in."""
+    """The families to search in dynamics, of one engine or of all engines of the case."""
     times = grid(case, "dynamics")
     sample = float(times[1] - times[0])
     there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["dynamics"].solvers)
@@ -205,12 +212,12 @@ def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
 
 
 def setter(own: Setting) -> Callable[[float], Setting]:
-    """A setting with other steps."""
+    """The function that gives a setting with another time step."""
     return lambda step: own.but(timestep=step)
 
 
 def setting_of(engine: str, recipe: Recipe) -> Callable[[float], Setting]:
-    """Settings of an engine by their step."""
+    """The function that gives the setting of a recipe for a time step."""
     return lambda step: Setting(engine, {"timestep": step, **recipe.parameters(step)})
 
 
@@ -227,7 +234,7 @@ def search(
     repeats: int = REPEATS,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
-    """Measure settings of dynamics until the cheapest that is good enough is known.
+    """Measure settings of dynamics until the cheapest one that is good enough is known.
 
     Parameters
     ----------
@@ -236,17 +243,17 @@ def search(
     of, needed : str, float
         Kind of error, and the largest that is good enough, as a share of the reference's range [1].
     store : Store
-        Where every finished run is kept at once.
+        Where every finished run is saved at once.
     workers : Executor, optional
-        From `proofmass.studies.run.pool`; local ones if not given.
+        From `proofmass.studies.run.pool`; threads of this machine if not given.
     engine : str, optional
         The only engine to search.
     limits : Limits, optional
-        Wall time that all runs and each run may take, a run without its reference; the search
-        writes into it how much they took.
+        Wall time that each run, without its reference, and all runs together may take; the search
+        updates how much they took.
     slack : float
-        Families are followed as long as the wall time that they promise, over that of the cheapest
-        setting so far, is below this [1].
+        A family is followed while the expected wall time of its next run is below this multiple of
+        that of the cheapest setting that is good enough so far [1].
     repeats : int
         Timed runs of each of the cheapest settings.
     progress : callable
@@ -283,7 +290,7 @@ def search(
             failed = longest if row.outcome == Outcome.TIMED_OUT else 0.0
             limits.spent += row.seconds if isfinite(row.seconds) else failed
         if is_shared(case, "dynamics") and any(row.outcome == Outcome.NO_REFERENCE for row in rows):
-            break  # all settings have the same one
+            break  # all settings have the same reference
     rows = [row for family in found for row in family.rows]
     cheap = cheapest(rows, of, needed)
     near = SLACK if cheap < MOMENT else SURE
@@ -317,7 +324,7 @@ def search(
 
 
 def to_compare(plain: Sequence[StudyRow], of: str, needed: float) -> StudyRow:
-    """Of an engine's defaults the cheapest step that is good enough, or else the closest one."""
+    """Of rows with an engine's defaults the cheapest good enough one, or else the most accurate."""
     good = [row for row in plain if error(row, of) <= needed]
     if good:
         return min(good, key=lambda row: row.seconds)
@@ -325,7 +332,7 @@ def to_compare(plain: Sequence[StudyRow], of: str, needed: float) -> StudyRow:
 
 
 def cached_reference_seconds(case: Case, store: Store) -> float:
-    """`reference_seconds`, measured once for a store; 0 where a file keeps the reference."""
+    """`reference_seconds` of a case, measured once for a store; 0 if a file keeps the reference."""
     task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].solvers[0].partition(":")[0]))
     if reference_of(task, store):
         return 0.0
@@ -334,10 +341,10 @@ def cached_reference_seconds(case: Case, store: Store) -> float:
 
 
 def reference_seconds(case: Case) -> float:
-    """Wall time of the reference of dynamics [s], in the worker that evaluates it."""
+    """Wall time to evaluate the reference of dynamics [s]; called in a worker."""
     asked = prescribed_run(case, "dynamics")
     began = time.perf_counter()
-    with suppress(InputError):  # the runs tell
+    with suppress(InputError):  # the runs will report the error
         cached_reference(
             case,
             "dynamics",
@@ -349,7 +356,7 @@ def reference_seconds(case: Case) -> float:
 def finer_for_drives(
     case: Case, tried: Iterable[tuple[StudyRow, float]], wanted: float
 ) -> list[StudyRun]:
-    """Finer steps of settings whose drives are not moved well enough.
+    """Tasks with finer steps for settings whose drives are not accurate enough in programs.
 
     Parameters
     ----------
@@ -363,8 +370,8 @@ def finer_for_drives(
     Returns
     -------
     list of StudyRun
-        Runs of the `BEST` settings whose predicted wall times are least: a drive of a given gain
-        yields by the square of the step.
+        Runs of the `BEST` settings with the shortest expected wall times.  The step follows from
+        the error, since a drive of a given gain yields in proportion to the square of the step.
     """
     asked = []
     sample = float(grid(case, "dynamics")[1] - grid(case, "dynamics")[0])
@@ -392,7 +399,7 @@ def following(
     longest: float,
     slack: float,
 ) -> Iterator[tuple[SettingFamily, StudyRun]]:
-    """The next run of a family, if there is one."""
+    """The next run of a family with that family, or nothing if the family is given up."""
     best = cheapest(
         [
             row
@@ -416,11 +423,11 @@ def following(
 
 
 def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> bool:
-    """Whether finer steps of a family promise nothing, by what another one of its engine has.
+    """Whether another family of the same engine is better, so that finer steps are no use.
 
-    The other one is closer in no more time, by more than single runs leave open, and its errors
-    fall as fast.  Of a family that is off by more than `COARSE` in `HOPELESS` steps in turn the
-    order says nothing: another one that is not is enough.
+    The other family has a smaller error in no more time, by more than the uncertainty of single
+    runs, and its errors fall as fast.  If the last `HOPELESS` errors of the family are above
+    `COARSE`, they show no order: then another family with an error well below `COARSE` suffices.
     """
     last = sorted(family.rows, key=lambda row: -row.value)[-HOPELESS:]
     if len(last) < HOPELESS:
@@ -444,10 +451,11 @@ def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> b
 
 
 def repeated(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> bool:
-    """Whether another family, listed before it, has the error of its finest step for no more.
+    """Whether an earlier family has the same error with the finest step of this one, for no more.
 
-    Only of runs that are long enough for single ones to tell their costs; and not for the defaults,
-    which are followed no further than to a good step.
+    This is decided only for runs that are long enough for a single wall time to be reliable.
+    Families with the engine's defaults do not count, since they are not refined once a step is good
+    enough.
     """
     last = min(family.rows, key=lambda row: row.value, default=None)
     return (
@@ -466,9 +474,9 @@ def repeated(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> 
 
 
 def merged(family: SettingFamily, every: Iterable[SettingFamily], of: str, step: float) -> bool:
-    """Whether another family, listed before it, is the same at this step, and at one that it ran.
+    """Whether an earlier family has the same setting at this step, and at a step that it has run.
 
-    Settings that depend on the step may have a limit that several families come to.
+    Parameters that depend on the step may be bounded, so that several families meet at the bound.
     """
     return any(
         other.at(step) == family.at(step)
@@ -481,7 +489,7 @@ def merged(family: SettingFamily, every: Iterable[SettingFamily], of: str, step:
 
 
 def before(family: SettingFamily, every: Iterable[SettingFamily]) -> Iterator[SettingFamily]:
-    """The families of the same engine that are listed before one."""
+    """The families of the same engine that come before one in a list."""
     for other in takewhile(lambda one: one is not family, every):
         if other.engine == family.engine:
             yield other
@@ -490,7 +498,7 @@ def before(family: SettingFamily, every: Iterable[SettingFamily]) -> Iterator[Se
 def cheaper(
     tasks: list[tuple[SettingFamily, StudyRun]],
 ) -> list[tuple[SettingFamily, StudyRun]]:
-    """The next runs that are made now: short ones, and of long ones the cheapest.
+    """Of the next runs those that are made now: all short ones, and the cheapest of the long ones.
 
     The others wait until it is known whether one of these is good enough.
     """
@@ -502,7 +510,7 @@ def cheaper(
 def affordable(
     tasks: list[tuple[SettingFamily, StudyRun]], left: float
 ) -> list[tuple[SettingFamily, StudyRun]]:
-    """Of the next runs those that are expected to take no more than is left [s], all together."""
+    """Of the next runs those that together are expected to take no more than is left [s]."""
     found = []
     for family, task in tasks:
         if (cost := family.cost(task.value)) <= left:

@@ -186,9 +186,9 @@ def test_a_floor_is_named(fourbar: Case) -> None:
     needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
     with pytest.raises(Cannot, match=needs + "proofmass choose measures finer steps"):
         chosen(fourbar, series_rows("quick"), 1e-9)
-    with pytest.raises(Cannot, match=needs + "--longest is 30$"):
+    with pytest.raises(Cannot, match=needs + "--longest is 30 s$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=30.0))
-    with pytest.raises(Cannot, match=needs + "--longest is 33$"):  # expectations are a tenth off
+    with pytest.raises(Cannot, match=needs + "--longest is 33 s$"):  # expectations are a tenth off
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=33.0))
     with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
