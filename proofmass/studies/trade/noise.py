@@ -48,7 +48,7 @@ def usual_spread(rows: Iterable[StudyRow]) -> float:
 
 
 def interval(row: StudyRow, usual: float) -> Interval:
-    """Interval of a setting's wall times; a single one may be too long by the factor `usual` [1]."""
+    """Interval of a setting's wall times; a single one may be too long by the factor `usual`."""
     if len(row.repeats) > 1:
         return Interval(min(row.repeats), row.seconds, max(row.repeats))
     return Interval(row.seconds / usual, row.seconds, row.seconds)

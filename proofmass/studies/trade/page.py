@@ -170,8 +170,8 @@ def prices(
 ) -> Iterator[list[dict[str, str]]]:
     """Rows of the index, one for each engine.
 
-    For each of `ASKED`, of the first kind of error, a row has the setting to use, its wall time [s],
-    and how many times as long the engine's defaults take.
+    For each of `ASKED`, of the first kind of error, a row has the setting to use, its wall time
+    [s], and how many times as long the engine's defaults take.
     """
     kind = next(iter(kinds(rows)), "")
     for engine in dict.fromkeys(row.engine for row in rows):
@@ -253,7 +253,7 @@ def floor_records(
 
 
 def reached(verdicts: Iterable[Verdict], letters: Mapping[Name, str]) -> Iterator[dict[str, str]]:
-    """For each series without an error floor how far it came, and where a finer setting is worse."""
+    """For each series without error floor how far it came, and where a finer setting is worse."""
     for v in verdicts:
         if (said := "; ".join(filter(None, (v.reached, v.worse)))) and name_of(v) in letters:
             yield {
@@ -533,7 +533,7 @@ def short(
     wanted: float,
     verdicts: Sequence[Verdict],
 ) -> Advice:
-    """Advice for an engine without a good enough setting: the best one, and what limits its error."""
+    """Advice for an engine without a good enough setting: its best one, and what limits it."""
     ran = [r for r in own if r.outcome == Outcome.RAN and isfinite(r.errors.get(kind, NAN))]
     engine = own[0].engine
     if not ran:

@@ -1,7 +1,7 @@
 """Write a setting as a snippet to paste, or as a program that runs without proofmass.
 
 A program contains the model, its start state, the motion of its drives, the time steps and the
-recorded channels.  Its error is measured: an interpreter that does not import proofmass runs it, and
+recorded channels.  To measure its error, an interpreter that does not import proofmass runs it, and
 its curves are compared with the reference at the prescribed motion.
 """
 

@@ -31,27 +31,27 @@ from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
 from proofmass.studies.trade.series import order as order_of
 from proofmass.studies.trade.varied import as_given, studied
 
-REPEATS = 2  # timed runs of each setting that may be the cheapest
+REPEATS = 2  # repeats, for wall times, of each setting that may be the cheapest
 CLOSE = 1.25  # ratio of a step to a good enough one below which no step between them is tried
 FARTHEST = 30.0  # largest ratio of a step to the next one
 SLACK = 2.0
 """Ratio to the wall time of the cheapest setting up to which settings are followed, and timed again
-in rounds: single runs cannot rank shorter distances."""
+in rounds: single runs do not tell smaller ratios apart."""
 SURE = 1.3
 """The same ratio for runs longer than `MOMENT`, whose single wall times are more certain."""
 LONG = 0.5  # [s] expected time from which only the cheapest run is made, others if it is not enough
 YIELDING = 40.0
-"""The same ratio for drives that yield: the cheapest setting with an ideal drive may be far from the
-cheapest one with such drives."""
+"""The same ratio for drives that yield: the cheapest setting with an ideal drive may cost much less
+than the cheapest one with such drives."""
 PLAIN = 8.0  # the same ratio for the engine's defaults, which are measured for comparison
 BETWEEN = 4.0  # ratio of a step to the next one that is tried to see whether an order holds
-HOPELESS = 3  # steps that failed, or have errors above `COARSE`, after which a family may be given up
+HOPELESS = 3  # steps that fail, or with errors above `COARSE`, after which a family may be given up
 STUCK = 0.01
-"""Relative change of an error above `COARSE` over `HOPELESS` steps, each a quarter of the one before,
-up to which the engine is taken to follow another motion: finer steps do not help."""
+"""Relative change of an error above `COARSE` over `HOPELESS` steps, each a quarter of the previous
+one, up to which the engine is taken to follow another motion: finer steps do not help."""
 NARROWER = 1 / 3
-"""Least distance of a step between two others from each of them, on the logarithmic scale, as a share
-of their distance."""
+"""Least distance of a step between two others from each of them, on the logarithmic scale, over the
+distance of these two."""
 ALIKE = 1e-3
 """Relative difference of errors up to which two families count as equal."""
 SAME = 0.2  # difference of two orders up to which they count as equal
@@ -83,7 +83,7 @@ class SettingFamily:
         return whole_step(self.sample, wanted)
 
     def next(self, of: str, needed: float, limit: float) -> float | None:
-        """The step to try next [s]; None if none should be good enough for less than `limit` [s]."""
+        """The step to try next [s]; None if none should be good enough within `limit` [s]."""
         if not self.rows:
             return self.first or self.sample
         if len(self.rows) >= RUNS or any(
@@ -149,10 +149,10 @@ def whole_step(sample: float, wanted: float) -> float:
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
     """A step between one that is not good enough and one that is; None if there is little to gain.
 
-    There is little to gain if the two steps are close (`CLOSE`).  For long runs it is also so if, by
-    the order of the two errors, the step that is just good enough is close to the fine one; the
-    order is taken as 1 at most, since an error far off at the coarse step makes it too high.  Short
-    runs are tried in any case, since errors need not fall evenly.
+    There is little to gain if the two steps are close (`CLOSE`).  For long runs this is also so if,
+    by the order of the two errors, the step that is just good enough is close to the fine one; the
+    order is taken as 1 at most, since a very large error at the coarse step makes it too high.
+    Short runs are tried in any case, since errors need not fall evenly.
     """
     if coarse.value < CLOSE * fine.value:
         return None
@@ -255,7 +255,7 @@ def search(
         A family is followed while the expected wall time of its next run is below this multiple of
         that of the cheapest setting that is good enough so far [1].
     repeats : int
-        Timed runs of each of the cheapest settings.
+        Number of repeats, for wall times, of each of the cheapest settings.
     progress : callable
         Called as ``progress(label, done, total)`` after each run.
 

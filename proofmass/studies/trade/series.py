@@ -1,11 +1,11 @@
-"""A convergence series: one engine parameter from coarse to fine, its order, and where it ends.
+"""Convergence series: one engine parameter from coarse to fine, the order of its errors, its end.
 
 An error floor is claimed only where errors are asymptotic: less than 1e-2 of the range, and changed
-by less than 5 % when the step is halved, twice in a row (`flat`, `halved`).  An error of 0.8 of the
-range that stays is no floor: the motion is another one, or out of phase.
+by less than 5 % by each of two halvings of the step (`flat`, `halved`).  A constant error of 0.8 of
+the range is no floor: the engine follows another motion, or one that is out of phase.
 
-The errors of a series without an error floor fall on with the order of its last two steps.  That
-tells which step would be good enough, and what it would cost.
+The errors of a series without an error floor are expected to fall further, with the order of its
+last two steps.  From that follow the step that would be good enough and its cost.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -27,37 +27,40 @@ from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import format_solver, number
 
 FALLS = 0.5
-"""Order over two refinements below which an error no longer falls as a power of the step."""
+"""Order, over two refinements, below which an error counts as no longer falling."""
 COARSE = 0.1
-"""Errors of a larger share of the range are those of another motion and show no order."""
+"""Share of the range above which an error is that of another motion and shows no order."""
 ASYMPTOTIC = 0.01
-"""Errors of a larger share of the range are no floor: their next term, of the square, is 1 %."""
+"""Share of the range below which an error is asymptotic and may be a floor: at this share its next
+term, which goes with the square, is 1 % of it."""
 FLAT = 0.05
-"""Share that two halvings of the step may each change of an error that is at a floor.  An error of
-first order with a share of 10 % that still falls changes by this."""
+"""Relative change of an error by a halving of the step below which it is unchanged.  An error
+changes by this much if a tenth of it still falls, with first order."""
 WORSE = 1.5
-"""Times an error that a finer step must have to be called worse; less is a change of phase."""
+"""Ratio of the error of a finer step to the coarser one's above which it is called worse; a smaller
+ratio may come from a change of phase."""
 CLEAR = 10.0
-"""Times the least error: errors nearer to it bend.  With a share 1/10 of it, second order shows
-1.9."""
+"""Ratio to the error of the floor above which errors show their order.  Where the floor is 1/10 of
+the error, second order appears as 1.9."""
 ALIKE = 0.05
-"""What two orders in turn may differ by, to be one order, of their sum: 0.1 of first order."""
+"""Difference of two successive orders, over their sum, up to which they are the same: 0.1 for first
+order."""
 FAILED = (Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.CRASHED, Outcome.NO_REFERENCE)
-"""Outcomes of settings that are no better than any error."""
+"""Outcomes of runs that count as an infinite error."""
 
 Points = Sequence[tuple[float, float]]
-"""Sizes and errors, from coarse to fine."""
+"""Sizes (such as time steps) and errors of settings, from coarse to fine."""
 
 
 @dataclass
 class MeasuredSeries:
-    """A convergence series and the rows of its settings that were run, from the first on."""
+    """A convergence series and the rows of its settings measured so far, from the coarsest on."""
 
     series: ConvergenceSeries
     rows: list[StudyRow] = field(default_factory=list)
 
     def done(self, budget: float) -> bool:
-        """Whether another setting would tell nothing more, or the last one took a budget [s]."""
+        """Whether the series ends: no setting left, errors settled, or a run over `budget` [s]."""
         if len(self.rows) == len(self.series.settings):
             return True
         if not self.rows:
@@ -68,10 +71,10 @@ class MeasuredSeries:
         return bool(self.kinds) and all(self.settled(kind) for kind in self.kinds)
 
     def settled(self, kind: str) -> bool:
-        """Whether two refinements in turn left an error as it is, or made it worse.
+        """Whether the last two refinements left an error unchanged, or each made it worse.
 
-        It must be asymptotic, or of a motion whose positions are: jolts at the start may leave
-        accelerations far off for any step.
+        The error must be asymptotic, or else that of positions must be: after a jolt at the start,
+        accelerations may have large errors for any step.
         """
         points = self.points(kind)
         if not (still(points) or rising(points)):
@@ -82,20 +85,21 @@ class MeasuredSeries:
 
     @property
     def kinds(self) -> list[str]:
-        """Kinds of errors that were found."""
+        """Kinds of errors that the rows have."""
         return list(dict.fromkeys(kind for row in self.rows for kind in row.errors))
 
     def points(self, kind: str) -> list[tuple[float, float]]:
-        """Sizes and errors of the settings, infinite where a run failed.
+        """Sizes and errors of the settings from the first with the right motion on (see `COARSE`).
 
-        It begins where the motion is the right one, if it is so anywhere.
+        Errors of failed runs are infinite.  If no setting has the right motion, these are all
+        settings that ran.
         """
         every = self.every(kind)
         first = next((k for k, (_, error) in enumerate(every) if error < COARSE), None)
         return [p for p in every if isfinite(p[1])] if first is None else every[first:]
 
     def every(self, kind: str) -> list[tuple[float, float]]:
-        """The same from the first setting on."""
+        """Sizes and errors of all settings, infinite where a run failed."""
         return [
             (size, error)
             for size, row in zip(self.series.sizes, self.rows, strict=False)
@@ -104,12 +108,12 @@ class MeasuredSeries:
         ]
 
     def place(self, size: float) -> int:
-        """The number of the setting of that size."""
+        """The number of the setting with a size."""
         return self.series.sizes.index(size)
 
 
 def order(coarse: tuple[float, float], fine: tuple[float, float]) -> float:
-    """The order that two sizes and their errors show.
+    """The order of convergence that two sizes and their errors show; -inf if the finer one failed.
 
     >>> order((0.2, 4e-4), (0.1, 1e-4))
     2.0
@@ -120,7 +124,7 @@ def order(coarse: tuple[float, float], fine: tuple[float, float]) -> float:
 
 
 def alike(coarse: float, fine: float) -> bool:
-    """Whether a refinement left an error as it is.
+    """Whether a refinement changed an error by less than `FLAT`.
 
     >>> alike(1e-3, 1.04e-3), alike(1e-3, 0.94e-3)
     (True, False)
@@ -129,13 +133,13 @@ def alike(coarse: float, fine: float) -> bool:
 
 
 def still(points: Points) -> bool:
-    """Whether the last two refinements left the error as it is."""
+    """Whether each of the last two refinements left the error unchanged."""
     errors = [error for _, error in points[-3:]]
     return len(errors) == 3 and all(alike(*pair) for pair in pairwise(errors))
 
 
 def rising(points: Points) -> bool:
-    """Whether the last two refinements made the error worse, or failed."""
+    """Whether each of the last two refinements made the error worse, or failed."""
     errors = [error for _, error in points[-3:]]
     return (
         len(errors) == 3
@@ -145,10 +149,11 @@ def rising(points: Points) -> bool:
 
 
 def flat(points: Points) -> int | None:
-    """The last point before a series's end that may be at an error floor; None if there is none.
+    """Index of the point that may be at an error floor, with two refinements after it if possible.
 
-    It is asymptotic and no later refinement changes it: two if there are so many, one if the series
-    ends there.  Whether it is at a floor two halvings of its step tell.
+    The point is asymptotic and no later refinement changes its error: two refinements, or one if
+    the series ends there.  None if there is no such point.  Two halvings of its step decide whether
+    it is at a floor (`halved`).
 
     >>> flat([(0.4, 16e-5), (0.2, 4e-5), (0.1, 1e-5), (0.05, 1e-5), (0.025, 1e-5)])
     2
@@ -164,7 +169,9 @@ def flat(points: Points) -> int | None:
 
 
 def least(points: Points) -> int | None:
-    """The point of the least error, if it is asymptotic and all finer ones are worse: two at least.
+    """Index of the least error, if it is asymptotic and all finer points are worse; else None.
+
+    At least two finer points must follow.
 
     >>> least([(0.4, 1e-8), (0.2, 1e-10), (0.1, 4e-10), (0.05, 2e-9)])
     1
@@ -181,7 +188,7 @@ def least(points: Points) -> int | None:
 
 
 def halved(errors: Sequence[float]) -> bool:
-    """Whether an error and those of half and a quarter of its step are those of an error floor.
+    """Whether an error, and those with half and a quarter of its step, show an error floor.
 
     >>> halved([1e-3, 1.01e-3, 1e-3]), halved([1e-3, 0.9e-3, 0.85e-3]), halved([0.5, 0.5, 0.5])
     (True, False, False)
@@ -194,9 +201,10 @@ def halved(errors: Sequence[float]) -> bool:
 
 
 def slowed(points: Points) -> int | None:
-    """The first point from which two refinements or more do not let the error fall; None if all do.
+    """Index of the first point after which the error no longer falls over two refinements or more.
 
-    An order ends there; it is no error floor yet.
+    The order of the series ends there; this alone is no error floor.  None if there is no such
+    point.
 
     >>> slowed([(0.4, 16e-5), (0.2, 4e-5), (0.1, 1.1e-5), (0.05, 1e-5), (0.025, 1.2e-5)])
     2
@@ -208,15 +216,16 @@ def slowed(points: Points) -> int | None:
 
 
 def level(points: Points) -> float:
-    """The least error from where it slowed on; NaN if it did not."""
+    """The least error from the point of `slowed` on; NaN if there is no such point."""
     first = slowed(points)
     return NAN if first is None else min(error for _, error in points[first:])
 
 
 def clear(points: Points) -> Points:
-    """The points before the error slows, and not near what it comes to.
+    """The points before the point of `slowed`, without those near the error of that end (`CLEAR`).
 
-    An end that falls no further is none yet, and may become one.
+    If the last refinement alone does not let the error fall, the points are treated as if they
+    ended there.
     """
     first, low = slowed(points), level(points)
     if first is None and len(points) > 1 and order(*points[-2:]) < FALLS:
@@ -225,8 +234,9 @@ def clear(points: Points) -> Points:
 
 
 def observed(points: Points) -> float:
-    """The order in the asymptotic range: the finest two refinements that show the same; NaN if no
-    two that are clear of what the error comes to do.
+    """The order in the asymptotic range: the mean of the finest two equal orders; NaN without any.
+
+    The two orders are those of two successive refinements among the points of `clear`.
 
     >>> observed([(0.4, 9e-2), (0.2, 4e-3), (0.1, 1e-3), (0.05, 2.5e-4)])
     2.0
@@ -243,10 +253,10 @@ def observed(points: Points) -> float:
 
 
 def still_falls(points: Points) -> float:
-    """The order with which a series ends, to predict finer settings; NaN if none is seen.
+    """The order with which errors fall at the end of a series, to predict those of finer settings.
 
-    The observed one where the last refinement shows it too, else that of the last refinement alone,
-    if it is asymptotic or nearly so.
+    It is the observed order if the last refinement shows it as well, else the order of the last
+    refinement alone.  NaN if the errors do not fall, or are not below `COARSE`.
 
     >>> round(still_falls([(0.4, 4e-2), (0.2, 1e-2), (0.1, 2.6e-3)]), 2)
     1.97
@@ -264,9 +274,9 @@ def still_falls(points: Points) -> float:
 
 
 def worse(points: Points) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """The two settings in turn of which the finer one is worse by most; None if none is by much.
+    """The two successive points of which the finer is worse by the largest ratio, above `WORSE`.
 
-    A run that failed has no error; it is known by its outcome.
+    None if there are none.  Failed runs do not count: they have no error.
 
     >>> worse([(1e-3, 1.9e-2), (0.5e-3, 6.8e-2), (0.25e-3, 4e-4)])
     ((0.001, 0.019), (0.0005, 0.068))
@@ -279,32 +289,32 @@ def worse(points: Points) -> tuple[tuple[float, float], tuple[float, float]] | N
     return max(pairs, key=lambda pair: pair[1][1] / pair[0][1], default=None)
 
 
-SAFE = 0.8  # of the error that is needed: orders change a little
-APART = 1.4  # times a step that the one before it must be, for an order to be found from both
+SAFE = 0.8  # share of the needed error that is aimed at, since orders change a little
+APART = 1.4  # least ratio of two steps for an order to be computed from them
 
 
 LIKELY = 0.9
-"""Share of the longest wall time that a run is expected to take at most: expectations are off by a
-tenth, and a run that is given up tells nothing."""
+"""Largest expected wall time of a run, as a share of the longest one allowed: expectations have
+errors of a tenth, and a run that is given up has no result."""
 
 
 @dataclass
 class Limits:
-    """How much time a search may take, and how much it took.
+    """Wall times that a search may take, and that it took so far.
 
     Attributes
     ----------
     longest, budget : float
         Longest wall time of a run, and of all runs of the search together [s].
     spent : float
-        Wall time of the runs that the search asked for, those in the store too: a search that is
-        made again ends where it ended before [s].
+        Wall time of the runs of the search [s].  Runs that are taken from the store count as well,
+        so that a repeated search ends at the same place.
     settings : int
         Number of settings that were measured.
     known : int
         Number of other settings that were in the store.
     short : bool
-        Whether the budget left a setting out.
+        Whether a setting was left out because of the budget.
     """
 
     longest: float = LONGEST
@@ -316,12 +326,12 @@ class Limits:
 
     @property
     def likely(self) -> float:
-        """What a run may be expected to take at most, for it to end within `longest` [s]."""
+        """Largest expected wall time of a run that is tried [s]: it should end within `longest`."""
         return LIKELY * self.longest
 
     @property
     def words(self) -> str:
-        """The same in a sentence.
+        """The limits and what was spent, in a sentence.
 
         >>> Limits(budget=60.0, spent=12.34, settings=3).words
         '3 settings measured, with runs of 12 s in all, of --budget 60 s and --longest 30 s a run'
@@ -337,7 +347,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Promise:
-    """The step [s] with which a series should be good enough, and what it should cost [s]."""
+    """Prediction for a series: step that should be good enough [s], its wall time [s], order."""
 
     row: StudyRow
     step: float
@@ -348,7 +358,7 @@ class Promise:
 def promises(
     rows: Iterable[StudyRow], verdicts: Iterable[Verdict], of: str, needed: float
 ) -> list[Promise]:
-    """Of each series at no error floor the step that should be good enough, the cheapest first."""
+    """Predictions for all series without an error floor whose errors still fall, cheapest first."""
     floors = {(v.engine, v.series) for v in verdicts if v.kind == of and v.floor > 0}
     found = []
     for coarse, fine in ends(row for row in rows if (row.engine, row.series) not in floors):
@@ -361,7 +371,7 @@ def promises(
 
 
 def ends(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
-    """The finest step of each series and the one before it that is clearly coarser, if both ran."""
+    """For each series a clearly coarser step and the finest one, if both ran."""
     stepped = sorted(
         (row for row in rows if row.varied == "timestep"),
         key=lambda row: (row.engine, row.series, -row.value),
@@ -374,17 +384,18 @@ def ends(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
 
 
 def scaled(row: StudyRow, step: float) -> Setting:
-    """A setting with another step; how hard loops are held goes with it, as in its series."""
+    """The setting of a row with another step, and with what depends on the step in its series."""
     return at_step(Setting(row.engine, dict(row.parameters, timestep=row.value)), step)
 
 
 def list_cached_settings(
     case: Case, kind: Kind, rows: Iterable[StudyRow], store: Store, only: str = ""
 ) -> Iterator[StudyRow]:
-    """Settings that the store has of a case beside those of a study, whoever asked for them; of one
-    engine `only`, if that is given.
+    """Rows of further settings of a case that the store has, from any study.
 
-    The key of each is found anew, so that its model, sidecar, sources and versions are these.
+    `rows` are left out.  If `only` is given, these are settings of that engine.  The key of each
+    setting is computed again, so that only runs of the present model, sidecar, sources and versions
+    are used.
     """
     there = {row.key for row in rows}
     own = [series for series in list_series(case, kind) if series.engine == (only or series.engine)]
@@ -410,7 +421,7 @@ def list_cached_settings(
 
 
 def placed(setting: Setting, own: Iterable[ConvergenceSeries]) -> tuple[str, str, float]:
-    """The series that a setting belongs to, or one of its own; the varied parameter; its value."""
+    """Name of the series that a setting belongs to, or a new one; varied parameter; its value."""
     for series in own:
         first = series.settings[0]
         value = setting.parameters.get(series.varied)
@@ -433,7 +444,7 @@ def placed(setting: Setting, own: Iterable[ConvergenceSeries]) -> tuple[str, str
 
 
 def same(one: dict[str, ParameterValue], other: dict[str, ParameterValue]) -> bool:
-    """Whether two settings differ by no more than rounding."""
+    """Whether the parameters of two settings are equal up to rounding."""
     if one.keys() != other.keys():
         return False
     for name, value in one.items():

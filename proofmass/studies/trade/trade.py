@@ -1,15 +1,16 @@
-"""The study of work and precision: orders and error floors of convergence series, and their cost.
+"""The study ``trade``: orders and error floors of convergence series, and what accuracy costs.
 
     study = trade([load_case("models/linkages/fourbar.toml")], Store(folder / "runs"), workers)
     write_study(study, folder)
 
-Free motions are disturbed first: errors of chaotic ones are judged up to where a trajectory means
-something. Then every convergence series is refined, each setting run once for its errors, until the
-errors fall no further. The settings that may be on the Pareto front, and the engine's defaults,
-with which they are compared, are run again for their times, in rounds. Where a series may be at an
-error floor, its step is halved twice, and each possible cause is varied separately; so it is where
-a series shows another order than theory expects. Series of a case and engine that are at a floor
-with the same errors are at one floor: causes are varied in the first of them.
+Free motions are disturbed first: errors of chaotic ones are judged up to the horizon of the
+trajectory. Then every convergence series is refined until its errors fall no further; each setting
+runs once for its errors. The settings that may be on the Pareto front, and the engine's defaults,
+with which they are compared, are run again in rounds for their wall times. Where a series may be at
+an error floor, its step is halved twice. Where the halvings leave the error, and where a series
+shows another order than theory expects, each possible cause is changed separately. Series of a case
+and engine that are at floors with the same errors are at one floor: causes are changed in the first
+of them only.
 """
 
 import json
@@ -50,23 +51,23 @@ from proofmass.studies.trade.verdict import Verdict, able
 from proofmass.studies.trade.words import by_drives, format_end, format_reached, format_worsened
 from proofmass.wording import number
 
-USUAL = 0.5  # s, of one run, for engines that take much longer than usual
-REPEATS = 2
-NEAR = 1.5  # times the cheapest of short runs: single ones tell no less apart
+USUAL = 0.5  # [s] wall time of a run after which its series ends; reached by slow engines only
+REPEATS = 2  # repeats, for wall times, of each setting that may be on the Pareto front
+NEAR = 1.5  # ratio to the cheapest of short runs: single ones do not tell smaller ratios apart
 SAME = 0.01
-"""Share by which errors of two settings of a case and engine may differ that are at one floor."""
+"""Relative difference of errors of two settings of a case and engine that are at one floor."""
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
 Halved = dict[SeriesPlace, list[StudyRow]]
 Leaders = dict[SeriesPlace, SeriesPlace]
-"""Of each setting at a floor the first one at the same floor, in which causes are changed."""
+"""For each setting at a floor the first setting at the same floor, in which causes are changed."""
 
 
 @dataclass(frozen=True)
 class Trade:
-    """What a study found: its settings, the perturbed ones, and verdicts on the series.
+    """Results of a study: rows of its settings and of the perturbed ones, verdicts on the series.
 
-    The cases are those that were judged: of a chaotic motion the run ends at its horizon.
+    The cases are those that were run; the run of a chaotic motion ends at its horizon.
     """
 
     rows: list[StudyRow]
@@ -77,7 +78,7 @@ class Trade:
 
 @dataclass
 class CaseSeries:
-    """A convergence series of one run of a case, and how far it is measured."""
+    """A convergence series of one run of a case, with the rows measured so far."""
 
     case: Case
     run: Kind
@@ -86,20 +87,20 @@ class CaseSeries:
 
     @property
     def series(self) -> ConvergenceSeries:
-        """Whose settings they are."""
+        """The convergence series that is measured."""
         return self.measured.series
 
     def orders(self, kind: str) -> tuple[float, float]:
-        """The observed order and the expected one; NaN where none is expected."""
+        """The observed and the expected order of a kind of error; NaN where none is expected."""
         if not (wanted := expected(self.case, self.run, self.series, kind)):
             return nan, nan
         seen = observed(self.measured.points(kind))
         return seen, nearest(wanted, seen)
 
     def floors(self) -> dict[str, int]:
-        """For each kind of error that may be at a floor the number of the setting to look at.
+        """For each kind of error that may be at a floor the number of the setting to examine.
 
-        The finest of these settings serves all kinds that are flat there.
+        One setting is examined for all these kinds: the finest one that any of them needs.
         """
         found = {
             kind: self.measured.place(points[k][0])
@@ -111,7 +112,7 @@ class CaseSeries:
         return dict.fromkeys(found, last)
 
     def risen(self) -> dict[str, int]:
-        """For each kind whose error grows from some step on the number of the finest setting."""
+        """Number of the finest setting, for each kind of error that grows at the series' end."""
         return {
             kind: self.measured.place(points[-1][0])
             for kind in self.measured.kinds
@@ -120,7 +121,7 @@ class CaseSeries:
         }
 
     def odd(self, kind: str) -> int | None:
-        """The finest setting before a floor of a series with another order than expected."""
+        """Number of the finest setting before a floor if the order is not as expected, or None."""
         return (
             self.measured.place(clear(self.measured.points(kind))[-1][0])
             if off(*self.orders(kind))
@@ -128,7 +129,7 @@ class CaseSeries:
         )
 
     def task(self, k: int) -> StudyRun:
-        """Setting number k."""
+        """The run of setting number k."""
         setting = self.series.settings[k]
         return StudyRun(
             self.case,
@@ -142,7 +143,7 @@ class CaseSeries:
         )
 
     def row(self, size: float) -> StudyRow:
-        """The row of the setting of a size."""
+        """The row of the setting with a size."""
         return self.measured.rows[self.measured.place(size)]
 
 
@@ -157,30 +158,31 @@ def trade(
     repeats: int = REPEATS,
     progress: Progress = lambda *_: None,
 ) -> Trade:
-    """Measure what accuracy costs.
+    """Measure errors and wall times of all convergence series of cases, and judge the series.
 
     Parameters
     ----------
     cases : iterable of Case
     store : Store
-        Of finished runs.
+        Store of finished runs.
     workers : Executor, optional
         See `proofmass.studies.run.pool`.
     kind : {"sweep", "dynamics", "equilibrium"}, optional
-        Which run of the cases; the first of dynamics, equilibrium and sweep that they have.
+        Which run of the cases; if not given, the first of dynamics, equilibrium and sweep that a
+        case has.
     budget : float
         Wall time of a run after which its series ends [s].
     longest : float
         Wall time after which a run is given up [s].
     repeats : int
-        How often settings that may be on the Pareto front are run again for their times.
+        Number of repeats, for wall times, of each setting that may be on the Pareto front.
     progress : callable
         Called as ``progress(label, done, total)``; the total grows with the series.
 
     Raises
     ------
     InputError
-        A case has no such run, or its model is at fault.
+        A case has no such run, or its model has an error.
     """
     if workers is None:
         with pool() as local:
@@ -245,10 +247,10 @@ def trade(
 
 
 def near_front(rows: Sequence[StudyRow]) -> list[int]:
-    """The settings, by number, that may be on the Pareto front of their case and engine.
+    """Numbers of the settings that may be on the Pareto front of their case and engine.
 
-    A setting is one of them if no setting that is as accurate in some kind of error was `NEAR`
-    times as fast; of runs longer than `MOMENT`, `SURE` times.
+    A setting is one of them if for some kind of error no setting that is as accurate was faster by
+    more than the factor `NEAR`, or `SURE` for runs longer than `MOMENT`.
 
     >>> times = [(1e-3, 0.01), (1e-3, 0.014), (1e-3, 0.02), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
     >>> near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
@@ -270,7 +272,7 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
 
 
 def chosen(case: Case, kind: Kind | None) -> Kind:
-    """The run that a study is of."""
+    """The kind of run to study: the given one, else the first of three that the case has."""
     wanted: list[Kind] = [kind] if kind else ["dynamics", "equilibrium", "sweep"]
     for name in wanted:
         if name in case.run:
@@ -281,10 +283,10 @@ def chosen(case: Case, kind: Kind | None) -> Kind:
 
 
 def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
-    """Which settings are at floors, that halvings leave, and which of them are at the same floor.
+    """For each setting at a floor, unchanged by halvings, the first setting at the same floor.
 
-    They are so if all errors that are at a floor are the same, to `SAME`, and are at one in both
-    series.
+    Two settings of a case and engine are at the same floor if all kinds of errors that are at a
+    floor in the later one are so in the first one too, and are equal there up to `SAME`.
     """
     kinds = {(n, k): left_kinds(every[n], k, rows) for (n, k), rows in finer.items()}
     found: Leaders = {}
@@ -312,7 +314,7 @@ def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
 def halve(
     every: list[CaseSeries], store: Store, workers: Executor, longest: float, progress: Progress
 ) -> Halved:
-    """The rows of half and a quarter of the step, wherever a series may be at a floor."""
+    """Rows with half and a quarter of the step, for all settings that may be at a floor."""
     places = [(n, k) for n, one in enumerate(every) for k in dict.fromkeys(one.floors().values())]
     found: Halved = {place: [] for place in places}
     asked = [
@@ -347,13 +349,13 @@ def halve(
 
 
 def left(one: CaseSeries, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
-    """Whether two halvings leave the error of setting number k, which is asymptotic."""
+    """Whether two halvings leave the error of setting number k, and it is asymptotic."""
     rows = [one.measured.rows[k], *finer]
     return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
 def left_kinds(one: CaseSeries, k: int, finer: Sequence[StudyRow]) -> set[str]:
-    """The kinds of errors of setting number k that two halvings leave."""
+    """The kinds of errors of setting number k that are unchanged by two halvings of the step."""
     return {kind for kind, at in one.floors().items() if at == k and left(one, k, kind, finer)}
 
 
@@ -365,9 +367,9 @@ def perturb(
     longest: float,
     progress: Progress,
 ) -> PerturbedRows:
-    """Change each possible cause where halvings leave an error, and where an order is another.
+    """Run each change of a possible cause at floors, and where an order is not the expected one.
 
-    Of settings at the same floor in the first.
+    Among settings at the same floor the causes are changed in the first one.
     """
     places = dict.fromkeys(
         list(leaders.values())
@@ -418,9 +420,10 @@ def disturb(
     workers: Executor,
     longest: float,
 ) -> dict[SeriesPlace, dict[str, float]]:
-    """How far changes by some roundings move the results that may be rounding.
+    """Measure how far roundings move the results whose errors may be due to rounding.
 
-    Those that grow as the step shrinks, and those that nothing else moves.
+    These are the results whose errors grow as the step becomes shorter, and those at a floor that
+    no other cause explains.
     """
     places = {
         (n, k) for n, one in enumerate(every) if one.run == "dynamics" for k in one.risen().values()
@@ -450,22 +453,21 @@ def verdict(
     disturbed: Mapping[SeriesPlace, Mapping[str, float]],
     budget: float,
 ) -> Verdict:
-    """Order and error floor of a series in one kind of error; how far it came where none is shown.
+    """Judge a series in one kind of error: order, error floor, or how far it came without a floor.
 
     Parameters
     ----------
     every, kind : sequence of CaseSeries, str
-        All series, and the kind of error.
+        All series of the study, and the kind of error.
     n : int
-        Number of the series, the first part of the keys of the mappings.
+        Number of the series; the first part of each key of the mappings.
     leaders : mapping of SeriesPlace to SeriesPlace
-        The setting that was examined for another one at the same floor, or for itself.
+        For each setting at a floor the setting in which causes were changed.
     finer, perturbed : mapping of SeriesPlace to list
-        Runs with half and a quarter of the step, and with each possible cause changed, at settings
-        of all series.
+        Rows with half and a quarter of the step, and with each possible cause changed, by setting.
     disturbed : mapping of SeriesPlace to mapping of str to float
-        How far changes by some roundings move the result at a setting, by kind of error, as a share
-        of the range [1].
+        For each setting how far roundings move the result, by kind of error, as a share of the
+        range [1].
     budget : float
         Wall time of a run after which its series ends [s].
     """
@@ -486,7 +488,7 @@ def verdict(
             place = leaders[n, k]
             lead, row = every[place[0]], every[place[0]].measured.rows[place[1]]
             cause, evidence = judge(row.errors[kind], perturbed[place], kind, at_floor=True)
-            why = "no cause that was changed changes it"
+            why = "none of the changed causes changes it"
             floor = rows[k].errors[kind]
             if cause == UNKNOWN:
                 cause, shown = as_rounding(row, kind, disturbed.get(place, {}))
@@ -497,7 +499,7 @@ def verdict(
     elif (k := one.risen().get(kind)) is not None:
         points = one.measured.points(kind)
         cause, evidence = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
-        why, floor = "finer ones are worse", min(error for _, error in points)
+        why, floor = "finer settings are worse", min(error for _, error in points)
     known = bool(cause) and cause != UNKNOWN
     remark = (
         ""
@@ -525,23 +527,23 @@ def verdict(
 
 
 def added_by_drive(row: StudyRow, kind: str) -> str:
-    """What the drives add to an error, which is stated at the state that they really had.
+    """A sentence on the error at the prescribed motion, if most of it is that of the drives.
 
     >>> row = StudyRow("", "", "", "", "", "", 1.0, errors={"position": 1e-6},
     ...                asked={"position": 3e-5})
     >>> added_by_drive(row, "position")
-    'at the motion that drives were asked for the error is 3e-5: their own is added'
+    'at the motion that drives were asked for the error is 3e-5, since their own error is added'
     """
     if not by_drives(row, kind):
         return ""
     return (
-        f"at the motion that drives were asked for the error is {number(row.asked[kind], 2)}: "
-        "their own is added"
+        f"at the motion that drives were asked for the error is {number(row.asked[kind], 2)}, "
+        "since their own error is added"
     )
 
 
 def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[str, str]:
-    """Whether an error is rounding, and by how much changes by some roundings moved the result."""
+    """The cause `ROUNDING` with evidence if roundings move the result by enough, else `UNKNOWN`."""
     moved, error = away.get(kind, NAN), row.errors.get(kind, NAN)
     if not moved >= ROUNDED * error:
         return UNKNOWN, ""
@@ -552,16 +554,16 @@ def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[st
 
 
 def limits(longest: float, budget: float = USUAL) -> str:
-    """What a study goes no further than, in words."""
+    """A sentence on the limits of a study: where series end, and when runs are given up."""
     return (
         f"Limits: a convergence series ends at {number(WORK)} evaluations of forces, after a run "
-        f"of more than {number(budget)} s, or where nothing falls any more; a run is given up "
+        f"of more than {number(budget)} s, or where its errors no longer fall; a run is given up "
         f"after {number(longest)} s (--longest)."
     )
 
 
 def cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
-    """Wall time of the cheapest of the rows that are no further off [s]; NaN if all are."""
+    """Wall time of the cheapest row with an error of at most `error` [s]; NaN if there is none."""
     return min(
         (
             row.seconds
@@ -573,7 +575,7 @@ def cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
 
 
 def write_study(study: Trade, folder: Path) -> None:
-    """``trade.csv``, ``verdicts.json`` and, if causes were changed, ``floors.csv``."""
+    """Write ``trade.csv``, ``verdicts.json`` and, if causes were changed, ``floors.csv``."""
     write_table(study.rows, folder / "trade.csv")
     if study.perturbed:
         write_table(study.perturbed, folder / "floors.csv")
@@ -590,7 +592,7 @@ def read_verdicts(file: Path) -> list[Verdict]:
     Raises
     ------
     InputError
-        Another version did, or something else.
+        The file is not one that this version wrote.
     """
     try:
         return [Verdict(**one) for one in json.loads(file.read_text(encoding="utf-8"))]

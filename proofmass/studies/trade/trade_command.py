@@ -1,4 +1,4 @@
-"""``proofmass trade``: what accuracy costs, and what limits it."""
+"""``proofmass trade``: measure the cost of accuracy, and the error floors that limit it."""
 
 from itertools import groupby
 from pathlib import Path
@@ -21,8 +21,8 @@ from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_varied
 from proofmass.terminal import console, number
 
-WANTED = (1e-4, 1e-6)  # errors whose price the table tells
-SAID = "what the error floor is, or how far the series came"
+WANTED = (1e-4, 1e-6)  # errors for which the table has the wall time
+SAID = "cause of the error floor, or how far the series came"
 
 
 def run_trade(
@@ -34,7 +34,7 @@ def run_trade(
     kind: Kind | None,
     error: str,
 ) -> None:
-    """What ``proofmass trade`` does; `proofmass.cli` says what it is given."""
+    """Run the command ``proofmass trade``; `proofmass.cli` describes its options."""
     with answering(f"{output} keeps the runs"):
         from proofmass.studies.trade.page import write_trade  # matplotlib is slow to load
 
@@ -49,12 +49,12 @@ def run_trade(
 
 
 def has_series(case: Case, kind: Kind | None) -> bool:
-    """Whether a case has a convergence series; says so if not."""
+    """Whether a case has a convergence series; print a message if not."""
     which = chosen(case, kind)
     if list_series(case, which):
         return True
     errors.print(
-        f"{case.name}: nothing to trade in its {which}, which both engines solve to rounding"
+        f"{case.name}: no convergence series in its {which}, which both engines solve to rounding"
     )
     return False
 
@@ -67,7 +67,7 @@ def measured(
     kind: Kind | None,
     longest: float = LONGEST,
 ) -> Trade:
-    """`trade` with a progress bar on standard error, which tells what chaotic motions are."""
+    """Run `trade` with a progress bar on standard error; then print which motions are chaotic."""
     with pool(jobs, dask) as workers, counting(letters=40) as advance:
         study = trade(
             cases, Store(folder / "runs"), workers, kind, longest=longest, progress=advance
@@ -78,7 +78,7 @@ def measured(
 
 
 def show(study: Trade, kind: str) -> None:
-    """A table with one row for each convergence series, on standard output."""
+    """Print a table with one row for each convergence series on standard output."""
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name in (
         "case",
@@ -122,7 +122,7 @@ def show(study: Trade, kind: str) -> None:
 
 
 def format_orders(verdict: Verdict) -> tuple[str, str]:
-    """Orders, the observed one with a mark if theory expects another."""
+    """The observed order, with a mark if theory expects another one, and the expected order."""
     seen, wanted = verdict.observed, verdict.expected
     return (
         f"{seen:.2f}{' !' if off(seen, wanted) else ''}" if seen == seen else "–",

@@ -1,7 +1,8 @@
-"""What can be varied: convergence series, settings that differ in one parameter, coarse to fine.
+"""Convergence series of a case: settings that differ in one parameter, from coarse to fine.
 
-Not the full product, but what somebody would choose between.  Each engine says which settings these
-are; the number of segments of rods is varied in all of them.
+The series are not the full product of all parameters, but settings between which a user would
+choose.  Each engine states them for dynamics; in other runs the number of segments of rods is
+varied.
 """
 
 from collections.abc import Iterator
@@ -16,14 +17,14 @@ from proofmass.strict import Kind
 from proofmass.studies.record import Setting
 from proofmass.wording import format_solver
 
-WORK = 3e4  # evaluations of forces in the longest run, so that series end alike on any machine
+WORK = 3e4  # largest number of evaluations of forces in a run: series end alike on any machine
 
 
 def size(engine: str, varied: str, value: ParameterValue) -> float:
-    """What errors fall with: a step or time constant [s], a share, a length."""
+    """Quantity with which errors should fall: a time step or constant [s], a share, a length."""
     try:
         return engine_of(engine).size(varied, value)
-    except NoEngine:  # a table may have another machine's
+    except NoEngine:  # the table may come from a machine with other engines
         return Engine().size(varied, value)
 
 
@@ -34,9 +35,9 @@ class ConvergenceSeries:
     Attributes
     ----------
     engine, name : str
-        The name is unlike that of any other series of the run.
+        Name of the engine; name of the series, unique in the run.
     varied : str
-        The parameter that they differ in.
+        The parameter that differs.
     settings : tuple of Setting
     """
 
@@ -47,14 +48,14 @@ class ConvergenceSeries:
 
     @property
     def sizes(self) -> list[float]:
-        """What its errors should fall with, setting by setting."""
+        """Size of each setting, with which its errors should fall; see `size`."""
         return [
             size(self.engine, self.varied, one.parameters[self.varied]) for one in self.settings
         ]
 
     @property
     def scaled(self) -> bool:
-        """Whether something else goes with the step: loops get harder with it."""
+        """Whether other parameters change with the time step, such as the stiffness of loops."""
         first, *others = (
             {k: v for k, v in one.parameters.items() if k != self.varied} for one in self.settings
         )
@@ -62,7 +63,7 @@ class ConvergenceSeries:
 
     @property
     def scan(self) -> Scan:
-        """The same as its engine has it."""
+        """The series as the scan of its engine."""
         return Scan(self.name, self.varied, tuple(one.parameters for one in self.settings))
 
 
@@ -79,7 +80,7 @@ def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
     Raises
     ------
     InputError
-        The model is at fault.
+        The model has an error.
     """
     there = dict.fromkeys(solver.partition(":")[0] for solver in case.run[kind].solvers)
     if kind != "dynamics":
@@ -94,7 +95,7 @@ def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
 
 
 def studied(case: Case) -> Studied:
-    """What an engine is given of the dynamics run of a case."""
+    """The description of a case's dynamics run from which an engine lists its settings."""
     driven = bool(case.drive)
     return Studied(
         compiled(case),
@@ -108,21 +109,21 @@ def studied(case: Case) -> Studied:
 
 
 def jolted(case: Case) -> bool:
-    """Whether a dynamics run starts under gravity or in motion."""
+    """Whether a dynamics run starts under gravity or with moving drives."""
     start = grid(case, "dynamics")[:1]
     moving = any(abs(part).max() > 0 for law in laws(case, "dynamics") for part in law(start)[1:])
     return moving or bool(compiled(case).opt.gravity.any())
 
 
 def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
-    """What the model and the sidecar themselves set, one series for each solver of the run.
+    """The setting of the model and the sidecar, as a series of one, for each solver of the run.
 
-    It may run where no other setting does: a stiff mechanism with a tiny mass, for one.
+    It may run where no other setting does, such as for a stiff mechanism with a tiny mass.
     """
     own = float(compiled(case).opt.timestep)
     for solver in case.run[kind].solvers:
         engine, _, variant = solver.partition(":")
-        if variant == "default":  # see the other series
+        if variant == "default":  # the other series have the defaults
             continue
         given = {
             name: tuple(value) if isinstance(value, list) else value
@@ -136,14 +137,15 @@ def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
 
 
 def at_step(setting: Setting, step: float) -> Setting:
-    """A setting with another time step [s], and what goes with it."""
+    """A setting with another time step [s], and with parameters that depend on it."""
     return replace(setting, parameters=engine_of(setting.engine).at_step(setting.parameters, step))
 
 
 def of_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:
-    """Series over the number of segments of all rods, as multiples that suit the samples of a rest.
+    """Scan over the number of segments of all rods.
 
-    A link is straight, so a point between its ends is off by more or less.
+    In equilibrium the numbers suit the samples, so that these lie at the ends of segments: segments
+    are straight, and errors between their ends vary.
     """
     if not case.rod:
         return

@@ -1,5 +1,4 @@
-"""Results of a study of work and precision: the order and the error floor of each convergence
-series, or how far it came; and the front."""
+"""Verdicts on convergence series: order, error floor or how far they came; and the Pareto front."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from proofmass.studies.record import NAN, StudyRow
 
 @dataclass(frozen=True)
 class Verdict:
-    """One series of one run, for one kind of error.
+    """Verdict on one series of one run, for one kind of error.
 
     Attributes
     ----------
@@ -22,20 +21,21 @@ class Verdict:
     kind : str
         The kind of error, such as position.
     observed, expected : float
-        Order of convergence [1] before an error floor, and by theory; NaN where there is none.
+        Order of convergence [1]: observed before an error floor, and expected by theory; NaN where
+        there is none.
     floor : float
         Error floor, as a share of the reference's range [1]: an asymptotic error that two halvings
-        of the step leave and that a cause moves; NaN where none was shown.
+        of the step leave unchanged and that another cause changes; NaN if none was shown.
     cause, evidence : str
         Cause of the floor, and the factors that show it.
     remark : str
-        Cause that moves the error where the observed order is not the expected one.
+        Cause that changes the error, if the observed order is not the expected one.
     reached : str
-        How far the series came, where no floor was shown, and what it would need for 1e-4.
+        How far the series came if no floor was shown, and what it would need for 1e-4.
     worse : str
         A finer setting that is worse than the coarser one before it.
     motion : str
-        How a free motion answers to a disturbed start, where that matters.
+        Response of a free motion to a disturbed start, if it is chaotic or sensitive.
     horizon : float
         Time until which the errors are judged [s]; NaN if that is the whole run.
     """
@@ -58,7 +58,7 @@ class Verdict:
 
 
 def front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
-    """Settings that nothing measured betters in both wall time and error; cheapest first.
+    """The Pareto front: settings that no other beats in both wall time and error; cheapest first.
 
     >>> rows = [StudyRow("", "", "", "", "", "", v, errors={"velocity": e}, seconds=s)
     ...         for v, e, s in ((1, 0.1, 1.0), (2, 0.2, 2.0), (3, 0.01, 3.0))]
@@ -71,7 +71,7 @@ def front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
 
 
 def able(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
-    """Settings that may be on a front: they ran, and have an error of that kind and a time."""
+    """Settings that can be on a front: they ran, and have an error of that kind and a wall time."""
     return [
         row
         for row in rows

@@ -1,4 +1,7 @@
-"""Is a measured setting good by luck?  Once more as its snippet says it, and from another start."""
+"""Verify a setting: run it again as a program or with its snippet, and from a shifted start.
+
+A setting that was good by chance only, such as at the samples of one run, fails here.
+"""
 
 import tempfile
 from dataclasses import dataclass, replace
@@ -28,13 +31,13 @@ from proofmass.wording import number
 from proofmass.worker import TimedOut
 
 FAILED: tuple[type[Exception], ...] = (BadModel, *FAILURES)
-"""What a run may raise."""
-PART = 0.381966  # of a sample; irrational, or some steps would fall where others fell before
+"""Exceptions that a run may raise."""
+PART = 0.381966  # shift of samples, over their distance; irrational, so that no steps coincide
 
 
 @dataclass(frozen=True)
 class Check:
-    """A setting run again, as a program by itself and from a shifted start.
+    """The result of running a setting again: as a program, and from a shifted start.
 
     Attributes
     ----------
@@ -42,22 +45,23 @@ class Check:
         Errors of the run as a program and of that from a shifted start, as shares of the
         reference's range [1]; NaN for a run without a result.
     note : str
-        Why there is no shifted start.
+        Reason why there is no shifted start.
     used : Setting
         The setting as used, with the parameters that the engine chose by itself.
     ran : ProgramRun or None
-        The result of the program; None where there is none, and the setting was run as it is
-        pasted.
+        The result of the program; None if there is no program, and the setting was run with its
+        snippet instead.
     drive : Imposed or None
         How the program moves its drives.
     others : tuple of (Imposed, ProgramRun)
         Each other way to move the drives, with its best gain and the result.
     reason : str
-        Why there is no program.
+        Reason why there is no program.
     again : bool
-        Whether the setting was run from a shifted start: only where the first run is good enough.
+        Whether the setting was run from a shifted start, which needs a first run that is good
+        enough.
     failed : str
-        Why the run from the shifted start has no result.
+        Reason why the run from the shifted start has no result.
     """
 
     fresh: float
@@ -72,15 +76,15 @@ class Check:
     failed: str = ""
 
     def holds(self, wanted: float) -> bool:
-        """Whether both are as good as is asked for."""
+        """Whether the errors of both runs are small enough; the second one if it is possible."""
         return self.fresh <= wanted and (bool(self.note) or self.shifted <= wanted)
 
     @property
     def words(self) -> str:
-        """What the two runs gave."""
+        """Describe the results of both runs."""
         how = f", its drive moved by {drive_words(self.drive)}" if self.drive else ""
         if self.ran is None:
-            first = f"run again with the lines below {number(self.fresh, 2)}"
+            first = f"run again with the lines below {number(self.fresh, 2)} off"
             first += f" (no program: {self.reason})" if self.reason else ""
         elif self.ran.failure:
             first = f"as a program{how}: {self.ran.failure}"
@@ -98,7 +102,7 @@ class Check:
         return f"{first}; {number(self.shifted, 2)} from a shifted start"
 
     def other_drives(self, of: str, wanted: float) -> list[str]:
-        """What other ways to move the drives give, a sentence each."""
+        """Sentences on the results of other ways to move the drives."""
         texts = []
         for drive, ran in self.others:
             if ran.failure:
@@ -124,7 +128,7 @@ def verify(
     drive: str = "",
     compare: bool = False,
 ) -> Check:
-    """Run a setting as a program, and from a shifted start; the error of a failed run is NaN.
+    """Run a setting again, as a program and from a shifted start; errors of failed runs are NaN.
 
     Parameters
     ----------
@@ -137,13 +141,13 @@ def verify(
     wanted : float
         Largest error that is good enough, as a share of the reference's range [1].
     store : Store, optional
-        Keeps the results of programs.
+        Store for the results.
     longest : float
         Wall time after which a program is ended [s].
     drive : str, optional
-        How the program moves its drives, a word of the engine's; ideally, if not given.
+        How the program moves its drives, in the engine's words; the ideal way if not given.
     compare : bool
-        Whether the other ways to move the drives are tried as well, if the first is good enough.
+        Whether other ways to move the drives are tried as well, if the first is good enough.
     """
     setting = Setting(row.engine, row.parameters)
     check = Check(NAN, NAN, "", setting)
@@ -171,10 +175,10 @@ def verify(
 def shifted_once(
     case: Case, kind: Kind, setting: Setting, of: str, store: Store | None
 ) -> tuple[float, str, str]:
-    """The error from a shifted start, why there is no such start, and why its run gave nothing.
+    """Error from a shifted start, reason why there is no such start, reason why its run failed.
 
-    They come from the store if they are there.  A run that took too long is not kept, since
-    another call may have more time.
+    The results are read from the store if they are there.  A run that took too long is not stored,
+    since another call may allow more time.
     """
     least = REFERENCE if kind == "dynamics" and not case.drive else 0.0
 
@@ -209,7 +213,7 @@ def as_program(
     longest: float,
     drive: str = "",
 ) -> Check:
-    """A setting run as a program, with the gain of its drive that suits it best."""
+    """Run a setting as a program, with the gain of its drive that gives the least error."""
     ways = imposed(case, setting.engine)
     known = list(dict.fromkeys(one.kind for one in ways))
     if drive and drive not in known:
@@ -230,7 +234,7 @@ def as_program(
 def other_drives(
     case: Case, check: Check, of: str, store: Store | None, longest: float
 ) -> list[tuple[Imposed, ProgramRun]]:
-    """Of each other way to move the drives the best gain, and what it gives."""
+    """For each other way to move the drives the best gain, and the result of its program."""
     found: dict[str, tuple[Imposed, ProgramRun]] = {}
     for one in imposed(case, check.used.engine):
         if check.drive and one.kind == check.drive.kind:
@@ -247,7 +251,7 @@ def other_drives(
 def ran_as(
     case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
 ) -> ProgramRun:
-    """What the program of a setting gives."""
+    """Run the program of a setting, with a store in a temporary folder if there is none."""
     if store is not None:
         return tried(case, setting, drive, store, longest)
     with tempfile.TemporaryDirectory() as folder:
@@ -255,7 +259,7 @@ def ran_as(
 
 
 def error_or_inf(ran: ProgramRun, of: str) -> float:
-    """The error of what ran; infinite if it has none."""
+    """The error of a program; infinite if it has none."""
     error = ran.errors.get(of, NAN)
     return error if error == error else np.inf
 
@@ -266,7 +270,7 @@ def as_used(case: Case, setting: Setting) -> Setting:
 
 
 def used_here(case: Case, setting: Setting) -> Setting:
-    """The same, in this process."""
+    """The result of `as_used`, computed in this process."""
     changed, run = setting.applied(case, "dynamics")
     if engine_of(setting.engine).chooses == ("timestep",):  # it is known without a run
         step = float(str(setting.parameters.get("timestep", compiled(changed).opt.timestep)))
@@ -275,19 +279,19 @@ def used_here(case: Case, setting: Setting) -> Setting:
 
 
 def again(case: Case, kind: Kind, setting: Setting, steps: int, of: str) -> tuple[float, Setting]:
-    """The error of a setting that is run again, and the setting as it was used."""
+    """Run a setting again: its error, and the setting as it was used."""
     curves, used = fresh(case, kind, setting, steps)
     return error_of(setting.applied(case, kind)[0], kind, curves, of), used
 
 
 def elsewhere(case: Case, kind: Kind, setting: Setting, of: str) -> float:
-    """The error of a setting from a shifted start."""
+    """Run a setting from a shifted start: its error."""
     curves = shifted(case, kind, setting)
     return error_of(setting.applied(case, kind)[0], kind, curves, of)
 
 
 def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
-    """A run anew, with the snippet pasted where it is MJCF; and the setting as it was used."""
+    """Run a setting again, with its snippet in the model if it is MJCF: curves, setting as used."""
     case, run = setting.applied(case, kind)
     there = engine_of(setting.engine).pasted(case.model_path, setting.parameters, steps)
     if there:
@@ -300,19 +304,20 @@ def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves,
 
 
 def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
-    """A run whose samples, and so its start, lie a part of a sample later on the same motion.
+    """Run a setting with all samples, also the start, moved by a part of a sample on the motion.
 
-    A drive goes by its law; a free motion starts from the pose and rates that the general planar
-    solver finds there.  In time neither knows the bends of rods: a key gives them an arc.
+    A driven motion follows its motion profile; a free motion starts from the pose and rates that
+    the general planar solver finds there.  Neither gives the shapes of rods in dynamics, since a
+    key can only start them in an arc.
 
     Raises
     ------
     Unsupported
-        There is no other start; says why.
+        There is no other start; the message says why.
     """
     case, run = setting.applied(case, kind)
     if kind == "equilibrium":
-        raise Unsupported("a rest has one start")
+        raise Unsupported("an equilibrium has one start")
     if case.rod and kind == "dynamics":
         raise Unsupported(
             "rods start in the arcs that the model's key gives them, not with the bends and rates "
@@ -328,7 +333,7 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
 
 
 def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
-    """Largest error of a kind, as a share of range; NaN where the curves have none."""
+    """Largest error of a kind, as a share of the range [1]; NaN if the curves have none."""
     if curves.stopped or not all(np.isfinite(part).all() for part in curves.channels.values()):
         return np.nan
     if curves.drive is None and kind == "dynamics" and curves.x[0] > 0.0:
@@ -337,9 +342,9 @@ def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
 
 
 def from_start(case: Case, kind: Kind, curves: Curves) -> Curves:
-    """Curves of a free motion with the reference's own start before them.
+    """Curves of a free motion that starts later, with the reference's start at time 0 before them.
 
-    The general planar solver takes the first time for that of the start pose.
+    The general planar solver takes the first time of the curves as that of the start pose.
     """
     reference = evaluate(case, kind, np.array([0.0, curves.x[0]]), None).channels
     return replace(
@@ -352,7 +357,7 @@ def from_start(case: Case, kind: Kind, curves: Curves) -> Curves:
 
 
 def used(curves: Curves, setting: Setting) -> dict[str, ParameterValue]:
-    """What an engine stepped with, as parameters: chosen by itself, or fitted to the samples."""
+    """Parameters that an engine chose itself or fitted to the samples in a run."""
     return {
         name: value
         for name in engine_of(setting.engine).chooses
@@ -361,7 +366,7 @@ def used(curves: Curves, setting: Setting) -> dict[str, ParameterValue]:
 
 
 def ran_text(text: str, case: Case, run: Run, engine: str) -> Curves:
-    """A run of a changed model."""
+    """Run a changed model, given as the text of its MJCF."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / case.model_path.name
         model.write_text(text, encoding="utf-8")
@@ -369,7 +374,7 @@ def ran_text(text: str, case: Case, run: Run, engine: str) -> Curves:
 
 
 def moved_on(case: Case, time: float) -> str:
-    """The text of a model whose start key is where its free motion comes to after a time [s]."""
+    """Text of the model with its start key moved to the state of its free motion at a time [s]."""
     root = read_tree(case.model_path)
     key = root.find(f"./keyframe/key[@name='{case.start}']")
     if key is None:
@@ -380,7 +385,7 @@ def moved_on(case: Case, time: float) -> str:
 
 
 def state_at(case: Case, time: float) -> tuple[Array, Array]:
-    """Positions and rates of all joints of a free planar motion after a time [s]."""
+    """Positions and rates of all joints of a free planar motion at a time [s]."""
     spec = mujoco.MjSpec.from_file(str(case.model_path))
     kinds = {
         "jointpos": mujoco.mjtSensor.mjSENS_JOINTPOS,
@@ -389,7 +394,8 @@ def state_at(case: Case, time: float) -> tuple[Array, Array]:
     for joint in spec.joints:
         if joint.type in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
             raise Unsupported(
-                f"the joint {joint.name!r} moves in space; another start is known of planar motions"
+                f"the joint {joint.name!r} moves in space; "
+                "a shifted start is known for planar motions only"
             )
         for word, sensor in kinds.items():
             spec.add_sensor(
@@ -406,7 +412,7 @@ def state_at(case: Case, time: float) -> tuple[Array, Array]:
             control_laws=control_laws(case, "dynamics"),
         )
     except (TypeError, ValueError) as error:
-        raise Unsupported(f"nothing tells another start of this free motion: {error}") from None
+        raise Unsupported(f"no other start of this free motion is known: {error}") from None
     position, rate = (
         np.array([found[f"{word} {joint.name}"][-1] for joint in spec.joints]) for word in kinds
     )

@@ -1,4 +1,4 @@
-"""Rows, error floors, and how far a series came, in words."""
+"""Describe settings, errors, error floors, and how far a series came, in words."""
 
 from math import isfinite
 
@@ -17,13 +17,14 @@ from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import format_solver, number
 
 ASKED = 1e-4
-"""Share of the range that a series is asked for which did not come so far."""
+"""Error [share of the range] for which the needed step of a series is stated."""
 ADDED = 1.5
-"""Times an error, of one to which the drives add their own."""
+"""Ratio of the error at the prescribed motion to that at the motion that drives really had, above
+which most of the error is that of the drives."""
 
 
 def format_setting(row: StudyRow) -> str:
-    """A setting in words.
+    """Describe a setting: its series, and the value of the varied parameter.
 
     >>> row = StudyRow("", "", "", "pymunk", "pymunk at 1 ms, iterations", "iterations", 30)
     >>> format_setting(row)
@@ -38,7 +39,7 @@ def format_setting(row: StudyRow) -> str:
 
 
 def format_varied(row: StudyRow) -> str:
-    """The parameter that its series varies, and its value.
+    """Describe the varied parameter of a setting and its value.
 
     >>> format_varied(StudyRow("", "", "", "mujoco", "MuJoCo RK4", "timestep", 2.5e-3))
     'timestep 2.5 ms'
@@ -48,12 +49,12 @@ def format_varied(row: StudyRow) -> str:
 
 
 def format_setting_briefly(row: StudyRow) -> str:
-    """The same without the engine."""
+    """Describe a setting without its engine."""
     return format_setting(row).removeprefix(format_solver(row.engine)).lstrip(", ")
 
 
 def format_error(row: StudyRow, of: str) -> str:
-    """How large an error is, and how much of it is left at the motion that drives really had.
+    """Describe an error at the prescribed motion, and at that of the drives if it differs much.
 
     >>> row = StudyRow("", "", "", "", "", "", 1e-3, errors={"position": 1e-6},
     ...                asked={"position": 3e-5})
@@ -67,22 +68,22 @@ def format_error(row: StudyRow, of: str) -> str:
 
 
 def by_drives(row: StudyRow, of: str) -> bool:
-    """Whether an error is for the most part that of the drives."""
+    """Whether most of an error is that of the drives."""
     return row.reached(of) > ADDED * row.errors.get(of, NAN)
 
 
 def format_cost(row: StudyRow) -> str:
-    """What a setting costs, and its place on its series."""
+    """Describe the wall time of a setting, and the value of its varied parameter."""
     return f"{number(row.seconds, 2)} s at {format_varied(row)}"
 
 
 def format_floor(verdict: Verdict) -> str:
-    """An error floor in words."""
+    """Describe an error floor and its cause."""
     return f"the error floor is {number(verdict.floor, 2)}, {verdict.cause}"
 
 
 def format_needed_step(error: float, wanted: float, falls: float, row: StudyRow) -> str:
-    """The step that an error would need, and what a run would cost, if an order holds.
+    """Describe the step that a wanted error needs, and the wall time of a run, if an order holds.
 
     >>> row = StudyRow("", "", "", "", "", "timestep", 1e-3, seconds=0.5)
     >>> format_needed_step(4e-4, 1e-4, 2.0, row)
@@ -98,18 +99,19 @@ def format_needed_step(error: float, wanted: float, falls: float, row: StudyRow)
 def format_reached(
     measured: MeasuredSeries, kind: str, expected: float, why: str, ended: str
 ) -> str:
-    """How far a series came that shows no error floor, and what it would need for `ASKED`.
+    """Describe how far a series without an error floor came, and what it would need for `ASKED`.
 
     Parameters
     ----------
     measured, kind : MeasuredSeries, str
         The series with its rows, and the kind of error.
     expected : float
-        Order of convergence by theory [1]: a single refinement counts as an order only near it.
+        Order of convergence by theory [1]; the order of a single refinement counts only if it is
+        near this.
     why : str
-        Why an error that no longer falls is no floor.
+        Reason why an error that no longer falls is not called a floor.
     ended : str
-        What ended the series, if it was not its last setting.
+        Description of what ended the series before its last setting, or empty.
     """
     points = [p for p in measured.every(kind) if isfinite(p[1])]
     if len(points) < 2:
@@ -121,7 +123,7 @@ def format_reached(
     begun = "" if error < ASYMPTOTIC else "not yet asymptotic: "
     alone = observed(measured.points(kind)) != falls
     if not falls > 0 or (alone and not abs(falls - expected) <= WITHIN):
-        why = why or "its last refinements change it, by no order"
+        why = why or "its last refinements change it without an order"
         words = [f"no error floor is shown: {place}, {why}"]
         if begun:
             words = [
@@ -140,7 +142,7 @@ def format_reached(
 
 
 def format_end(measured: MeasuredSeries, budget: float) -> str:
-    """What ended a series before its last setting, if not that its errors fall no further."""
+    """Describe a failure or a too long run that ended a series; empty if its errors settled."""
     last = measured.rows[-1]
     if last.outcome != Outcome.RAN:
         return f"{format_varied(last)}: {last.outcome}"
@@ -150,7 +152,7 @@ def format_end(measured: MeasuredSeries, budget: float) -> str:
 
 
 def format_worsened(measured: MeasuredSeries, kind: str) -> str:
-    """A finer setting that is worse than the one before it, with both; nothing if there is none."""
+    """Describe a finer setting that is worse than the one before it; empty if there is none."""
     if not (pair := worse(measured.every(kind))):
         return ""
     coarse, fine = (

@@ -402,7 +402,7 @@ def test_no_other_start_is_said() -> None:
     case = load_case(shipped("hacksaw_recorded.toml"))
     with pytest.raises(Unsupported, match="recorded curve"):
         shifted(case, "dynamics", Setting("mujoco"))
-    with pytest.raises(Unsupported, match="a rest has one start"):
+    with pytest.raises(Unsupported, match="an equilibrium has one start"):
         shifted(load_case(shipped("rod_cantilever.toml")), "equilibrium", Setting("mujoco"))
 
 
@@ -736,7 +736,8 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     )
     assert verify(fourbar, "equilibrium", at(), "velocity", 3.0) == Check(1.0, 2.0, "", used)
     poor = verify(fourbar, "equilibrium", at(), "velocity", 0.5)
-    assert (poor.fresh, poor.again, poor.words) == (1.0, False, "run again with the lines below 1")
+    assert (poor.fresh, poor.again) == (1.0, False)
+    assert poor.words == "run again with the lines below 1 off"
 
     def fails(error):
         def call(case, kind, function, *told, least=0.0):
@@ -746,9 +747,9 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
 
         return call
 
-    monkeypatch.setattr(module, "limited", fails(Unsupported("a rest has one start")))
+    monkeypatch.setattr(module, "limited", fails(Unsupported("an equilibrium has one start")))
     check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
-    assert (check.fresh, check.note, check.used) == (1.0, "a rest has one start", used)
+    assert (check.fresh, check.note, check.used) == (1.0, "an equilibrium has one start", used)
     assert np.isnan(check.shifted)
     assert check.holds(1.0)
     assert not check.holds(0.9)
@@ -778,14 +779,14 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     assert words(found, fourbar) == [
         "fourbar, dynamics: position within 1.3e-4 of its range",
         "tuned, timestep 1 ms: 2.3e-5 off in 0.51 s, 70 steps",
-        "run again with the lines below 2.2e-5; 4.6e-5 from a shifted start",
+        "run again with the lines below 2.2e-5 off; 4.6e-5 from a shifted start",
         "the defaults were not measured, or did not run",
-        "lucky, timestep 2 ms is 1.2e-5 off, but run again with the lines below 3.1e-5; "
+        "lucky, timestep 2 ms is 1.2e-5 off, but run again with the lines below 3.1e-5 off; "
         "4.1e-4 from a shifted start",
     ]
     once = replace(found, check=replace(found.check, note="a rest -- has one"), refused=())
     assert words(once, fourbar)[2] == (
-        "run again with the lines below 2.2e-5; from a shifted start: a rest -- has one"
+        "run again with the lines below 2.2e-5 off; from a shifted start: a rest -- has one"
     )
     chaotic = replace(once, motion="chaotic: errors are judged up to 15 s")
     assert words(chaotic, fourbar)[-1] == "chaotic: errors are judged up to 15 s"

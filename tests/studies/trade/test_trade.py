@@ -485,4 +485,4 @@ def test_a_model_without_a_sidecar_is_bad_input_and_among_others_passed_over(tmp
 def test_what_has_nothing_to_trade_is_said(tmp_path):
     answer = command(shipped("fourbar.toml"), "--run", "sweep", "-o", tmp_path)
     assert answer.exit_code == 0
-    assert "nothing to trade in its sweep" in answer.output
+    assert "no convergence series in its sweep" in answer.output
