@@ -1,6 +1,5 @@
 """Choosing: the cheapest setting that holds, what turns the choice, lines that can be pasted."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
@@ -23,6 +22,7 @@ from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.solve import plan
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
+from proofmass.studies.trade import verify as verify_module
 from proofmass.studies.trade.choose import (
     MARGIN,
     Cannot,
@@ -41,7 +41,16 @@ from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.studies.trade.verify import PART, Check, fresh, shifted, state_at, verify
+from proofmass.studies.trade.verify import (
+    PART,
+    Check,
+    again,
+    elsewhere,
+    fresh,
+    shifted,
+    state_at,
+    verify,
+)
 from proofmass.worker import TimedOut
 from tests.shipped import shipped
 from tests.studies.trade.trade_rows import series_rows, study, verdict
@@ -57,8 +66,8 @@ def holds(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check
     return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.parameters))
 
 
-def chosen(case: Case, rows: list[StudyRow], wanted: float, **asked: object):
-    return choose(case, "dynamics", rows, wanted, **{"verify": holds, **asked})
+def chosen(case: Case, rows: list[StudyRow], wanted: float, *kind: str, **asked: object):
+    return choose(case, "dynamics", rows, wanted, *kind, **{"verify": holds, **asked})
 
 
 def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
@@ -105,7 +114,7 @@ def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
     }
     assert both == {"mujoco": "mujoco", "pymunk": "pymunk"}
     steps = [
-        chosen(fourbar, series_rows("quick"), 1e-3, of=of).row.value
+        chosen(fourbar, series_rows("quick"), 1e-3, of).row.value
         for of in ("position", "velocity", "acceleration")
     ]
     assert steps == [0.002, 0.0005, 0.000125]  # 10 and 100 times as far off, next power of two
@@ -729,10 +738,9 @@ def test_only_the_step_may_differ_from_the_defaults() -> None:
 def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     """What has no time has no program; both errors are kept."""
     used = Setting("mujoco", {"segments": 20})
-    module = sys.modules[fresh.__module__]
-    found = {"again": (1.0, used), "elsewhere": 2.0}
+    found = {again: (1.0, used), elsewhere: 2.0}
     monkeypatch.setattr(
-        module, "limited", lambda case, kind, function, *told, least=0.0: found[function.__name__]
+        verify_module, "limited", lambda case, kind, function, *told, least=0.0: found[function]
     )
     assert verify(fourbar, "equilibrium", at(), "velocity", 3.0) == Check(1.0, 2.0, "", used)
     poor = verify(fourbar, "equilibrium", at(), "velocity", 0.5)
@@ -741,13 +749,15 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
 
     def fails(error):
         def call(case, kind, function, *told, least=0.0):
-            if function.__name__ == "again":
+            if function is again:
                 return 1.0, used
             raise error
 
         return call
 
-    monkeypatch.setattr(module, "limited", fails(Unsupported("an equilibrium has one start")))
+    monkeypatch.setattr(
+        verify_module, "limited", fails(Unsupported("an equilibrium has one start"))
+    )
     check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
     assert (check.fresh, check.note, check.used) == (1.0, "an equilibrium has one start", used)
     assert np.isnan(check.shifted)
@@ -755,7 +765,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     assert not check.holds(0.9)
     assert Check(1.0, 2.0, "", used).holds(2.0)
     for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
-        monkeypatch.setattr(module, "limited", fails(why))
+        monkeypatch.setattr(verify_module, "limited", fails(why))
         check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
         assert (check.fresh, check.note, check.failed) == (1.0, "", str(why))
         assert check.words.endswith(f"from a shifted start: {why}")
@@ -796,7 +806,7 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     assert "a rest - has one\n" in text  # two dashes would end the comment
     assert "\n-->\n<option" in text
     assert all(len(line) <= 94 for line in printed(found, fourbar).splitlines())
-    assert "from a\n    shifted start\n-->" in printed(found, fourbar)
+    assert "4.1e-4\n    from a shifted start\n-->" in printed(found, fourbar)
     planar = replace(
         once,
         row=replace(once.row, engine="pymunk"),
