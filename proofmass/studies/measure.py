@@ -196,7 +196,7 @@ class StudyRun:
     reference : path, optional
         File of the reference of a free motion; it is written first if it is missing.
     key : str
-        Key of the run in the store, from `proofmass.studies.store.key_of`, if it is known already.
+        Key of the run in the store, if it is known; see `proofmass.studies.store.key_of`.
     timed : bool
         Whether the wall time matters: a short run is then made twice, and the second one timed.
     """
@@ -317,7 +317,8 @@ def write_missing_reference(task: StudyRun, file: Path) -> None:
     """Write the reference of a free motion into a file, if it is not there.
 
     This is done before the run, so that it does not count as time of the run.  If the reference
-    cannot be evaluated, `failed` gets the reason: then no setting of the case has a reference.
+    cannot be evaluated, `failed` gets the reason, and no setting of the case has a
+    reference.
     """
     limits = task.case.run[task.run]
     with writing.setdefault(file, Lock()):

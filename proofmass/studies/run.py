@@ -78,9 +78,9 @@ def run(
 ) -> list[StudyRow]:
     """Run each task once, then up to `repeats` times more for its wall time alone.
 
-    Repeats are made in rounds: all tasks once, then all of them again.  A run longer than `MOMENT`
-    is repeated less often: once, or until all its runs together took `SPAN`.  The wall time of the
-    first run counts as well.
+    Repeats are made in rounds: all tasks once, then all of them again.  A run longer than
+    `MOMENT` is repeated less often: once, or until all its runs together took
+    `SPAN`.  The wall time of the first run counts as well.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def run(
 
 
 def repeats_needed(seconds: float, repeats: int) -> int:
-    """Number of repeats of a run that took `seconds`: all below `MOMENT`, else as `SPAN` allows.
+    """Number of repeats of a run that took `seconds`: less than `repeats` for long runs.
 
     >>> [repeats_needed(seconds, 5) for seconds in (0.01, 0.2, 1.5)]
     [5, 1, 1]
@@ -175,7 +175,7 @@ def is_shared(case: Case, kind: Kind) -> bool:
 
 
 def reference_of(task: StudyRun, store: Store) -> Path | None:
-    """File of the reference of a run, if all settings share it (see `is_shared`); else None."""
+    """File of the reference of a run if `is_shared`, else None."""
     if not is_shared(task.case, task.run):
         return None
     first = replace(task, setting=Setting("mujoco"), key="")

@@ -268,7 +268,7 @@ FEWEST = 2  # samples of a run after its first
 
 
 def with_way(case: Case, far: float) -> Case:
-    """The case with its first drive moving `far` at constant speed, the others in proportion."""
+    """The case with its first drive moving `far` at constant speed, others in proportion."""
     leader = case.drive[0]
     way = float(leader.to or 0.0) - leader.start
     times = far / abs(way)

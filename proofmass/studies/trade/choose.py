@@ -1,8 +1,8 @@
 """Choose the cheapest measured setting with a small enough error, and verify it.
 
 Errors are shares of the reference's range.  A setting is good enough if its measured error times
-`MARGIN` is no larger than the error that is asked for, and further runs confirm it: as a program
-without proofmass, and from a shifted start, where these are possible.
+`MARGIN` is no larger than the error that is asked for, and further runs confirm it: as a
+program without proofmass, and from a shifted start, where these are possible.
 """
 
 from collections import Counter
@@ -177,8 +177,9 @@ def best(
     verdicts = list(verdicts)
     row = min(able, key=lambda row: row.reached(of))
     short = (
-        f"no measured setting has {format_kind(of)} within {number(wanted, 2)} of its range with a "
-        f"margin of {number(MARGIN)}; the best, {format_setting(row)}, is {format_error(row, of)}"
+        f"no measured setting has {format_kind(of)} within {number(wanted, 2)} of its "
+        f"range with a margin of {number(MARGIN)}; the best, {format_setting(row)}, is "
+        f"{format_error(row, of)}"
     )
     more = would_need(able, of, wanted, verdicts, limits)
     if not (floor := floor_at(row, of, verdicts)):
@@ -272,8 +273,8 @@ def beside(
     more = (MARGIN * row.reached(of) / wanted) ** (1 / falls)  # times as many steps
     ratio = more * row.seconds / chosen.seconds
     return (
-        f"{short}; of order {number(falls, 2)} they would take {number(more * row.seconds, 2)} "
-        f"s, {number(ratio, 2)} times as long"
+        f"{short}; of order {number(falls, 2)} they would take "
+        f"{number(more * row.seconds, 2)} s, {number(ratio, 2)} times as long"
     ), ratio
 
 

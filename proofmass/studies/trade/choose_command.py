@@ -251,7 +251,7 @@ def solver_for(case: Case, kind: Kind, drive: str, solver: str) -> str:
 
 
 def slack_for(case: Case, drive: str) -> float:
-    """Cost ratio for `search`: `YIELDING` if the drives of programs yield, else `SLACK`."""
+    """The cost ratio with which `search` follows families, larger for drives that yield."""
     names = dict.fromkeys(name.partition(":")[0] for name in case.run["dynamics"].solvers)
     yields = any(one.kind == drive and one.gain for name in names for one in imposed(case, name))
     return YIELDING if yields else SLACK

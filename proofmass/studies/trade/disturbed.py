@@ -63,13 +63,14 @@ class DisturbedMotion:
     Attributes
     ----------
     growth : float
-        Largest distance from the undisturbed motion, as a share of its range, divided by `NUDGE`
-        [1].
+        Largest distance from the undisturbed motion, as a share of its range, divided by
+        `NUDGE` [1].
     rate : float
-        Rate of exponential growth of the distance [1/s], fitted while it is below `LINEAR`; NaN if
-        the growth is not sustained.
+        Rate of exponential growth of the distance [1/s], fitted while it is below
+        `LINEAR`; NaN if the growth is not sustained.
     horizon : float
-        Time until which the distance is less than `SHARE` [s]; NaN if that is the whole run.
+        Time until which the distance is less than `SHARE` [s]; NaN if that is the whole
+        run.
     until : float
         Length of the run [s].
     """
@@ -89,8 +90,8 @@ class DisturbedMotion:
         if not self.growth >= NOTABLE:
             return ""
         text = (
-            f"a start disturbed by {number(NUDGE)} moves it {number(self.growth, 2)} times as "
-            f"far in {number(self.until)} s"
+            f"a start disturbed by {number(NUDGE)} moves it "
+            f"{number(self.growth, 2)} times as far in {number(self.until)} s"
         )
         text = (
             f"chaotic: {text}, growing by a factor of e every {number(1 / self.rate, 2)} s"
@@ -160,7 +161,8 @@ def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
 def rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
     """Largest change of a run by roundings, for each kind of channel, as a share of its range [1].
 
-    Masses are changed by `ULPS` roundings and the start by one: each step then rounds differently.
+    Masses are changed by `ULPS` roundings and the start by one, after which each step
+    rounds differently.
     """
     other = rounded(task.case, store.folder / "models")
     found = parted(task, other, store, timeout) if other else {}
@@ -304,7 +306,7 @@ def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
 def motions_of(
     cases: list[Case], kinds: list[Kind], store: Store, workers: Executor, timeout: float
 ) -> list[DisturbedMotion | None]:
-    """Call `motion_of` for many cases in parallel, in workers of this machine or of a cluster."""
+    """Call `motion_of` for many cases in parallel, in workers here or of a cluster."""
     futures = [
         workers.submit(motion_of, case, kind, store, timeout)
         for case, kind in zip(cases, kinds, strict=True)

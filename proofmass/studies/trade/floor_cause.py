@@ -178,7 +178,8 @@ def judge(
     Returns
     -------
     cause, evidence : str
-        The cause that moves the error most, or `UNKNOWN`; and the factor of each change, in words.
+        The cause that moves the error most, or `UNKNOWN`; the factor of each change, in
+        words.
     """
     gains: dict[str, float] = {}
     words = []

@@ -170,8 +170,8 @@ def prices(
 ) -> Iterator[list[dict[str, str]]]:
     """Rows of the index, one for each engine.
 
-    For each of `ASKED`, of the first kind of error, a row has the setting to use, its wall time
-    [s], and how many times as long the engine's defaults take.
+    For each of `ASKED`, of the first kind of error, a row has the setting to use, its
+    wall time [s], and how many times as long the engine's defaults take.
     """
     kind = next(iter(kinds(rows)), "")
     for engine in dict.fromkeys(row.engine for row in rows):
@@ -387,8 +387,8 @@ def kind_data(
 ) -> dict[str, Any]:
     """Fronts and error floors of a kind of error, with numbers in place of settings and series.
 
-    `front` is the front of the shortest wall times; `tied` are further settings that may be on it,
-    since their times are uncertain; `band` is the band in which the front lies; `fewest` is the
+    "front" is the front of the shortest wall times; "tied" are further settings that may be on it,
+    since their times are uncertain; "band" is the band in which the front lies; "fewest" is the
     front over steps.
     """
     shown = [row for row in rows if good(row, kind)]
@@ -563,7 +563,8 @@ def place_of(rows: Sequence[StudyRow], row: StudyRow) -> int:
 def timed(row: StudyRow, usual: float) -> str:
     """Wall time of a setting with its interval, in words.
 
-    >>> timed(StudyRow("", "", "", "", "", "", 1.0, seconds=0.01, repeats=(0.01, 0.02)), 1.0)
+    >>> row = StudyRow("", "", "", "", "", "", 1.0, seconds=0.01, repeats=(0.01, 0.02))
+    >>> timed(row, 1.0)
     '10 ms (10 to 20)'
     """
     low, middle, high = interval(row, usual)

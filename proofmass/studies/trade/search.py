@@ -38,17 +38,18 @@ SLACK = 2.0
 """Ratio to the wall time of the cheapest setting up to which settings are followed, and timed again
 in rounds: single runs do not tell smaller ratios apart."""
 SURE = 1.3
-"""The same ratio for runs longer than `MOMENT`, whose single wall times are more certain."""
+"""The same ratio for long runs (`MOMENT`), whose single wall times are more certain."""
 LONG = 0.5  # [s] expected time from which only the cheapest run is made, others if it is not enough
 YIELDING = 40.0
 """The same ratio for drives that yield: the cheapest setting with an ideal drive may cost much less
 than the cheapest one with such drives."""
 PLAIN = 8.0  # the same ratio for the engine's defaults, which are measured for comparison
 BETWEEN = 4.0  # ratio of a step to the next one that is tried to see whether an order holds
-HOPELESS = 3  # steps that fail, or with errors above `COARSE`, after which a family may be given up
+HOPELESS = 3  # steps without a run or an order after which a family may be given up
 STUCK = 0.01
-"""Relative change of an error above `COARSE` over `HOPELESS` steps, each a quarter of the previous
-one, up to which the engine is taken to follow another motion: finer steps do not help."""
+"""Relative change of an error above `COARSE` over `HOPELESS` steps, each a
+quarter of the previous one, up to which the engine is taken to follow another motion: finer steps do
+not help."""
 NARROWER = 1 / 3
 """Least distance of a step between two others from each of them, on the logarithmic scale, over the
 distance of these two."""
@@ -118,8 +119,9 @@ class SettingFamily:
     def finer(self, rows: list[StudyRow], of: str, needed: float, limit: float) -> float | None:
         """The finer step [s] that should be good enough by the order of the last errors, or None.
 
-        If a run with that step should take longer than the limit [s], a step `BETWEEN` times finer
-        is tried to see whether the order holds; if the order is known to hold, no step is tried.
+        If a run with that step should take longer than the limit [s], a step `BETWEEN`
+        times finer is tried to see whether the order holds; if the order is known to hold, no step
+        is tried.
         """
         last = rows[-1]
         if not error(last, of) < COARSE:
@@ -149,10 +151,10 @@ def whole_step(sample: float, wanted: float) -> float:
 def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
     """A step between one that is not good enough and one that is; None if there is little to gain.
 
-    There is little to gain if the two steps are close (`CLOSE`).  For long runs this is also so if,
-    by the order of the two errors, the step that is just good enough is close to the fine one; the
-    order is taken as 1 at most, since a very large error at the coarse step makes it too high.
-    Short runs are tried in any case, since errors need not fall evenly.
+    There is little to gain if the two steps are close (`CLOSE`).  For long runs this is
+    also so if, by the order of the two errors, the step that is just good enough is close to the
+    fine one; the order is taken as 1 at most, since a very large error at the coarse step makes it
+    too high.  Short runs are tried in any case, since errors need not fall evenly.
     """
     if coarse.value < CLOSE * fine.value:
         return None
@@ -370,8 +372,9 @@ def finer_for_drives(
     Returns
     -------
     list of StudyRun
-        Runs of the `BEST` settings with the shortest expected wall times.  The step follows from
-        the error, since a drive of a given gain yields in proportion to the square of the step.
+        Runs of the settings with the shortest expected wall times, `BEST` at most.  The
+        step follows from the error, since a drive of a given gain yields in proportion to the
+        square of the step.
     """
     asked = []
     sample = float(grid(case, "dynamics")[1] - grid(case, "dynamics")[0])
@@ -426,8 +429,9 @@ def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> b
     """Whether another family of the same engine is better, so that finer steps are no use.
 
     The other family has a smaller error in no more time, by more than the uncertainty of single
-    runs, and its errors fall as fast.  If the last `HOPELESS` errors of the family are above
-    `COARSE`, they show no order: then another family with an error well below `COARSE` suffices.
+    runs, and its errors fall as fast.  If the last `HOPELESS` errors of the family are
+    above `COARSE`, they show no order: then another family with an error well below
+    that suffices.
     """
     last = sorted(family.rows, key=lambda row: -row.value)[-HOPELESS:]
     if len(last) < HOPELESS:

@@ -1,8 +1,9 @@
 """Convergence series: one engine parameter from coarse to fine, the order of its errors, its end.
 
 An error floor is claimed only where errors are asymptotic: less than 1e-2 of the range, and changed
-by less than 5 % by each of two halvings of the step (`flat`, `halved`).  A constant error of 0.8 of
-the range is no floor: the engine follows another motion, or one that is out of phase.
+by less than 5 % by each of two halvings of the step (`flat`, `halved`).  A constant
+error of 0.8 of the range is no floor: the engine follows another motion, or one that is out of
+phase.
 
 The errors of a series without an error floor are expected to fall further, with the order of its
 last two steps.  From that follow the step that would be good enough and its cost.
@@ -89,9 +90,9 @@ class MeasuredSeries:
         return list(dict.fromkeys(kind for row in self.rows for kind in row.errors))
 
     def points(self, kind: str) -> list[tuple[float, float]]:
-        """Sizes and errors of the settings from the first with the right motion on (see `COARSE`).
+        """Sizes and errors of the settings from the first with the right motion on.
 
-        Errors of failed runs are infinite.  If no setting has the right motion, these are all
+        The motion is right if the error is below `COARSE`.  Errors of failed runs are infinite.  If no setting has the right motion, these are all
         settings that ran.
         """
         every = self.every(kind)
@@ -190,7 +191,8 @@ def least(points: Points) -> int | None:
 def halved(errors: Sequence[float]) -> bool:
     """Whether an error, and those with half and a quarter of its step, show an error floor.
 
-    >>> halved([1e-3, 1.01e-3, 1e-3]), halved([1e-3, 0.9e-3, 0.85e-3]), halved([0.5, 0.5, 0.5])
+    >>> (halved([1e-3, 1.01e-3, 1e-3]), halved([1e-3, 0.9e-3, 0.85e-3]),
+    ...  halved([0.5, 0.5, 0.5]))
     (True, False, False)
     """
     return (
@@ -222,9 +224,9 @@ def level(points: Points) -> float:
 
 
 def clear(points: Points) -> Points:
-    """The points before the point of `slowed`, without those near the error of that end (`CLEAR`).
+    """The points before that of `slowed`, without those near the error of the end.
 
-    If the last refinement alone does not let the error fall, the points are treated as if they
+    Errors count as near up to the ratio `CLEAR`.  If the last refinement alone does not let the error fall, the points are treated as if they
     ended there.
     """
     first, low = slowed(points), level(points)
@@ -236,7 +238,8 @@ def clear(points: Points) -> Points:
 def observed(points: Points) -> float:
     """The order in the asymptotic range: the mean of the finest two equal orders; NaN without any.
 
-    The two orders are those of two successive refinements among the points of `clear`.
+    The two orders are those of two successive refinements, among the points of
+    `clear`.
 
     >>> observed([(0.4, 9e-2), (0.2, 4e-3), (0.1, 1e-3), (0.05, 2.5e-4)])
     2.0
@@ -274,9 +277,9 @@ def still_falls(points: Points) -> float:
 
 
 def worse(points: Points) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """The two successive points of which the finer is worse by the largest ratio, above `WORSE`.
+    """The two successive points of which the finer is worse by the largest ratio.
 
-    None if there are none.  Failed runs do not count: they have no error.
+    None if no ratio is above `WORSE`.  Failed runs do not count: they have no error.
 
     >>> worse([(1e-3, 1.9e-2), (0.5e-3, 6.8e-2), (0.25e-3, 4e-4)])
     ((0.001, 0.019), (0.0005, 0.068))

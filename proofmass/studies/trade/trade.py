@@ -250,7 +250,8 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
     """Numbers of the settings that may be on the Pareto front of their case and engine.
 
     A setting is one of them if for some kind of error no setting that is as accurate was faster by
-    more than the factor `NEAR`, or `SURE` for runs longer than `MOMENT`.
+    more than the factor `NEAR`, or `SURE` for runs longer than
+    `MOMENT`.
 
     >>> times = [(1e-3, 0.01), (1e-3, 0.014), (1e-3, 0.02), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
     >>> near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
@@ -286,7 +287,8 @@ def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
     """For each setting at a floor, unchanged by halvings, the first setting at the same floor.
 
     Two settings of a case and engine are at the same floor if all kinds of errors that are at a
-    floor in the later one are so in the first one too, and are equal there up to `SAME`.
+    floor in the later one are so in the first one too, and are equal there up to
+    `SAME`.
     """
     kinds = {(n, k): left_kinds(every[n], k, rows) for (n, k), rows in finer.items()}
     found: Leaders = {}
@@ -543,7 +545,7 @@ def added_by_drive(row: StudyRow, kind: str) -> str:
 
 
 def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[str, str]:
-    """The cause `ROUNDING` with evidence if roundings move the result by enough, else `UNKNOWN`."""
+    """Rounding as the cause, with evidence, if it moves the result by enough; else `UNKNOWN`."""
     moved, error = away.get(kind, NAN), row.errors.get(kind, NAN)
     if not moved >= ROUNDED * error:
         return UNKNOWN, ""
@@ -556,8 +558,8 @@ def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[st
 def limits(longest: float, budget: float = USUAL) -> str:
     """A sentence on the limits of a study: where series end, and when runs are given up."""
     return (
-        f"Limits: a convergence series ends at {number(WORK)} evaluations of forces, after a run "
-        f"of more than {number(budget)} s, or where its errors no longer fall; a run is given up "
+        f"Limits: a convergence series ends at {number(WORK)} evaluations of forces, "
+        f"after a run of more than {number(budget)} s, or where its errors no longer fall; a run is given up "
         f"after {number(longest)} s (--longest)."
     )
 

@@ -99,7 +99,7 @@ def format_needed_step(error: float, wanted: float, falls: float, row: StudyRow)
 def format_reached(
     measured: MeasuredSeries, kind: str, expected: float, why: str, ended: str
 ) -> str:
-    """Describe how far a series without an error floor came, and what it would need for `ASKED`.
+    """Describe how far a series without error floor came, and what it needs for `ASKED`.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def test_an_engine_that_holds_already_is_told_as_it_is():
     ("args", "words"),
     [
         ((shipped("pendulum.toml"), "--creep", 1e-6), "no place is at rest in the last tenth"),
-        ((shipped("fourbar.toml"), "--creep", 1e-6), "no motion that is let go"),
+        ((shipped("fourbar.toml"), "--creep", 1e-6), "no free motion in time"),
         ((STICKS, "--creep", 0), "give a speed in m/s, such as 1e-6"),
         ((STICKS, "--creep", "nan"), "give a speed in m/s, such as 1e-6"),
         ((STICKS, "--creep", 1e-6, "--solver", "bullet"), "block_sticks runs in mujoco, pymunk"),
