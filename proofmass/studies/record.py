@@ -243,7 +243,8 @@ def table(rows: Sequence[StudyRow]) -> str:
     """Text of the CSV table of rows, with a header; a cell is empty where a row has no value.
 
     >>> print(table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4",
-    ...                  "timestep", 0.01, {"timestep": 0.01}, {"position": 1e-7})]).partition(",seconds")[0])
+    ...                  "timestep", 0.01, {"timestep": 0.01},
+    ...                  {"position": 1e-7})]).partition(",seconds")[0])
     study,case,run,engine,series,varied,value,parameter.timestep,error.position
     """
     cells = [flat(row) for row in rows]

@@ -119,7 +119,8 @@ def busy(rows: Sequence[StudyRow]) -> list[str]:
         most = max(loaded, key=lambda row: row.load)
         words.append(
             f"The load average was up to {number(most.load, 2)} on "
-            f"{processors(most.machine)} processors while {len(loaded)} of {len(timed)} settings were timed."
+            f"{processors(most.machine)} processors while {len(loaded)} of "
+            f"{len(timed)} settings were timed."
         )
     taken = [row.shared for row in timed if row.shared > TAKEN]
     if len(taken) > SEVERAL * len(timed):

@@ -48,8 +48,8 @@ BETWEEN = 4.0  # ratio of a step to the next one that is tried to see whether an
 HOPELESS = 3  # steps without a run or an order after which a family may be given up
 STUCK = 0.01
 """Relative change of an error above `COARSE` over `HOPELESS` steps, each a
-quarter of the previous one, up to which the engine is taken to follow another motion: finer steps do
-not help."""
+quarter of the previous one, up to which finer steps are taken not to help: the engine follows
+another motion."""
 NARROWER = 1 / 3
 """Least distance of a step between two others from each of them, on the logarithmic scale, over the
 distance of these two."""
@@ -372,9 +372,9 @@ def finer_for_drives(
     Returns
     -------
     list of StudyRun
-        Runs of the settings with the shortest expected wall times, `BEST` at most.  The
-        step follows from the error, since a drive of a given gain yields in proportion to the
-        square of the step.
+        Runs of the settings with the shortest expected wall times, at most `BEST` of
+        them.  The step follows from the error, since a drive of a given gain yields in proportion
+        to the square of the step.
     """
     asked = []
     sample = float(grid(case, "dynamics")[1] - grid(case, "dynamics")[0])

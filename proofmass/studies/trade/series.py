@@ -92,8 +92,8 @@ class MeasuredSeries:
     def points(self, kind: str) -> list[tuple[float, float]]:
         """Sizes and errors of the settings from the first with the right motion on.
 
-        The motion is right if the error is below `COARSE`.  Errors of failed runs are infinite.  If no setting has the right motion, these are all
-        settings that ran.
+        The motion is right if the error is below `COARSE`.  If no setting has the right
+        motion, these are all settings that ran.  Errors of failed runs are infinite.
         """
         every = self.every(kind)
         first = next((k for k, (_, error) in enumerate(every) if error < COARSE), None)
@@ -226,8 +226,8 @@ def level(points: Points) -> float:
 def clear(points: Points) -> Points:
     """The points before that of `slowed`, without those near the error of the end.
 
-    Errors count as near up to the ratio `CLEAR`.  If the last refinement alone does not let the error fall, the points are treated as if they
-    ended there.
+    Errors count as near up to the ratio `CLEAR`.  If the last refinement alone does not
+    let the error fall, the points are treated as if the error slowed there.
     """
     first, low = slowed(points), level(points)
     if first is None and len(points) > 1 and order(*points[-2:]) < FALLS:

@@ -545,7 +545,7 @@ def added_by_drive(row: StudyRow, kind: str) -> str:
 
 
 def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[str, str]:
-    """Rounding as the cause, with evidence, if it moves the result by enough; else `UNKNOWN`."""
+    """Cause and evidence: rounding, if it moves the result by enough; else `UNKNOWN`."""
     moved, error = away.get(kind, NAN), row.errors.get(kind, NAN)
     if not moved >= ROUNDED * error:
         return UNKNOWN, ""
@@ -558,9 +558,9 @@ def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[st
 def limits(longest: float, budget: float = USUAL) -> str:
     """A sentence on the limits of a study: where series end, and when runs are given up."""
     return (
-        f"Limits: a convergence series ends at {number(WORK)} evaluations of forces, "
-        f"after a run of more than {number(budget)} s, or where its errors no longer fall; a run is given up "
-        f"after {number(longest)} s (--longest)."
+        f"Limits: a convergence series ends at {number(WORK)} evaluations of "
+        f"forces, after a run of more than {number(budget)} s, or where its errors no longer fall; "
+        f"a run is given up after {number(longest)} s (--longest)."
     )
 
 
