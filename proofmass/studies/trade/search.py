@@ -372,9 +372,9 @@ def finer_for_drives(
     Returns
     -------
     list of StudyRun
-        Runs of the settings with the shortest expected wall times, at most `BEST` of
-        them.  The step follows from the error, since a drive of a given gain yields in proportion
-        to the square of the step.
+        Runs of the settings with the shortest expected wall times, at most `BEST`.
+        The step follows from the error, since a drive of a given gain yields in proportion to the
+        square of the step.
     """
     asked = []
     sample = float(grid(case, "dynamics")[1] - grid(case, "dynamics")[0])
