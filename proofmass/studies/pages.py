@@ -30,7 +30,7 @@ KINDS = (
         "trade",
         "trade.csv",
         "What accuracy costs",
-        "errors against wall time, orders, error floors and what they are",
+        "errors against wall time, orders, error floors and their causes",
         write_trade,
     ),
     StudyKind(
@@ -44,7 +44,7 @@ KINDS = (
         "diet",
         "diet.columns.md",
         "What a scene needs",
-        "features taken out one by one, what that saves and what it changes",
+        "features removed one by one, what that saves and what it changes",
         write_diet,
     ),
 )

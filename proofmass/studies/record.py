@@ -168,17 +168,17 @@ COLUMNS = {
     "engine": "name of the engine",
     "series": "convergence series that the run belongs to: the parameters that stay, in words",
     "varied": "the parameter that differs from run to run in the series",
-    "value": "of that parameter",
-    "parameter": "its value in the engine, timestep [s]; segments of all rods; a tuple is a JSON "
-    "array",
-    "error": "largest error of the channels of a kind, at the state the drives really had, as a "
-    "share of the range of the reference [1]",
-    "asked": "the same at the state that the drives were asked to have; empty where there are none "
-    "in time [1]",
+    "value": "value of the varied parameter, in its unit",
+    "parameter": "value of each parameter of the engine, timestep in [s]; segments of all rods; a "
+    "tuple is a JSON array",
+    "error": "largest error of the channels of a kind, as a share of the range of the reference "
+    "[1]; the reference is evaluated at the motion that the drives really had",
+    "asked": "as `error`, with the reference at the prescribed motion of the drives; empty if no "
+    "drive moves in time [1]",
     "invariant": "violation: largest distance of points that a loop should hold together [m]; "
     "energy: largest change over the largest kinetic energy, of free motions without "
     "friction [1]; stretch: of rods [1]",
-    "seconds": "least wall time of all runs of the setting, without loading the model [s]",
+    "seconds": "shortest wall time of all runs of the setting, without loading the model [s]",
     "steps": "time steps of dynamics, solved poses otherwise",
     "step": "time step that the engine took in dynamics [s]: the one of `parameter.timestep`, or "
     "the next shorter one of which whole ones lead from sample to sample",
@@ -191,8 +191,8 @@ COLUMNS = {
     "machine": "its processor, and how many it has",
     "outcome": "ran, stopped (a sweep that ended early), diverged, not finite, no reference (at a "
     "pose that the run came to), crashed, timed out, out of memory, unsupported",
-    "message": "what the outcome means",
-    "key": "of the run's files in the store, KEY.npz for its curves",
+    "message": "details of the outcome",
+    "key": "key of the run in the store; KEY.npz has its curves",
 }
 
 

@@ -60,7 +60,7 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.keys: dict[TaskKey, tuple[Case, str]] = {}
         self.known: dict[tuple[str, int], Measurement] = {}  # read or written by this process
-        for half in self.folder.glob(f"*{HALF}"):  # of a study that was killed while it wrote
+        for half in self.folder.glob(f"*{HALF}"):  # left by a study that was killed while it wrote
             if time.time() - half.stat().st_mtime > ABANDONED:
                 half.unlink()
 

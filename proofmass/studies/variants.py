@@ -263,8 +263,8 @@ def bodies(case: Case) -> list[Element]:
     return list(read_tree(case.model_path).iter("inertial"))
 
 
-ROUNDING = 1e-9  # of a number of steps
-FEWEST = 2  # samples of a run after its first
+ROUNDING = 1e-9  # [steps] by which a number of steps may be below a whole one
+FEWEST = 2  # least number of samples after the first one
 
 
 def with_way(case: Case, far: float) -> Case:

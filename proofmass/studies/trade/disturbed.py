@@ -152,7 +152,7 @@ def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
     if motion is None or not motion.horizon > 0 or not table.until or not table.n:
         return case
     samples = round(motion.horizon / table.until * (table.n - 1))
-    samples += samples % 2  # every other sample ends with the last as well
+    samples += samples % 2  # even, so that every other sample includes the last one
     until = samples * table.until / (table.n - 1)
     cut = table.model_copy(update={"n": samples + 1, "until": until})
     return case.model_copy(update={"run": {**case.run, kind: cut}})

@@ -1,10 +1,11 @@
 """Search for the cheapest setting with a small enough error, without measuring all settings.
 
 A family is an engine with values of all parameters but the time step: an integrator, the stiffness
-of loops, the number of iterations of the solver.  The first setting of each family takes one step
-from sample to sample.  The next step is the one that should be good enough by the order of the last
-errors; a family is followed as long as that step should be cheaper than the cheapest setting that
-is good enough already.  The cheapest settings are then timed again in rounds.
+of loops, the number of iterations of the solver.  A family starts with one step from sample to
+sample, or with the step of the model if its settings are the model's own.  The next step is the one
+that should be good enough by the order of the last errors.  A family is followed as long as that
+step should not cost much more than the cheapest setting that is good enough already (`SLACK`).  The
+cheapest settings are then timed again in rounds.
 """
 
 import time
