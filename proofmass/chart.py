@@ -1,4 +1,4 @@
-"""Charts of a case: the function of the reference that makes one, and what it is called with."""
+"""Charts of a case: the functions of the reference that compute them, and their arguments."""
 
 import inspect
 from collections.abc import Callable
@@ -14,12 +14,12 @@ NAMED = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
 
 
 def chart_of(case: Case, table: ChartTable) -> Chart:
-    """What the reference has to show in a chart; may take seconds.
+    """Compute a chart with the reference's function; may take seconds.
 
     Parameters
     ----------
     case, table
-        Which chart of which case.
+        The case, and its table that describes the chart.
 
     Returns
     -------
@@ -28,7 +28,7 @@ def chart_of(case: Case, table: ChartTable) -> Chart:
     Raises
     ------
     InputError
-        As for `bound`; parameters of which the function says that they cannot be.
+        As for `bound`; parameters that the function refuses.
     """
     function = bound(case, table)
     try:
@@ -38,16 +38,21 @@ def chart_of(case: Case, table: ChartTable) -> Chart:
 
 
 def check_charts(case: Case) -> None:
-    """Raise InputError if a chart names a function or a parameter that there is not."""
+    """Raise InputError if a chart names a function or a parameter that does not exist."""
     for table in case.chart:
         bound(case, table)
 
 
 def bound(case: Case, table: ChartTable) -> Callable[[], Chart]:
-    """The function that a chart names, with its parameters; nothing is computed.
+    """Return the function that a chart names, bound to its parameters; nothing is computed.
 
-    The function gets those of the case's parameters that it takes by name; the chart's own come in
-    addition, or instead of them.
+    The function gets those of the case's parameters that it takes by name; the chart's own
+    parameters are added or replace them.
+
+    Raises
+    ------
+    InputError
+        The reference has no such chart, the function has no such parameter, or one is missing.
     """
     there = drawers(case)
     if table.draw not in there:
@@ -78,7 +83,7 @@ def bound(case: Case, table: ChartTable) -> Callable[[], Chart]:
 
 
 def drawers(case: Case) -> dict[str, Callable[..., Chart]]:
-    """Functions of the reference's module that return a chart, by name."""
+    """Return the functions of the reference's module that return a chart, by name."""
     reference = module_of(case)
     if isinstance(reference, Recorded):
         return {}
@@ -91,5 +96,5 @@ def drawers(case: Case) -> dict[str, Callable[..., Chart]]:
 
 
 def place(case: Case, table: ChartTable, key: str) -> str:
-    """Where a key of a chart stands in the sidecar."""
+    """Return the path of a chart's key in the sidecar, for messages."""
     return f"chart.{case.chart.index(table)}.{key}"

@@ -1,7 +1,7 @@
 """The command line: check, report, animate, list, show, explain, design and the studies.
 
-Commands import what they need when they are called, so that help and errors of options come at
-once.
+Each command imports its modules when it is called, so that help and errors of options appear
+without delay.
 """
 
 import sys
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from proofmass.strict import Kind
 
 app = typer.Typer(
-    help="Hold multibody simulators against mathematics.",
+    help="Compare multibody simulators with analytic references.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
 design = typer.Typer(
-    help="Find a mechanism, write it as a case, check it.",
+    help="Find a mechanism, write it as a case, and check the case.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
 )
@@ -49,12 +49,12 @@ FORMER_ERRORS = {"rate": "velocity", "effort": "force"}
 
 
 def parse_error_kind(word: str) -> Errors:
-    """A kind of error by its name.
+    """Return the kind of error that has a name.
 
     Raises
     ------
     typer.BadParameter
-        There is none; says what is meant, for a former name its present one.
+        No kind has this name; the message suggests a similar one, or replaces a former name.
     """
     try:
         return Errors(word)
@@ -68,7 +68,10 @@ ERROR_KINDS = f"<{'|'.join(Errors)}>"
 
 
 def examine(paths: list[Path] | None, jobs: int | None, detectable: bool = True) -> "Result":
-    """`check` with a progress bar on standard error; tables show no detectable changes."""
+    """Check cases with a progress bar, and print errors of the input; both on standard error.
+
+    `detectable` is true where detectable changes are needed; printed tables do not show them.
+    """
     from proofmass.check import check
 
     with counting() as advance:
@@ -78,7 +81,7 @@ def examine(paths: list[Path] | None, jobs: int | None, detectable: bool = True)
 
 
 def complain(found: list[InputError]) -> None:
-    """Bad input, a line each, on standard error."""
+    """Print each error of the input as a line on standard error."""
     for error in found:
         errors.print(Text.assemble(("error: ", "bold red"), str(error)))
 
@@ -88,18 +91,21 @@ def show(
     every_channel: bool = False,
     link: "Callable[[Comparison], str] | None" = None,
 ) -> None:
-    """Print the table, the failures with links if there are any, and the count."""
+    """Print the table of results, the failures, and the number of results with each outcome.
+
+    `link` gives the address of a comparison in a report, which is printed with a failure.
+    """
     from proofmass.terminal import console, failures, summary
 
     out = console()
     for table in summary(result, every_channel, out.width):
         out.print(table)
     for line in failures(result, link):
-        out.print(line, soft_wrap=not out.is_terminal)  # a screen breaks lines between words
+        out.print(line, soft_wrap=not out.is_terminal)  # on a screen rich wraps lines at words
 
 
 def export(file: Path, form: str, result: "Result") -> None:
-    """Write a result in the form of another tool: junit or sarif."""
+    """Write a result to a file in a format that other tools read: ``junit`` or ``sarif``."""
     from proofmass.files import write_whole
     from proofmass.junit import as_junit
     from proofmass.sarif import as_sarif
@@ -112,20 +118,20 @@ def export(file: Path, form: str, result: "Result") -> None:
 def check_command(
     paths: Paths = None,
     json: Annotated[
-        bool, typer.Option("--json", help="One object: comparisons, errors, exit code.")
+        bool, typer.Option("--json", help="Print JSON: comparisons, errors and exit code.")
     ] = False,
     jobs: Jobs = None,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Every channel.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show every channel.")] = False,
     junit: Annotated[
         Path | None,
-        typer.Option("--junit", help="JUnit XML to write: a test a channel.", metavar="FILE"),
+        typer.Option("--junit", help="JUnit XML to write, one test per channel.", metavar="FILE"),
     ] = None,
     sarif: Annotated[
         Path | None,
-        typer.Option("--sarif", help="SARIF 2.1.0 to write: what is wrong.", metavar="FILE"),
+        typer.Option("--sarif", help="SARIF 2.1.0 to write, one result per fault.", metavar="FILE"),
     ] = None,
 ) -> None:
-    """Run every case and hold it against its reference.
+    """Run every case and compare it with its reference.
 
     Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
     checked; 2: bad input, or a file that cannot be written.
@@ -138,7 +144,7 @@ def check_command(
     else:
         show(result, verbose)
     for file, form in ((junit, "junit"), (sarif, "sarif")):
-        if file is not None:  # after the verdicts, which a full disk must not cost
+        if file is not None:  # after the verdicts, which are printed even if the disk is full
             export(file, form, result)
     raise typer.Exit(result.exit_code)
 
@@ -158,7 +164,7 @@ def report_command(
     ] = None,
     figures: Annotated[
         bool,
-        typer.Option("--figures", help="Figures for papers as PNG, and of all curves; slow."),
+        typer.Option("--figures", help="Write figures as PNG too, and those of all curves; slow."),
     ] = False,
     baseline: Annotated[
         Path | None,
@@ -168,12 +174,12 @@ def report_command(
         ),
     ] = None,
     data: Annotated[
-        bool, typer.Option("--data", help="Write the curves as well: CSV, and Parquet if it can.")
+        bool, typer.Option("--data", help="Write the curves as CSV, and as Parquet with pyarrow.")
     ] = False,
 ) -> None:
     """Check every case and write HTML pages with its curves and its mechanism in motion.
 
-    Says what changed since the last report.  Exit codes as for check.
+    Prints what changed since the last report.  Exit codes as for check.
     """
     from proofmass.report import write_report  # matplotlib is slow to load
     from proofmass.report.changes import changes, since
@@ -189,9 +195,8 @@ def report_command(
     last = read_last(output if baseline is None else baseline)
     made = started(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
     result = examine(paths, jobs)
-    show(
-        result, link=partial(link, output)
-    )  # before anything is written: what was found out is not lost with a full disk
+    # printed before any file is written, so that a full disk does not lose the results
+    show(result, link=partial(link, output))
     record = record_of(result, made)
     if last.wrong:
         errors.print(last.wrong)
@@ -226,33 +231,33 @@ def animate_command(
     ] = None,
     run: Annotated[
         Runs | None,
-        typer.Option(help="Which run of the case.", show_default="the first that is not at rest"),
+        typer.Option(help="Run of the case.", show_default="the first that is no equilibrium"),
     ] = None,
     solver: Annotated[
         list[str] | None,
         typer.Option(
-            help="Engine or engine:variant to draw; several times.",
+            help="Engine or engine:variant to draw; can be given several times.",
             show_default="the first of each engine",
         ),
     ] = None,
-    frames: Annotated[int, typer.Option(min=2, max=600, help="Pictures.")] = 60,
-    seconds: Annotated[float, typer.Option(min=0.1, max=600.0, help="How long it plays.")] = 4.0,
+    frames: Annotated[int, typer.Option(min=2, max=600, help="Number of pictures.")] = 60,
+    seconds: Annotated[float, typer.Option(min=0.1, max=600.0, help="Playing time [s].")] = 4.0,
     magnify: Annotated[
         float,
         typer.Option(
-            min=0.0, help="Differences to the reference are drawn so many times as large."
+            min=0.0, help="Factor by which differences to the reference are drawn larger."
         ),
     ] = 1.0,
     samples: Annotated[
         int | None,
         typer.Option(
             min=2,
-            help="Of the run; pictures between them are interpolated.",
+            help="Number of samples of the run; pictures between them are interpolated.",
             show_default="those of the sidecar",
         ),
     ] = None,
 ) -> None:
-    """Write the mechanism in motion as a picture: pale the reference, lines what engines found.
+    """Write an animation of the mechanism: the reference is pale, the engines are lines.
 
     Exit code 0: written; 1: written, but a solver failed or the motion ends early; 2: bad input,
     or a file that cannot be written.
@@ -285,17 +290,17 @@ def animate_command(
 
 @app.command("new")
 def new_command(
-    name: Annotated[str, typer.Argument(help="Of the case, such as arm.")],
+    name: Annotated[str, typer.Argument(help="Name of the case, such as arm.")],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Folder.", metavar="DIR", show_default="."),
+        typer.Option("--output", "-o", help="Folder to write to.", metavar="DIR", show_default="."),
     ] = None,
     model: Annotated[
         Path | None,
         typer.Option("--from", help="A model to write a sidecar for.", metavar="MODEL.xml"),
     ] = None,
 ) -> None:
-    """Write a model and its sidecar that pass at once, or the sidecar of a model that has none."""
+    """Write a model with a sidecar, a case that agrees, or a sidecar for a given model."""
     messages: list[str] = []
     with answering("nothing is written"):
         if model is None:
@@ -303,7 +308,9 @@ def new_command(
 
             files = write_new(name, output or Path())
         elif output is not None:
-            raise ValueError("--output does not go with --from: a sidecar stands beside its model")
+            raise ValueError(
+                "--output does not go with --from: the sidecar is written into the model's folder"
+            )
         else:
             from proofmass.new_from_model import write_proposal
 
@@ -318,10 +325,10 @@ def new_command(
 @app.command("schema")
 def schema_command(
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File.", metavar="FILE")
+        Path | None, typer.Option("--output", "-o", help="File to write.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Print the JSON Schema of a sidecar, with which editors complete and check its keys."""
+    """Print the JSON Schema of a sidecar, by which editors complete and check its keys."""
     from proofmass.files import write_whole
     from proofmass.schema import as_json_text
 
@@ -334,7 +341,7 @@ def schema_command(
 
 @app.command("list")
 def list_command(paths: Paths = None) -> None:
-    """List the cases and their runs; nothing is run."""
+    """List the cases and their runs, without running them."""
     from proofmass.check import called, collect, read, tell_apart
     from proofmass.terminal import case_table, console
 
@@ -358,7 +365,7 @@ def list_command(paths: Paths = None) -> None:
 
 @design.callback()
 def design_command() -> None:
-    """Find a mechanism, write it as a case, check it."""
+    """Find a mechanism, write it as a case, and check the case."""
 
 
 @design.command("balancer")
@@ -374,33 +381,42 @@ def balancer_command(
     table: Annotated[
         Path | None,
         typer.Option(
-            help="Wanted moment over m g r as a CSV file, with "
-            "the columns 'angle \\[deg]' and 'moment [1]', instead."
+            help="Wanted moment over m g r, instead of --target: a CSV file with "
+            "the columns 'angle \\[deg]' and 'moment [1]'."
         ),
     ] = None,
-    segments: Annotated[int, typer.Option(help="3 or 4.")] = 3,
+    segments: Annotated[int, typer.Option(help="Number of segments, 3 or 4.")] = 3,
     springs: Annotated[
         str,
         typer.Option(
-            help="linear, nonlinear (one k and A for all joints) or "
+            help="linear, nonlinear (the same k and A for all joints) or "
             "each (a k and A of its own for each joint)."
         ),
     ] = "linear",
     preload: Annotated[bool, typer.Option("--preload", help="Inner joints preloaded.")] = False,
     preload_joint: Annotated[
         list[int] | None,
-        typer.Option(help="2 or 3: preloaded instead; twice for both of four segments."),
+        typer.Option(
+            help="2 or 3: this joint is preloaded, instead of --preload; with four segments it "
+            "can be given twice."
+        ),
     ] = None,
     free_angle: Annotated[bool, typer.Option("--free-angle", help="Free rest angle.")] = False,
-    contact: Annotated[bool, typer.Option("--contact", help="Joint 2 meets a stop.")] = False,
-    relaxed: Annotated[bool, typer.Option("--relaxed", help="Lengths from 0.1 to 0.9.")] = False,
+    contact: Annotated[
+        bool, typer.Option("--contact", help="Joint 2 meets a joint limit.")
+    ] = False,
+    relaxed: Annotated[
+        bool, typer.Option("--relaxed", help="Relaxed bounds of lengths, 0.1 to 0.9.")
+    ] = False,
     elbow_down: Annotated[
-        bool, typer.Option("--elbow-down", help="Of the last two segments at rest.")
+        bool,
+        typer.Option("--elbow-down", help="Elbow of the last two segments is down at rest."),
     ] = False,
     bound: Annotated[
         list[str] | None,
         typer.Option(
-            help="NAME=LOW:HIGH, instead of the usual bounds of a parameter; several times."
+            help="NAME=LOW:HIGH, instead of the usual bounds of a parameter; can be given several "
+            "times."
         ),
     ] = None,
     power: Annotated[
@@ -408,14 +424,22 @@ def balancer_command(
         typer.Option(
             min=1,
             max=2,
-            help="Of the error in the aim: 2 for the least error, 1 for the best work reduction.",
+            help="Power of the error in the objective: 2 for the least error, 1 for the best work "
+            "reduction.",
         ),
     ] = 2.0,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same design.")] = 1,
-    effort: Annotated[float, typer.Option(min=0.05, max=20, help="Times as many starts.")] = 1.0,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder.")] = Path("design"),
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same design.")] = 1,
+    effort: Annotated[
+        float, typer.Option(min=0.05, max=20, help="Factor on the number of starts.")
+    ] = 1.0,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")] = Path(
+        "design"
+    ),
     pareto: Annotated[
-        bool, typer.Option("--pareto", help="Trade error for evenly shared energy as well.")
+        bool,
+        typer.Option(
+            "--pareto", help="Find the Pareto front of error and evenly shared energy as well."
+        ),
     ] = False,
     catalogue: Annotated[
         Path | None,
@@ -427,15 +451,15 @@ def balancer_command(
     extension: Annotated[
         str | None,
         typer.Option(
-            help="E1:E2, of a pendulum with r/r0 = 1 + E1 alpha + E2 alpha^2; the target is the "
-            "weight on it."
+            help="E1:E2 of a pendulum with r/r0 = 1 + E1 alpha + E2 alpha^2; the target is then "
+            "the moment of its weight."
         ),
     ] = None,
     strips: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file of the strips that a maker has, to make a clock spring for each joint; "
-            "docs/balancer.md has its columns."
+            help="CSV file of the strips that a maker offers; a clock spring is made of them for "
+            "each joint. docs/balancer.md describes the columns."
         ),
     ] = None,
     moment: Annotated[
@@ -444,15 +468,15 @@ def balancer_command(
     beside: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Sidecar of a balancer to draw beside "
-            "it, such as models/balancers/balancer_sine.toml; several times."
+            help="Sidecar of a balancer to compare with "
+            "it, such as models/balancers/balancer_sine.toml; can be given several times."
         ),
     ] = None,
 ) -> None:
     """Find the balancer that meets a moment-angle characteristic best.
 
-    Writes the case with its report, design.json, and the state of the search: a search that was
-    interrupted goes on where it stopped when it is called again in the same way. Exit codes as for
+    Writes the case with its report, design.json, and the state of the search. An interrupted
+    search continues where it stopped when the same command is given again. Exit codes as for
     check.
     """
     from proofmass.design.command import design_balancer
@@ -505,9 +529,9 @@ def trade_command(
         ),
     ] = Errors.position,
 ) -> None:
-    """Measure what accuracy costs: settings from coarse to fine, orders, error floors, prices.
+    """Measure what accuracy costs: convergence series of settings, orders, error floors, costs.
 
-    Every finished run is kept: a study that was stopped goes on when the command is given again.
+    Every finished run is stored: a stopped study continues when the command is given again.
 
     Exit code 0: done; 1: nothing ran; 2: bad input.
     """
@@ -528,20 +552,20 @@ def diet_command(
         typer.Option(
             "--output",
             "-o",
-            help="The reduced model; the table stands beside it.",
+            help="File of the reduced model; the table is written beside it.",
             show_default="diet/MODEL.xml",
         ),
     ] = None,
     seconds: Annotated[
-        float, typer.Option(min=1e-3, help="To follow a model without a sidecar, from its key.")
+        float, typer.Option(min=1e-3, help="Duration of the motion of a model without a sidecar.")
     ] = 5.0,
     watch: Annotated[
         list[str] | None,
         typer.Option(
             "--watch",
-            help="A joint, body, site or sensor "
-            "that matters; what does not act on it goes. Can be given again. Without it "
-            "all that is measured, or moves, is monitored.",
+            help="A joint, body, site or sensor to monitor; features that do not act on it are "
+            "removed. Can be given several times. Without it all that is measured, or moves, is "
+            "monitored.",
         ),
     ] = None,
     error: Annotated[
@@ -549,31 +573,31 @@ def diet_command(
         typer.Option(
             "--error",
             min=0.0,
-            help="How far other options of "
-            "the engine may take a channel from the fine solution, as a share of its "
-            "range. Without a sidecar; a tenth more than now if not given.",
+            help="For a model without a sidecar: largest distance of a channel to the fine "
+            "solution, as a share of its range, that other options of the engine may cause; a "
+            "tenth more than with the present options if not given.",
         ),
     ] = None,
     keep_options: Annotated[
         bool,
         typer.Option(
             "--keep-options",
-            help="The engine's options stay as they are; nothing goes but what changes no run.",
+            help="Keep the engine's options, and remove only what changes no run.",
         ),
     ] = False,
     blind: Annotated[
-        bool, typer.Option("--blind", help="Geoms that are only drawn go as well.")
+        bool, typer.Option("--blind", help="Remove geoms that are only drawn as well.")
     ] = False,
     jobs: Jobs = None,
     dask: Dask = None,
 ) -> None:
     """Find what a scene does not need, and write the model without it.
 
-    Each feature is taken out by itself and every run is done again: those of the sidecars, within
-    their tolerances, or the motion from the model's key, to rounding. Then solver tolerance,
-    iterations, time step, integrator and solver are made cheaper where the error of the reference,
-    or the distance to the fine solution, allows it. What was tried is kept: a diet that was stopped
-    goes on when the command is given again. Exit code 0: done; 2: bad input.
+    Each feature is taken out by itself and every run is repeated: the runs of the sidecars must
+    stay within their tolerances, the motion from the model's key must stay the same to rounding.
+    Then cheaper solver tolerances, iterations, time steps, integrators and solvers are chosen where
+    the error to the reference, or the distance to the fine solution, allows it. Trials are stored:
+    a stopped diet continues when the command is given again. Exit code 0: done; 2: bad input.
     """
     from proofmass.studies.diet.diet import run_diet
 
@@ -590,12 +614,13 @@ def choose_command(
     creep: Annotated[
         float | None,
         typer.Option(
-            help="Instead: largest speed in m/s at which what friction holds may creep.",
+            help="Instead of --error: largest speed in m/s at which bodies that friction holds may "
+            "creep.",
             metavar="SPEED",
         ),
     ] = None,
     of: Annotated[
-        Errors, typer.Option(help="Of what.", parser=parse_error_kind, metavar=ERROR_KINDS)
+        Errors, typer.Option(help="Kind of error.", parser=parse_error_kind, metavar=ERROR_KINDS)
     ] = Errors.position,
     solver: Annotated[
         str, typer.Option(help="The only engine to choose from.", show_default="any")
@@ -607,8 +632,8 @@ def choose_command(
     drive: Annotated[
         str,
         typer.Option(
-            help="How the program moves its drives, a word of the "
-            "engine's such as servo; docs/studies.md has them.",
+            help="How the program moves its drives: a word that the "
+            "engine knows, such as servo; docs/studies.md lists them.",
             show_default="the first of these, which is ideal",
         ),
     ] = "",
@@ -622,7 +647,7 @@ def choose_command(
         ),
     ] = None,
     store: Annotated[
-        Path, typer.Option("--store", help="Folder of proofmass trade; what it lacks is run.")
+        Path, typer.Option("--store", help="Folder of proofmass trade; missing runs are added.")
     ] = Path("trade"),
     jobs: Jobs = None,
     dask: Dask = None,
@@ -631,14 +656,15 @@ def choose_command(
         float, typer.Option(help="Wall time of all runs of the search together.", metavar="SECONDS")
     ] = BUDGET,
 ) -> None:
-    """Find the cheapest setting whose error is as small as is asked for.
+    """Find the cheapest setting whose error is no larger than the given one.
 
-    Its measured error must be half of that.  Then it is run as a program of its own, without
-    proofmass, and from a shifted start, and both errors must be as small as is asked for.  The
-    program is written with -o; without it the lines of the setting are printed, to paste.
+    Its measured error must be no larger than half of that.  The setting is then run as a program
+    of its own, without proofmass, and from a shifted start, and neither error may be larger than
+    the given one.  The program is written with -o; without -o the lines of the setting are printed.
 
     With --creep a motion that ends at rest is run as a program, and a setting is proposed with
-    which contacts hold as still as is asked for.  --of, --drive, --store and --budget are not used.
+    which contacts creep no faster than the given speed.  --of, --drive, --store and --budget are
+    not used.
 
     Exit code 0: found; 1: no setting is good enough; 2: bad input.
     """
@@ -681,14 +707,14 @@ def stress_command(
     ] = Path("stress"),
     jobs: Jobs = None,
     dask: Dask = None,
-    only: Annotated[str, typer.Option(help="Only parameters whose names have this in them.")] = "",
+    only: Annotated[str, typer.Option(help="Only parameters whose names contain this text.")] = "",
 ) -> None:
-    """Turn everything to its extreme until a run fails, and bisect each boundary to 1 %.
+    """Increase or decrease each parameter until a run fails, and bisect the boundary to 1 %.
 
     Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
-    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, with
-    the limits that theory knows beside the measured ones. Every run is kept: a study that was
-    stopped goes on when the command is given again. Exit code 0: done; 2: bad input.
+    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, whose
+    measured limits are compared with those of theory. Every run is stored: a stopped study
+    continues when the command is given again. Exit code 0: done; 2: bad input.
     """
     from proofmass.studies.stress.stress import run_stress
 
@@ -699,7 +725,7 @@ def stress_command(
 def show_command(
     path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
 ) -> None:
-    """Print the sidecar of a case with all that it leaves to defaults.
+    """Print the sidecar of a case with the default values of all keys that it leaves out.
 
     The text is a sidecar of the same case. Nothing is run. Exit code 0, or 2: bad input.
     """
@@ -717,13 +743,13 @@ def show_command(
 @app.command("explain")
 def explain_command(
     path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
-    json: Annotated[bool, typer.Option("--json", help="One object: all that was found.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON: all that was found.")] = False,
     jobs: Jobs = None,
 ) -> None:
-    """Tell who checks what in a case, and which wrong numbers of its model nobody would notice.
+    """List what the runs of a case check, and which wrong numbers of its model no run notices.
 
-    Each number of the model is changed and the runs are done again. What was found is kept: the
-    command goes on where it was stopped, and answers at once the second time. Exit code 0: done;
+    Each number of the model is changed and the runs are repeated. Results are stored: a stopped
+    command continues where it stopped, and a second call answers at once. Exit code 0: done;
     2: bad input.
     """
     from proofmass.explain import run_explain

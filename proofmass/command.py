@@ -1,4 +1,4 @@
-"""What all commands share: options, errors in a line, exit codes, a bar that counts."""
+"""What all commands share: options, errors as one line, exit codes, and a progress bar."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -13,45 +13,45 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from proofmass.errors import InputError
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
-PAUSE = 10.0  # s
+PAUSE = 10.0  # [s] after which progress without a terminal prints a line again
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
 
 Jobs = Annotated[
     int | None,
-    typer.Option("--jobs", "-j", min=1, help="Runs side by side.", show_default="processors"),
+    typer.Option("--jobs", "-j", min=1, help="Runs in parallel.", show_default="processors"),
 ]
 Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
 
 
 @contextmanager
 def answering(kept: str) -> Iterator[None]:
-    """Say in a line what is wrong with the input, or after Ctrl-C what is `kept`; then exit."""
+    """Print errors of the input, or after Ctrl-C what is `kept`, as one line, and exit."""
     from proofmass.sim.protocol import BadModel  # numpy and pydantic are slow to load
 
     try:
         yield
     except (KeyboardInterrupt, InputError, BadModel, ValueError, OSError) as error:
         if interrupted(error):
-            errors.print(f"stopped; {kept}: the same command goes on from there")
+            errors.print(f"stopped; {kept}; to go on, give the same command again")
             raise typer.Exit(INTERRUPTED) from None
         errors.print(f"error: {in_words(error)}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
 
 
 def not_one_case(path: Path) -> InputError:
-    """The error of a path that is not the sidecar of a single case."""
+    """Return the error of a path that is not the sidecar of a single case."""
     return InputError(
         path, "", "give the sidecar of one case, such as models/linkages/fourbar.toml"
     )
 
 
 def one_case(path: Path) -> Path:
-    """The sidecar that a path is, or that belongs to the model that it is.
+    """Return a path if it is a sidecar, or the sidecar of the model that the path names.
 
     Raises
     ------
     InputError
-        It is not the sidecar of a single case.
+        The path is neither the sidecar of a single case nor its model.
     """
     from proofmass.check import find
 
@@ -62,14 +62,14 @@ def one_case(path: Path) -> Path:
 
 
 def in_words(error: BaseException) -> str:
-    """What an error says, with the file first if the system refused one."""
+    """Return the text of an error, of an error of the system with the file first."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'a file'}: {error.strerror}"
     return str(error)
 
 
 def interrupted(error: BaseException | None) -> bool:
-    """Whether it all began with Ctrl-C: a file that it finds half packed complains for itself."""
+    """Whether Ctrl-C caused an error: it interrupts the packing of a file, which then fails too."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__context__
     return error is not None
@@ -79,10 +79,11 @@ def interrupted(error: BaseException | None) -> bool:
 def counting(
     total: int | None = None, letters: int | None = None
 ) -> Iterator[Callable[[str, int, int], None]]:
-    """A bar on standard error: call it as ``progress(label, done, total)``.
+    """Show a progress bar on standard error; yields a function ``advance(label, done, total)``.
 
-    Labels are cut to so many letters.  Where standard error is no terminal there are lines in place
-    of the bar: one for each first word of a label, which is a case, and one every `PAUSE` seconds.
+    Labels are cut to `letters` characters.  Where standard error is no terminal, lines are printed
+    instead of the bar: one for each new first word of a label, which is a case, and otherwise at
+    most one every `PAUSE` seconds.
     """
     if not errors.is_terminal:
         yield lines()
@@ -103,7 +104,7 @@ def counting(
 
 
 def lines() -> Callable[[str, int, int], None]:
-    """Progress as lines, for a log."""
+    """Return a function ``advance(label, done, total)`` that prints lines for a log."""
     announced, last = set[str](), time.monotonic()
 
     def advance(label: str, done: int, total: int) -> None:

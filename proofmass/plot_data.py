@@ -1,4 +1,4 @@
-"""What a view shows of the reference: its curves by name, their units, and places worth a mark."""
+"""What a view shows of the reference: its curves by name, their units, and marked places."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ from proofmass.sim.protocol import Curves
 
 @dataclass(frozen=True)
 class PlotData:
-    """Values (n,) and units of all that a view names, and where on x something happens."""
+    """Values (n,) and units of all names in a view, and marked places on x by their words."""
 
     values: dict[str, Array]
     units: dict[str, str]
@@ -35,20 +35,21 @@ def plot_data(
     beside: str | None = None,
     reference: Curves | None = None,
 ) -> PlotData:
-    """The reference in a view, at the state that the drives really had in a run.
+    """Evaluate the reference for a view, at the state that the drives really had in a run.
 
     Parameters
     ----------
     case, view
-        Which view of which case.
+        The view, and the case that it belongs to.
     curves : Curves
-        Of a solver; only its x and its drives are used, and what views show of the reference that
-        it was compared with, if it was.
+        Curves of a solver; only x, the drives and, if the curves were compared, the stored curves
+        of their reference are used.
     beside : str, optional
-        A parameter set of the case to take instead of its own.
+        Name of a parameter set of the case that replaces the case's own parameters.
     reference : Curves, optional
-        The reference's channels at that state, for the case's own parameters, if they are not with
-        the curves.  The reference is evaluated where the view names more than what is there.
+        The reference's channels at that state, for the case's own parameters, if they are not
+        stored with the curves.  The reference is evaluated only where the view names curves that
+        are not stored.
 
     Returns
     -------
@@ -57,8 +58,8 @@ def plot_data(
     Raises
     ------
     InputError
-        A name that is no channel, no driven joint and no quantity of the reference; a unit that
-        nobody tells; parameters of which the reference says that they cannot be.
+        A name that is no channel, no driven joint and no quantity of the reference; a missing
+        unit; parameters that the reference refuses.
     """
     recorded = case.recorded
     state = None if recorded else curves.drive
@@ -92,7 +93,7 @@ def plot_data(
 
 
 def named(view: View) -> dict[str, tuple[str, ...]]:
-    """The names that a view uses, key by key."""
+    """Return the names that a view uses, by the key of the sidecar."""
     return {
         "x": (view.x,),
         "y": view.y,
@@ -102,14 +103,15 @@ def named(view: View) -> dict[str, tuple[str, ...]]:
 
 
 def place(case: Case, view: View, key: str) -> str:
-    """Where a key of a view stands in the sidecar."""
+    """Return the path of a view's key in the sidecar, for messages."""
     return f"view.{case.view.index(view)}.{key}"
 
 
 def unit(case: Case, view: View, key: str, name: str) -> str:
-    """Unit of a name: its channel's, its joint's, that of a channel which equals it, or as stated.
+    """Return the unit of a name in a view.
 
-    What is `dashed` is else in the unit of what it is held against.
+    It is the unit of the channel or joint with that name, of a channel that equals the quantity, or
+    the unit that the view states.  A curve of `dashed` without any has that of the first of `y`.
     """
     reference, given = module_of(case), "x_unit" if key == "x" else "unit"
     if name in case.channels:
@@ -139,7 +141,7 @@ def unit(case: Case, view: View, key: str, name: str) -> str:
 
 
 def marks(case: Case, view: View) -> dict[str, float]:
-    """Places on x by what happens there, named by the sidecar or by the reference's module."""
+    """Return marked places on x by their words, from the sidecar or a function of the reference."""
     if not isinstance(view.marks, str):
         return dict(view.marks)
     key = place(case, view, "marks")
@@ -169,7 +171,7 @@ def marks(case: Case, view: View) -> dict[str, float]:
 
 
 def tells(reference: object, name: str) -> bool:
-    """Whether a function of a reference's module tells places by words."""
+    """Whether a function of a reference's module returns places by words, as marks of views do."""
     annotations = getattr(getattr(reference, name), "__annotations__", {})
     return bool(annotations.get("return") == dict[str, float])
 

@@ -1,7 +1,7 @@
 """pytest items from sidecars: one for each solver of a case.
 
-``pytest models/linkages/fourbar.toml`` runs a case, and with ``::pymunk`` behind it one solver.
-An item fails where ``proofmass check`` would: same code, same tolerances.
+``pytest models/linkages/fourbar.toml`` runs a case, and with ``::pymunk`` appended one solver.
+An item fails where ``proofmass check`` would fail: it runs the same code with the same tolerances.
 """
 
 from collections.abc import Iterator
@@ -21,23 +21,23 @@ from proofmass.refinement import refinements
 
 VERDICTS = partial(compare, detectable=False)
 loaded = cache(load)
-"""A case that has been checked before its first item runs."""
+"""Load and validate a case once, before its first item runs."""
 
 
 def is_sidecar(path: Path) -> bool:
-    """A TOML file beside an MJCF file, or one that names a reference."""
+    """Whether a file is TOML beside an MJCF file of the same name, or TOML with a reference."""
     return path.suffix == ".toml" and (
         path.with_suffix(".xml").is_file() or "\nreference" in path.read_text(errors="replace")
     )
 
 
 def pytest_collect_file(file_path: Path, parent: Any) -> "SidecarFile | None":
-    """Collect sidecars."""
+    """Collect a file if it is a sidecar."""
     return SidecarFile.from_parent(parent, path=file_path) if is_sidecar(file_path) else None
 
 
 class SidecarFile(pytest.File):
-    """A sidecar; its items are its solvers."""
+    """A sidecar as a pytest file; its items are its solvers."""
 
     def collect(self) -> Iterator["SolverItem"]:
         """One item for each solver, over all the runs that use it."""
@@ -47,7 +47,7 @@ class SidecarFile(pytest.File):
             yield SolverItem.from_parent(self, name=solver, case=case)
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
-        """Bad input is a line, not a traceback."""
+        """Show bad input as its message, without a traceback."""
         return plain(excinfo) or super().repr_failure(excinfo)
 
 
@@ -59,8 +59,10 @@ class SolverItem(pytest.Item):
         self.case = case
 
     def runtest(self) -> None:
-        """Run and compare; skipped when nothing of this solver is checked, failed when nothing of
-        the whole case is and its sidecar does not say so.
+        """Run the solver and compare its curves.
+
+        The item is skipped where nothing of this solver is checked.  It fails where nothing of the
+        whole case is checked and the sidecar does not say so.
         """
         loaded(self.case.file)
         comparisons, causes = list[Comparison](), list[Diagnosis]()
@@ -93,19 +95,19 @@ class SolverItem(pytest.Item):
             pytest.skip("shown, not checked: no tolerance")
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
-        """A disagreement is its lines, not a traceback."""
+        """Show a disagreement as its message, without a traceback."""
         return plain(excinfo) or super().repr_failure(excinfo)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
-        """Where the item comes from."""
+        """Return the file and the name of the item for pytest's reports."""
         return self.path, None, f"{self.case.name}::{self.name}"
 
 
 class Disagreement(Exception):
-    """Curves that differ from the reference by more than their tolerance, or have none at all."""
+    """A run whose outcome is not good, or a case without any tolerance that does not say so."""
 
 
 def plain(excinfo: Any) -> str | None:
-    """The message of an error that explains itself."""
+    """Return the message of an error that needs no traceback; None for other errors."""
     known = (InputError, Disagreement, *FAILURES)
     return str(excinfo.value) if isinstance(excinfo.value, known) else None

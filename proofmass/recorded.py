@@ -1,12 +1,12 @@
 """Recorded curves: a CSV file from a test rig or another program.
 
-A file is a reference, one of the parties that are held against a reference, or the motion of a
+A file is a reference, one of the parties that are compared with a reference, or the motion of a
 drive.  Every column's header is a name with its unit in brackets: ``t [s], theta2 [deg], r1 [mm]``.
-Units are brought to SI and radians.  The first column of a reference is x and rises.
+Values are converted to SI units and radians.  The first column of a reference is x and rises.
 
 The file is in UTF-8, with or without a byte order mark, in UTF-16 with one, or else in
 Windows-1252, as spreadsheets write it.  Cells are separated by commas, or by semicolons or tabs if
-the header has them; only then a number may have a decimal comma.
+the header has them; only in the latter case may a number have a decimal comma.
 """
 
 import codecs
@@ -28,13 +28,14 @@ from proofmass.files import read_bytes
 from proofmass.strict import Strict
 from proofmass.units import same_quantity, si_unit
 
-KEPT = 16  # files that are kept as they were read
-TIGHT = 1e-9  # share of the usual spacing of rows: what is so near to a row is at the row
-ENOUGH = 16  # rows of which every fourth is enough for a spline
-NEAR = 4  # rows to each side that tell how an error falls where the rows stand closer
-FALLS = 0.1  # share of an error that half the spacing leaves at most where it falls as a cubic's
+KEPT = 16  # files that are kept in memory after they were read
+TIGHT = 1e-9  # of the median spacing of rows: a place no farther from a row is at the row
+ENOUGH = 16  # least number of rows: a spline through every fourth then has at least four points
+NEAR = 4  # rows to each side whose errors decide how the error falls with the spacing
+FALLS = 0.1  # largest ratio of the errors at 2 and 4 times the spacing where the error is a cubic's
 SMOOTH, BENT, AT_END = 2 / 16, 2.0, 2.0
-"""Times the error at twice the spacing that is stated; see `interpolated`."""
+"""Factors on the error at twice the spacing: on smooth stretches, at bends, and at both ends in
+addition; see `interpolated`."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,9 @@ class Recorded:
 class RecordedColumn(Strict):
     """A column of a recorded file, and the curve that it stands for: scale * column + shift.
 
-    `unit` is that of the column where its header tells none, and `shift` is in the column's unit.
-    `unwrap` takes out the whole turns by which an angle jumps.  A name alone stands for a table
-    with that `column`.
+    `unit` is the unit of the column where its header has none, and `shift` is in the column's unit.
+    `unwrap` removes the whole turns by which an angle jumps.  A name alone stands for a table with
+    that `column`.
     """
 
     column: str
@@ -75,16 +76,16 @@ class RecordedColumn(Strict):
 
 @dataclass(frozen=True)
 class RecordedTable:
-    """A CSV file as it was read.
+    """The contents of a CSV file.
 
     Attributes
     ----------
     file : Path
     units : dict of str to str
-        By the names of the columns what their headers have in brackets; empty where that is
-        nothing.  Columns of a file without a header are called ``1``, ``2``, ...
+        Text in brackets of each column's header, by the name of the column; empty where there is
+        none.  Columns of a file without a header are called ``1``, ``2``, ...
     rows : tuple of (int, list of str)
-        Numbers of lines, and cells.
+        Number of the line in the file, and cells, of each row.
     """
 
     file: Path
@@ -92,27 +93,27 @@ class RecordedTable:
     rows: tuple[tuple[int, list[str]], ...]
 
     def line(self, row: int) -> str:
-        """Where a row stands in the file."""
+        """Return the line of a row in the file, for messages."""
         return f"line {self.rows[row][0]}"
 
     def values(self, name: str) -> Array:
-        """A column as it stands in the file.
+        """Return the values of a column in the unit of the file.
 
         Raises
         ------
         InputError
-            A cell that is no finite number; the line and the column are named.
+            A cell that is no finite number; the message names the line and the column.
         """
         k = list(self.units).index(name)
         return np.array([cell_number(self.file, n, row[k], name) for n, row in self.rows])
 
     def unit_of(self, wanted: RecordedColumn) -> str:
-        """The unit of a column.
+        """Return the unit of a column, from its header or from the sidecar.
 
         Raises
         ------
         ValueError
-            There is no such column, nobody tells its unit, or two tell different ones.
+            There is no such column, neither states its unit, or they state different units.
         """
         if wanted.column not in self.units:
             raise ValueError(
@@ -145,7 +146,8 @@ class RecordedTable:
         ----------
         wanted : RecordedColumn
         *quantities : str
-            SI units, one of which the column must measure; any, if there are none.
+            SI units; the column must be in a unit of one of these quantities.  Without any, every
+            unit is accepted.
         """
         unit = self.unit_of(wanted)
         if quantities and not any(same_quantity(unit, si) for si in quantities):
@@ -157,7 +159,7 @@ class RecordedTable:
             raise ValueError(f"unwrap goes with an angle; {wanted.column!r} is in {unit!r}")
 
     def curve(self, wanted: RecordedColumn) -> Array:
-        """A column as the curve that it stands for [SI]."""
+        """Return the curve that a column stands for [SI]."""
         unit, values = self.unit_of(wanted), self.values(wanted.column)
         _, factor = si_unit(unit)
         if wanted.unwrap:
@@ -165,12 +167,12 @@ class RecordedTable:
         return np.asarray((wanted.scale * values + wanted.shift) * factor)
 
     def rising(self, wanted: RecordedColumn) -> Array:
-        """A column that rises from row to row [SI].
+        """Return the curve of a column that must rise from row to row [SI].
 
         Raises
         ------
         InputError
-            It does not; the line is named.
+            The curve does not rise; the message names the line.
         """
         x = self.curve(wanted)
         fall = np.flatnonzero(np.diff(x) <= 0)
@@ -192,7 +194,7 @@ def read_recorded(file: Path) -> Recorded:
     ------
     InputError
         No such file, a header without a unit, a cell that is no finite number, an x that does
-        not rise; the row and the column are named.
+        not rise; the message names the row and the column.
     """
     table = read_table(file)
     si = {name: header_unit(file, name, unit) for name, unit in table.units.items()}
@@ -202,12 +204,12 @@ def read_recorded(file: Path) -> Recorded:
 
 
 def read_table(file: Path) -> RecordedTable:
-    """Read a CSV file; the same one again while it is not changed.
+    """Read a CSV file, or return it from memory if it was not changed since it was read.
 
     Raises
     ------
     InputError
-        No such file, no CSV, rows of another length than the header, a name that stands twice.
+        No such file, no CSV, rows of another length than the header, two columns of one name.
     """
     try:
         changed = file.stat().st_mtime_ns
@@ -220,7 +222,7 @@ def read_table(file: Path) -> RecordedTable:
 
 @lru_cache(KEPT)
 def read_once(file: Path, changed: int) -> RecordedTable:
-    """A file as it was at the time `changed`."""
+    """Read a CSV file; `changed` is the time of its last change, which the cache distinguishes."""
     text = decoded(read_bytes(file))
     mark = separator(text)
     try:
@@ -250,7 +252,7 @@ def read_once(file: Path, changed: int) -> RecordedTable:
 
 
 def decoded(data: bytes) -> str:
-    """The text of a CSV file, in the encodings that spreadsheets write.
+    """Decode the text of a CSV file, in the encodings that spreadsheets write.
 
     >>> decoded("x [°]".encode("latin-1")) == decoded("x [°]".encode("utf-8-sig")) == "x [°]"
     True
@@ -264,7 +266,7 @@ def decoded(data: bytes) -> str:
 
 
 def separator(text: str) -> str:
-    """What stands between the cells of the header, the first line that is no comment.
+    """Find the character between the cells of the header, the first line that is no comment.
 
     >>> separator("# rig 3; day 2\\nt [s],r [m]"), separator("t [s];r [m]")
     (',', ';')
@@ -275,12 +277,12 @@ def separator(text: str) -> str:
 
 
 def with_points(file: Path, lines: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-    """Rows with decimal points for their decimal commas.
+    """Return rows in which decimal points replace decimal commas.
 
     Raises
     ------
     InputError
-        The file has both: one of them groups digits, and which is not said.
+        The file has both: one of them groups digits, and which one is not known.
     """
     signs = {sign: k for k, row in lines for cell in row for sign in ",." if sign in cell}
     if len(signs) == 2:
@@ -303,7 +305,7 @@ def is_number(cell: str) -> bool:
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:
-    """Name and unit of a header cell; a cell that does not end with a unit is a name as a whole.
+    """Split a header cell into name and unit; all of a cell that ends with no unit is the name.
 
     >>> name_and_unit("theta2 [deg]"), name_and_unit("Velocity [1] (deg/s)")
     (('theta2', 'deg'), ('Velocity [1] (deg/s)', ''))
@@ -315,7 +317,7 @@ def name_and_unit(cell: str) -> tuple[str, str]:
 
 
 def header_unit(file: Path, name: str, unit: str) -> tuple[str, float]:
-    """The SI unit of a column, and the factor to it."""
+    """Return the SI unit of a column, and the factor from the column's unit to it."""
     if not unit:
         raise InputError(file, f"column {name!r}", "no unit; write it as 'name [unit]'")
     try:
@@ -325,7 +327,7 @@ def header_unit(file: Path, name: str, unit: str) -> tuple[str, float]:
 
 
 def cell_number(file: Path, line: int, cell: str, name: str) -> float:
-    """A cell as a finite number."""
+    """Return a cell as a finite number; InputError if it is none."""
     try:
         value = float(cell)
     except ValueError:
@@ -336,14 +338,16 @@ def cell_number(file: Path, line: int, cell: str, name: str) -> float:
 
 
 def numbers(file: Path, line: int, row: Sequence[str], names: Sequence[str]) -> list[float]:
-    """One row as finite floats."""
+    """Return one row as finite floats; InputError if a cell is none or the length is wrong."""
     if len(row) != len(names):
         raise InputError(file, f"line {line}", f"{len(row)} cells, the header has {len(names)}")
     return [cell_number(file, line, cell, name) for name, cell in zip(names, row, strict=True)]
 
 
 def named_rows(file: Path, header: Sequence[str], what: str) -> dict[str, list[float]]:
-    """A CSV file with this header and a row for each of `what`: positive numbers after a name.
+    """Read a CSV file with this header, whose rows are a name and positive numbers.
+
+    `what` is the word for a row in messages.
 
     Raises
     ------
@@ -379,31 +383,31 @@ def named_rows(file: Path, header: Sequence[str], what: str) -> dict[str, list[f
 
 
 def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
-    """A recorded curve at other places, and how far off it may be there.
+    """Interpolate a recorded curve at other places, and estimate the error there.
 
     The curve is the cubic spline through all rows, whose second derivative is continuous.  A place
-    that is a row has the row's own value, and no error.
+    that is at a row has the row's own value, and no error.
 
-    The error is that of a spline through fewer rows, at the rows that it leaves out.  Splines
-    through every second row tell what twice the spacing loses, splines through every fourth what
-    four times the spacing loses.  Where the first is a tenth of the second or less, within four
-    rows, the error falls with the fourth power of the spacing, and the spline through all rows has
-    1/16 of the first; twice that is stated.  Elsewhere there is a bend, of which more rows may show
-    more: up to 1.6 times the first, where it lies between the rows that were left out.  Twice the
-    first is stated, and twice as much once more in the four rows at each end, where nothing is left
-    out.
+    The error is estimated with splines through fewer rows, at the rows that they leave out.
+    Splines through every second row show the error at twice the spacing, splines through every
+    fourth row the error at four times the spacing.  Where the first is a tenth of the second or
+    less, within four rows, the error falls with the fourth power of the spacing, and the spline
+    through all rows has 1/16 of the first; twice that is stated.  Elsewhere the curve has a bend,
+    where the spline through all rows may have a larger error: up to 1.6 times the first, if the
+    bend lies between the rows that were left out.  There twice the first is stated.  Both are
+    doubled in the four rows at each end, where no row is left out.
 
     Parameters
     ----------
     x : ndarray (n,)
-        Within the rows [SI].
+        Places, within the range of the rows [SI].
     rows, curve : ndarray (m,)
         Where the curve was recorded, rising, and its values [SI]; at least `ENOUGH` of them.
 
     Returns
     -------
     tuple of two ndarray (n,)
-        The curve, and what it may be off by [SI].
+        The curve, and the error that it may have [SI].
 
     Examples
     --------
@@ -423,13 +427,13 @@ def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
 
 
 def nearest_rows(x: Array, rows: Array) -> Array:
-    """Numbers of the rows that are nearest to places."""
+    """Return the indices of the rows that are nearest to places."""
     after = np.clip(np.searchsorted(rows, x), 1, rows.size - 1)
     return np.where(x - rows[after - 1] <= rows[after] - x, after - 1, after)
 
 
 def interval_errors(rows: Array, curve: Array) -> Array:
-    """What the spline through all rows may be off by between each row and the next, (m - 1,)."""
+    """Estimate the error of the spline through all rows between each row and the next, (m - 1,)."""
     double, fourfold = (around(left_out(rows, curve, every), NEAR) for every in (2, 4))
     errors = double * np.where(double <= FALLS * fourfold, SMOOTH, BENT)
     errors[:NEAR] *= AT_END
@@ -438,9 +442,10 @@ def interval_errors(rows: Array, curve: Array) -> Array:
 
 
 def left_out(rows: Array, curve: Array, every: int) -> Array:
-    """What splines through every so many rows are off by at the rows that they leave out, (m,).
+    """Return errors of splines through every n-th row, at the rows that they leave out, (m,).
 
-    There is a spline from each of the first rows on.  Beyond its own rows none is asked.
+    `every` is n.  There are n splines, which begin at each of the first n rows; none is evaluated
+    beyond its own rows.
     """
     from scipy.interpolate import CubicSpline  # slow to load
 
@@ -454,6 +459,6 @@ def left_out(rows: Array, curve: Array, every: int) -> Array:
 
 
 def around(errors: Array, reach: int) -> Array:
-    """The largest of each value and of so many to each side."""
+    """Return for each value the largest of it and of its `reach` neighbours on each side."""
     padded = np.pad(errors, reach)
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)

@@ -1,4 +1,4 @@
-"""What the command line prints: a table a check, and JSON."""
+"""What the command line prints: the tables of ``check`` and ``list``, and JSON."""
 
 import json
 import math
@@ -50,13 +50,13 @@ FAILED = ("✗", "bold red")
 
 
 WIDE = 500
-"""Columns of what is no screen: more than any table needs."""
+"""Width of an output that is no screen [characters], more than any table needs."""
 
 
 def as_json(result: Result) -> str:
-    """One object: comparisons, what would explain differences, errors of the input, the exit code.
+    """Return a result as one JSON object: comparisons, diagnoses, errors of the input, exit code.
 
-    What is not a number is null.
+    Numbers that are not finite are null.
     """
     rows = [{key: asdict(c)[key] for key in KEYS} for c in result.comparisons]
     return json.dumps(
@@ -76,7 +76,7 @@ def as_json(result: Result) -> str:
 
 
 def finite(value: Any) -> Any:
-    """Nested lists and tables with null for what is not a number.
+    """Return nested lists and dicts in which numbers that are not finite are None.
 
     >>> finite([{"size": float("nan"), "relative": True}])
     [{'size': None, 'relative': True}]
@@ -89,14 +89,15 @@ def finite(value: Any) -> Any:
 
 
 def console(width: int = WIDE) -> Console:
-    """Standard output; as wide as the tables need when it is not a screen."""
-    plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}  # names stay
+    """Return the console of standard output; `width` is its width where it is not a screen."""
+    # without markup and emoji, names are printed as they are
+    plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
     shown = Console(**plain)
     return shown if shown.is_terminal else Console(**plain, width=width)
 
 
 def number(value: float) -> str:
-    """Three digits, or a dash.
+    """Format a number with three digits; a dash for one that is not finite.
 
     >>> number(0.000123456), number(float("nan"))
     ('1.23e-04', '–')
@@ -105,13 +106,13 @@ def number(value: float) -> str:
 
 
 def mark(outcome: str) -> Text:
-    """An outcome with its sign, readable without colour."""
+    """Return an outcome with its sign, which is readable without colour."""
     sign, style = LOOK.get(outcome, FAILED)
     return Text(f"{sign} {outcome}", style=style)
 
 
 def worst(group: list[Comparison]) -> Comparison:
-    """The comparison that speaks for a solver: a failure first, else the one nearest its limit."""
+    """Return the comparison that represents a solver: a failure, else the one nearest its limit."""
 
     def rank(c: Comparison) -> tuple[bool, float]:
         ratio = c.error_max / c.allowed if c.allowed > 0 else c.nrmse
@@ -134,14 +135,14 @@ COLUMNS = (
     "steps",
 )
 LEFT = 5
-"""Columns that are words, and stand on the left."""
+"""Number of the first columns, which are words and are aligned left."""
 LAYOUTS: tuple[tuple[str, ...], ...] = (
     COLUMNS,
     COLUMNS[:9],
     (*COLUMNS[:5], "of range", "of allowed"),
     (*COLUMNS[:4], "of range", "of allowed"),
 )
-"""The columns of a screen, the widest first; on a narrower one cases have lines of their own."""
+"""Columns of a table by layout, the widest first; the first layout that fits a screen is used."""
 NARROW: tuple[tuple[str, ...], ...] = (
     ("run", "solver", "outcome", "of range", "of allowed"),
     ("case",),
@@ -150,16 +151,17 @@ NARROW_CHANNELS: tuple[tuple[str, ...], ...] = (
     ("channel", "outcome", "of range", "of allowed"),
     ("case", "run", "solver"),
 )
-"""The columns of a narrow screen, and what the line above them says."""
+"""Columns on a screen too narrow for all layouts, and columns that the line above them replaces."""
 GAP = 2
 INDENT = 2
 Cells = dict[str, str | Text]
 
 
 def summary(result: Result, every_channel: bool = False, width: int = 240) -> Iterator[Table]:
-    """A row for each solver of each run, or for each channel; as many columns as fit the width.
+    """Yield tables with a row for each solver of each run, or for each channel.
 
-    Where not even the fewest fit, each case has a table, whose title it is.
+    There is one table with as many columns as fit the width [characters].  Where not even the
+    layout with the fewest columns fits, each case has a table with a title.
     """
     rows = list(summary_rows(result, every_channel))
     if not rows:
@@ -180,7 +182,7 @@ def summary(result: Result, every_channel: bool = False, width: int = 240) -> It
 
 
 def summary_rows(result: Result, every_channel: bool) -> Iterator[Cells]:
-    """The cells of the rows by the names of their columns."""
+    """Yield the rows of the table: the cells by the names of their columns."""
     for (case, run, solver), comparisons in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
@@ -202,7 +204,7 @@ def summary_rows(result: Result, every_channel: bool) -> Iterator[Cells]:
 
 
 def of_allowed(c: Comparison) -> str:
-    """The error over what is allowed: two digits, or a dash.
+    """Format the ratio of the error to what is allowed: two digits, or a dash.
 
     >>> of_allowed(Comparison("a", "b", "c", "d", "m", error_max=1.0, allowed=3.0))
     '0.33'
@@ -214,19 +216,22 @@ def of_allowed(c: Comparison) -> str:
 
 
 def widths(rows: list[Cells], columns: Iterable[str]) -> list[int]:
-    """How wide the columns are in which nothing is broken."""
+    """Return the widths of columns in which no cell is broken [characters]."""
     return [max([cell_len(name), *(cell_len(str(row[name])) for row in rows)]) for name in columns]
 
 
 def fits(rows: list[Cells], columns: Sequence[str], width: int) -> bool:
-    """Whether a table of these columns is no wider than a screen, with nothing broken."""
+    """Whether a table of these columns, with no cell broken, is no wider than a screen."""
     return sum(widths(rows, columns)) + GAP * (len(columns) - 1) <= width
 
 
 def table_of(
     rows: list[Cells], columns: Sequence[str], wide: Sequence[int] = (), head: bool = True
 ) -> Table:
-    """A table of these columns, in which no word is broken; a case is named in its first row."""
+    """Return a table of these columns, with no word broken; a case is named in its first row.
+
+    `wide` are the least widths of the columns [characters]; with them the first column is indented.
+    """
     table = Table(box=None, header_style="bold", pad_edge=False, show_header=head)
     for k, name in enumerate(columns):
         side: JustifyMethod = "left" if name in COLUMNS[:LEFT] else "right"
@@ -249,16 +254,23 @@ def table_of(
 
 
 def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
-    """The speaker's outcome, and how many channels of the group share it."""
+    """Return the outcome of a row, and how many channels of its solver have the same outcome.
+
+    `group` are the comparisons of the solver, `speaker` the one that the row shows.  Where a row
+    is a single channel (`alone`), there is no count.
+    """
     text = mark(speaker.outcome)
     same = sum(c.outcome == speaker.outcome for c in group)
     return text if alone or len(group) == 1 else text.append(f" {same}/{len(group)}")
 
 
 def failures(result: Result, link: Callable[[Comparison], str] | None = None) -> Iterator[Text]:
-    """A line for each run that failed, by its worst channel, with its `link` if there are any, and
-    for each case in which nothing was checked; sensors that no quantity is found for; references
-    that read the model themselves; and the counts of all outcomes.
+    """Yield the lines below the table.
+
+    These are a line for each run that differs or failed, by its worst channel, with its diagnosis
+    and, if `link` is given, its link; for each case in which nothing was checked; notes on curves;
+    sensors for which no quantity was found; references that read the model themselves; the largest
+    error; and the number of comparisons with each outcome.
     """
     said, pages = set[tuple[str, str]](), {case.name for case in result.cases}
     for (case, run, solver), rows in groupby(
@@ -315,9 +327,11 @@ def failures(result: Result, link: Callable[[Comparison], str] | None = None) ->
 def diagnosis(
     found: Diagnosis, said: set[tuple[str, str]], elsewhere: Sequence[Diagnosis] = ()
 ) -> Iterator[Text]:
-    """The lines of a diagnosis; of a cause that a run of the case had before, what it explains.
+    """Yield the lines of a diagnosis.
 
-    Where no cause is found, the runs are named in which there is one.
+    Of a cause that was printed for another run of the case, only what it explains is repeated;
+    `said` holds the printed causes.  Where no cause was found, the line names the runs of the case
+    in which one was found, those of `elsewhere`.
     """
     first, *more = found.lines
     if elsewhere and not (found.found or found.failed or found.fault):
@@ -332,7 +346,7 @@ def diagnosis(
 
 
 def nearest(judged: list[Comparison]) -> str:
-    """How well the engines agree: the largest error of all, and the one nearest to its limit."""
+    """Format the largest error of all comparisons, and the error nearest to its limit."""
     largest = max(judged, key=lambda c: finite_or(c.relative_to_range, -1.0))
     limit = max(judged, key=lambda c: c.error_max / c.allowed if c.allowed > 0 else -1.0)
     return (
@@ -342,7 +356,7 @@ def nearest(judged: list[Comparison]) -> str:
 
 
 def notes(result: Result) -> Iterator[str]:
-    """What is said of curves; what is the same for several solvers of a case is said once."""
+    """Yield the notes on curves; a note on several solvers of a case is given once."""
     runs_by_note: dict[tuple[str, str], list[str]] = {}
     for (name, run, solver), curves in result.curves.items():
         for note in curves.notes:
@@ -352,17 +366,17 @@ def notes(result: Result) -> Iterator[str]:
 
 
 def finite_or(value: float, otherwise: float) -> float:
-    """A number, or another one where it is none."""
+    """Return a number if it is finite, otherwise another one."""
     return value if math.isfinite(value) else otherwise
 
 
 def place(c: Comparison) -> str:
-    """Where a comparison belongs to."""
+    """Format the case, run, solver and channel of a comparison."""
     return f"{c.case} {c.run} {c.solver} {c.channel}"
 
 
 def not_checked(case: Case) -> str:
-    """What is said of the sensors that a case does not check."""
+    """Format the line on the sensors that a case does not check."""
     return (
         f"not checked: sensors {', '.join(case.unmatched)}; no quantity of {case.reference} "
         f"has their names, and the sidecar does not list them"
@@ -370,9 +384,9 @@ def not_checked(case: Case) -> str:
 
 
 def own_numbers(case: Case) -> str:
-    """What is said of a case whose reference reads the model itself."""
+    """Format the line on a case whose reference reads the model itself."""
     laws = ", ".join(case.laws)
-    but = f"; only {laws}, held to a number, can show it" if laws else ""
+    but = f"; only {laws}, which must equal a number, can show it" if laws else ""
     return (
         f"the reference {case.reference} reads the numbers of {case.model}: a wrong one is wrong "
         f"in the engines and in the reference{but}"
@@ -380,9 +394,10 @@ def own_numbers(case: Case) -> str:
 
 
 def case_table(cases: list[Case], lone: list[Path], paths: list[Path], width: int = 500) -> Table:
-    """What `proofmass list` shows: a line a case, by their folders below the given paths.
+    """Return the table of `proofmass list`: a row for each case, with its folder below the paths.
 
-    Where not all columns fit there are names, runs, and the first words of the title.
+    `lone` are models without a sidecar.  Where not all columns fit the width [characters], the
+    table has only the case, its runs, and the first words of its title.
     """
     full = [
         {

@@ -1,4 +1,4 @@
-"""Numbers, units, engines and lists as people read them."""
+"""Numbers, units, names of solvers, and lists as text for people."""
 
 import math
 from collections.abc import Iterable
@@ -7,7 +7,7 @@ from proofmass.engines import NoEngine, computes, engine_of
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number to `digits` significant digits; a dash for what is not a number.
+    """Format a number with `digits` significant digits; NaN as a dash, infinity as ∞.
 
     >>> number(1.2345e-05), number(361.0), number(0), number(float("nan"))
     ('1.23e-5', '361', '0', '—')
@@ -23,7 +23,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def pretty(unit: str) -> str:
-    """A unit as it is printed.
+    """Format a unit with superscripts and centred dots.
 
     >>> pretty("rad/s^2"), pretty("N m")
     ('rad/s²', 'N·m')
@@ -32,7 +32,7 @@ def pretty(unit: str) -> str:
 
 
 def format_solver(solver: str) -> str:
-    """A solver's name in a sentence.
+    """Format a solver's name for a sentence.
 
     >>> format_solver("mujoco:default")
     'MuJoCo default'
@@ -40,13 +40,13 @@ def format_solver(solver: str) -> str:
     engine, _, variant = solver.partition(":")
     try:
         title = engine_of(engine).title
-    except NoEngine:  # a table may have another machine's
+    except NoEngine:  # a table may name an engine that only another machine has
         title = engine
     return f"{title} {variant}".strip()
 
 
 def is_variant(solver: str) -> bool:
-    """Whether a solver is an engine with other settings; every recorded party is one of its own.
+    """Whether a solver is an engine with other settings; a recorded party is never a variant.
 
     >>> is_variant("mujoco"), is_variant("mujoco:default"), is_variant("recorded:rig")
     (False, True, False)
@@ -55,7 +55,7 @@ def is_variant(solver: str) -> bool:
 
 
 def format_list(words: Iterable[str]) -> str:
-    """Words as a list in a sentence, shortened when it is long.
+    """Format words as a list for a sentence; of more than four words the first three and a count.
 
     >>> format_list("abc"), format_list("abcdef")
     ('a, b and c', 'a, b, c and 3 more')

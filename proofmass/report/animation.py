@@ -1,8 +1,8 @@
-"""A mechanism in motion as a picture file: pale the reference, lines what the solvers found.
+"""A mechanism in motion as an animated picture: the reference is pale, the solvers are lines.
 
-The poses are those of the report's page, see `proofmass.sim.motion`: rods bend, torsion springs
-wind. Where a run has fewer samples than the animation has pictures, those between are interpolated,
-but not over a jump to another equilibrium.
+The poses are those of the report's page, see `proofmass.sim.motion`, with bending rods and winding
+torsion springs. Where a run has fewer samples than the animation has pictures, poses between the
+samples are interpolated, but not across a jump to another equilibrium.
 """
 
 import io
@@ -65,15 +65,15 @@ from proofmass.wording import format_solver, number
 from proofmass.worker import isolated
 
 FRAMES, MOST_FRAMES = 60, 600
-LASTS = 4.0  # [s] an animation, if nothing else is asked for
+LASTS = 4.0  # [s] playing time of an animation by default
 FORMATS = {".gif": "GIF", ".webp": "WEBP"}
-QUALITY = 50  # of WebP's pictures, as it counts
-COLOURS = 64  # of a GIF's palette
-WIDE, HIGH, DOTS = 350.0, 300.0, 80  # [pt] room for the mechanism, and dots an inch
-HEAD, FOOT, RIGHT = 16.0, 40.0, 8.0  # [pt] above it, below its axis for the legend, and beside it
+QUALITY = 50  # quality of WebP pictures, from 0 to 100
+COLOURS = 64  # number of colours in a GIF's palette
+WIDE, HIGH, DOTS = 350.0, 300.0, 80  # [pt] room for the mechanism, and dots per inch
+HEAD, FOOT, RIGHT = 16.0, 40.0, 8.0  # [pt] margins above, below the axis (legend), and at the right
 PAD = 26.0  # [pt] around the mechanism
-STILL = 1e-9  # of the mechanism's size: what moves less does not move
-CLOSED = 1e-3  # of a curve's range: an end so near to the start is the start again
+STILL = 1e-9  # of the mechanism's size: a smaller displacement counts as none
+CLOSED = 1e-3  # of a curve's range: a motion with a smaller distance of its ends is closed
 Places = Array
 
 
@@ -84,15 +84,15 @@ class Animation:
     Attributes
     ----------
     title : str
-        What is shown, in words.
+        Case, run, and the parties that are drawn.
     frames : ndarray (pictures, height, width, 3) of uint8
         The pictures, red, green, blue [1].
     seconds : float
-        How long it plays [s].
+        Playing time [s].
     failed : dict of str to str
-        Solvers that failed, and why; they are drawn as far as they came.
+        Solvers that failed, and why; they are drawn until the failure.
     stopped : str
-        Why the motion ends before the run does; empty if it does not.
+        Why the motion ends before the end of the run; empty if it does not.
     """
 
     title: str
@@ -102,12 +102,12 @@ class Animation:
     stopped: str = ""
 
     def save(self, file: Path | str) -> None:
-        """Write it as a file, GIF or WebP by its ending, that plays again and again.
+        """Write the animation as a GIF or WebP file, by its ending, that repeats without end.
 
         Raises
         ------
         InputError
-            Another ending.
+            The file has another ending.
         OSError
             The file cannot be written.
         """
@@ -115,10 +115,10 @@ class Animation:
         write_whole(file, self.encoded(format_of(file)))
 
     def encoded(self, form: str = "WEBP") -> bytes:
-        """The file's content; `form` is GIF or WEBP."""
+        """Encode the animation as the content of a file; `form` is GIF or WEBP."""
         images = [Image.fromarray(frame) for frame in self.frames]
         pause = 1000 * self.seconds / len(images)
-        if form == "GIF":  # which counts time in 10 ms
+        if form == "GIF":  # its unit of time is 10 ms
             middle = images[len(images) // 2]
             palette = middle.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2)
             images = [i.quantize(palette=palette, dither=Image.Dither.NONE) for i in images]
@@ -133,7 +133,7 @@ class Animation:
         return f"Animation({self.title!r}, {len(self.frames)} pictures, {self.seconds:g} s)"
 
     def _repr_html_(self) -> str:
-        """The animation in a notebook."""
+        """Return the animation as HTML for a notebook."""
         data = b64encode(self.encoded()).decode()
         return f'<div><img src="data:image/webp;base64,{data}" alt="{escape(self.title)}"></div>'
 
@@ -148,34 +148,36 @@ def animate(
     magnify: float = 1.0,
     samples: int | None = None,
 ) -> Animation:
-    """Run a case and show its mechanism in motion, the solvers beside the reference.
+    """Run a case and draw its mechanism in motion, the solvers over the reference.
 
     Parameters
     ----------
     case : Case
         The sidecar.
     run : "sweep" or "dynamics", optional
-        Which of its runs; the first in which something moves, if not given.
+        Run of the case; the first that is no equilibrium, if not given.
     solvers : iterable of str, optional
-        Engines or ``engine:variant``; the run's first of each engine, if not given.
+        Engines or ``engine:variant``; the run's first solver of each engine, if not given.
     frames : int
-        Pictures, 2 to 600 [1]; evenly over the run, without its end where that is its start again.
+        Number of pictures, 2 to 600 [1], evenly over the run; a closed motion has no picture of its
+        end, which is the same as its start.
     seconds : float
-        How long it plays [s].
+        Playing time [s].
     magnify : float
-        Differences to the reference are drawn so many times as large [1].
+        Factor by which differences to the reference are enlarged [1].
     samples : int, optional
-        Of the run, instead of the sidecar's: pictures between samples are interpolated.
+        Number of samples of the run, instead of the sidecar's; pictures between samples are
+        interpolated.
 
     Returns
     -------
     Animation
-        With a method `save`, for a GIF or a WebP file; a notebook plays it.
+        Its method `save` writes a GIF or a WebP file; a notebook plays it.
 
     Raises
     ------
     InputError
-        The case has no such run or no motion, or does not move in a plane; or it cannot be run.
+        The case has no such run or no motion, does not move in a plane, or cannot be run.
     ValueError
         A number is out of its range.
 
@@ -216,14 +218,14 @@ def animate(
 
 
 def with_samples(case: Case, kind: Kind, samples: int) -> RunTable:
-    """A run with another number of samples.
+    """Return a run with another number of samples.
 
     Raises
     ------
     InputError
-        A recorded curve says which there are.
+        The reference is a recorded curve, which determines the samples.
     ValueError
-        There must be two at least.
+        Fewer than two samples.
     """
     if case.recorded:
         raise InputError(case.file, f"run.{kind}.n", "is given by the recorded curve")
@@ -233,7 +235,7 @@ def with_samples(case: Case, kind: Kind, samples: int) -> RunTable:
 
 
 def first_of_engines(solvers: Iterable[str]) -> list[str]:
-    """The first solver of each engine; of recorded parties all.
+    """Return the first solver of each engine, and all recorded parties.
 
     >>> first_of_engines(["mujoco:settled", "pymunk", "pymunk:default"])
     ['mujoco:settled', 'pymunk']
@@ -255,12 +257,12 @@ def require_numbers(frames: int, seconds: float, magnify: float) -> None:
 
 
 def format_of(file: Path) -> str:
-    """GIF or WEBP by the ending of a file.
+    """Return GIF or WEBP, by the ending of a file.
 
     Raises
     ------
     InputError
-        Another ending.
+        The file has another ending.
     """
     try:
         return FORMATS[file.suffix.lower()]
@@ -270,19 +272,19 @@ def format_of(file: Path) -> str:
 
 
 def require_writable(file: Path) -> None:
-    """Raise InputError if a file has another ending, or there is no folder for it."""
+    """Raise InputError if a file ends in neither .gif nor .webp, or its folder does not exist."""
     format_of(file)
     if not file.parent.is_dir():
         raise InputError(file, "", f"there is no folder {str(file.parent)!r} to write it to")
 
 
 def run_in_motion(case: Case, run: Kind | None = None) -> Kind:
-    """The run that is shown: the one that is asked for, or the first that is not at rest.
+    """Return the run to animate: the given one, or the first that is no equilibrium.
 
     Raises
     ------
     InputError
-        There is none.
+        The case has no such run, or the given one is an equilibrium.
     """
     moving = [kind for kind in case.run if kind != "equilibrium"]
     if run is None and not moving:
@@ -299,7 +301,10 @@ def run_in_motion(case: Case, run: Kind | None = None) -> Kind:
 def drawn_frames(
     case: Case, kind: Kind, result: Result, frames: int, magnify: float
 ) -> tuple[Array, str]:
-    """The pictures (n, height, width, 3), drawn in this process, and why there are no more."""
+    """Draw the pictures (n, height, width, 3), and tell why the motion ends early, if it does.
+
+    `animate` calls this in another process.
+    """
     view = plotted_run(result, case, kind)
     again = returns(view)
     jumps = jumps_of_mechanism(view)
@@ -321,21 +326,21 @@ def drawn_frames(
 
 
 def corners(picture: Picture) -> Array:
-    """All points of a picture (poses, points, 2) [m]."""
+    """Return all points of a picture, of links and joints (poses, points, 2) [m]."""
     lines = [outline for link in picture.links for outline in link.outlines]
     return np.concatenate([*lines, *(mark.at[:, None] for mark in picture.marks)], axis=1)
 
 
 def moves(picture: Picture) -> bool:
-    """Whether anything changes its place between the poses of a picture."""
+    """Whether any point of a picture moves between its poses."""
     points = corners(picture)
     return bool(np.ptp(points, axis=0).max() > STILL * np.ptp(points, axis=(0, 1)).max())
 
 
 def returns(view: PlottedRun) -> bool:
-    """Whether all places and angles of the reference are at the end of a run what they were first.
+    """Whether the motion is closed: places and angles of the reference end as they began.
 
-    Angles may have made whole turns.
+    Angles may differ by whole turns.
     """
     units = {name: view.case.channels[name].si_unit for name in view.channels if view.curves}
     ends = [
@@ -353,14 +358,16 @@ def returns(view: PlottedRun) -> bool:
 
 
 def placed(points: Array, places: Array) -> Array:
-    """Points (k, 2) about the origin of a body whose places are (poses, 3): (poses, k, 2)."""
+    """Move points (k, 2) of a body's frame to its places x, y, angle (poses, 3): (poses, k, 2)."""
     cos, sin = np.cos(places[:, 2]), np.sin(places[:, 2])
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], 1)
     return np.asarray(points @ turn.transpose(0, 2, 1) + places[:, None, :2])
 
 
 def between(rows: Array, at: Array, jumps: Sequence[int]) -> Array:
-    """Rows of poses at numbers of poses that may lie between two; the nearest beside a jump.
+    """Interpolate rows of poses at fractional numbers of poses; at a jump the nearest row is taken.
+
+    `jumps` are the numbers of the poses after a jump.
 
     >>> between(np.array([0.0, 1.0, 5.0]), np.array([0.5, 1.2, 2.0]), [2])
     array([0.5, 1. , 5. ])
@@ -376,7 +383,7 @@ def between(rows: Array, at: Array, jumps: Sequence[int]) -> Array:
 
 
 class Stage:
-    """What stands still is drawn once; what moves is drawn on it again for each picture."""
+    """The figure of an animation: fixed parts are drawn once, moving parts for each picture."""
 
     def __init__(
         self, case: Case, solvers: Sequence[str], moved: Motion, paths: Tracks, magnify: float
@@ -422,7 +429,7 @@ class Stage:
         self.legend(bool(paths))
 
     def lines(self, colour: str, width: float, gaps: int, zorder: float = 5) -> LineCollection:
-        """Lines to come, the second party's dashed so that the first one's show through."""
+        """Add an empty collection of lines, dashed with gaps so that lines below show through."""
         found = LineCollection(
             [],
             colors=colour,
@@ -435,13 +442,13 @@ class Stage:
         return found
 
     def party(self, name: str, colour: str, width: float, gaps: int) -> LineCollection:
-        """The lines to come of the reference or of a solver, which the legend names."""
+        """Add the empty lines of the reference or of a solver, and its entry of the legend."""
         dash: Any = (0, (1.5, 1.5 * gaps)) if gaps else "-"
         self.keys.append(Line2D([], [], color=colour, linewidth=width, linestyle=dash, label=name))
         return self.lines(colour, width, gaps)
 
     def legend(self, paths: bool) -> None:
-        """Who is drawn how, below the axes."""
+        """Draw the legend below the axes."""
         rows = self.keys
         if paths:
             rows.append(Line2D([], [], color=TRACK, linewidth=0.9, linestyle="--", label="path"))
@@ -458,7 +465,7 @@ class Stage:
         )
 
     def frames(self, share: Array) -> Array:
-        """The pictures at shares of the way through the run."""
+        """Draw the pictures at shares of the run, from 0 at its start to 1 at its end."""
         moved, picture = self.motion, self.motion.picture
         first, last = picture.x[[0, -1]]
         at = np.interp(share, (picture.x - first) / (last - first), np.arange(len(picture.x)))
@@ -495,9 +502,10 @@ class Stage:
         return np.array(found)
 
     def places_of(self, party: str, at: Array) -> Places:
-        """Where bodies are drawn at numbers of poses: of a solver, or without a name the reference.
+        """Return the places of the bodies at fractional numbers of poses, by a party.
 
-        The difference between the two is magnified.
+        The party is a solver, whose difference to the reference is magnified, or the empty string
+        for the reference.
         """
         moved = self.motion
         places = between(moved.places, at, moved.jumps)
@@ -506,7 +514,7 @@ class Stage:
         return places
 
     def strokes(self, places: Places) -> list[Array]:
-        """All lines of the mechanism (poses, points, 2): rods, and outlines of bodies."""
+        """Return all lines of the mechanism (poses, points, 2): outlines of bodies, and rods."""
         in_rods = {k for links in self.motion.rods.values() for k in links}
         found = []
         for k, body in enumerate(self.motion.bodies):
@@ -520,7 +528,7 @@ class Stage:
         return found
 
     def spots(self, places: Places) -> list[Array]:
-        """Where each spot is, and the other end of a guide: (poses, 1 or 2, 2)."""
+        """Return the place of each spot, for a guide its two ends: (poses, 1 or 2, 2)."""
         found = []
         for spot in self.motion.spots:
             points = np.stack([spot.at] if spot.to is None else [spot.at, spot.to])
@@ -529,15 +537,15 @@ class Stage:
         return found
 
     def numbers(self, kind: str) -> list[int]:
-        """Numbers of the spots of a kind that are on moving bodies."""
+        """Return the indices of the spots of a kind that are on moving bodies."""
         return [i for i, s in enumerate(self.motion.spots) if s.kind == kind and s.body >= 0]
 
     def springs(self) -> list[int]:
-        """Numbers of the hinges with a spring."""
+        """Return the indices of the spots that are hinges with a spring."""
         return [i for i, s in enumerate(self.motion.spots) if s.spring and s.kind == "hinge"]
 
     def zigzags(self, places: Array) -> list[Array]:
-        """The springs between points, at one pose."""
+        """Return the lines of the springs between points, at one pose."""
         found = []
         for coil in self.motion.coils:
             ends = [
@@ -548,14 +556,14 @@ class Stage:
         return found
 
     def coil(self, number: int, places: Array, at: Array) -> Array:
-        """The spiral of a torsion spring, its ends turned with the two bodies of its joint."""
+        """Return the spiral of a torsion spring, whose ends turn with the bodies of its joint."""
         spot = self.motion.spots[number]
         inner, outer = (places[b, 2] if b >= 0 else 0.0 for b in (spot.body, spot.parent))
         return np.asarray(at + spiral(inner, outer) / self.scale.points)
 
 
 def stand_still(ax: Axes, picture: Picture, paths: Tracks, scale: Scale) -> None:
-    """The ground, what stands on it, and the paths of measured points."""
+    """Draw the ground, supports, guides and clamps on it, and the paths of measured points."""
     for outline in picture.ground.outlines:
         ax.fill(*outline[0].T, facecolor="#d5d9de", edgecolor=SOFT, linewidth=1.0, zorder=1)
     for path in paths.values():

@@ -1,11 +1,11 @@
-"""All that the script of a case's page shows, as one dict that JSON can hold.
+"""The data of a case's page as one dict for JSON, which the scripts of the page draw.
 
-Pages of studies have theirs in their own folders, such as `proofmass.studies.trade.page`.
+The data of study pages are made in their own folders, such as `proofmass.studies.trade.page`.
 
-Curves are binary numbers in base64, little end first: the reference as float64, the signed
-differences of the solvers to it as float32, whose rounding is 6e-8 of a difference.  Everything is
-in SI; the factors to the units that people read stand beside it.  Poses of the mechanism are whole
-numbers of 16 bits with a scale, 3e-5 of the largest, which no drawing shows.
+Curves are little-endian binary numbers in base64: the reference as float64, the signed differences
+of the solvers to it as float32, whose rounding is 6e-8 of a difference.  All values are in SI; the
+factors to the displayed units are given with them.  Poses of the mechanism are integers of 16 bits
+with a scale; their rounding, 3e-5 of the largest value, is too small to be seen in a drawing.
 """
 
 import json
@@ -29,10 +29,10 @@ from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
 from proofmass.wording import format_solver, is_variant, pretty
 
-PAGE = 700_000  # bytes of a page, with its data
-ROOM = 560_000  # characters of it for the runs, if the rest leaves as many
-WHOLE = 2**15 - 1
-SEEN = 1e-3  # of the range: a reference that is so far from the drawn one is distinguished
+PAGE = 700_000  # [bytes] largest size of a page, with its data
+ROOM = 560_000  # [characters] largest size of the runs' data, before the rest of the page is known
+WHOLE = 2**15 - 1  # largest integer of 16 bits
+SEEN = 1e-3  # of the range: a solver's reference farther from the drawn one has its own curve
 CSS = {"o": "circle", "s": "square", "^": "up", "v": "down", "D": "diamond", "d": "diamond"}
 
 
@@ -42,7 +42,7 @@ def case_data(
     motions: Mapping[str, Motion],
     style: Mapping[str, Look],
 ) -> dict[str, Any]:
-    """The dict of a case.
+    """Return the dict of a case.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def case_data(
     recorded : mapping
         From `recorded_data`.
     motions : mapping of str to Motion
-        By run, where there is one.
+        Motions of the mechanism by run.
     style : mapping of str to Look
         From `proofmass.report.style.looks`.
 
@@ -71,7 +71,7 @@ def case_data(
 
 
 def recorded_data(case: Case, runs: Iterable[PlottedRun]) -> dict[str, Any]:
-    """The part of the dict that needs the model: drives, curves and comparisons of the runs."""
+    """Return the part of the dict that needs the model: drives, curves and comparisons of runs."""
     runs = list(runs)
     units = drive_units(case) if any(run.curves for run in runs) else [""] * len(case.drive)
     return {
@@ -84,13 +84,13 @@ def recorded_data(case: Case, runs: Iterable[PlottedRun]) -> dict[str, Any]:
 
 
 def runs_data(runs: Sequence[PlottedRun], room: int) -> dict[str, Any]:
-    """The runs, by their kinds, in at most so many characters.
+    """Return the data of the runs by kind, in at most `room` characters.
 
-    Samples are left out first of the runs that have most.  Ends, extremes, jumps and the places of
-    the largest errors stay, also where they take more.
+    Samples are left out, first of the runs that have most.  Ends, extremes, jumps and the places of
+    the largest errors are kept, even if the data are then longer than `room`.
     """
     lengths = {run.kind: len(run.longest.x) for run in runs if run.curves}
-    most = max(lengths.values(), default=1)  # samples of a run, what must stay aside
+    most = max(lengths.values(), default=1)  # samples of a run, without those that must be kept
     while True:
         every = {kind: -(-length // most) for kind, length in lengths.items()}
         found: dict[str, Any] = {run.kind: run_data(run, every.get(run.kind, 1)) for run in runs}
@@ -100,13 +100,13 @@ def runs_data(runs: Sequence[PlottedRun], room: int) -> dict[str, Any]:
 
 
 def embedded(data: Mapping[str, Any]) -> Markup:
-    """The dict as text that can stand in an element ``script``."""
+    """Return a dict as JSON that is safe in an element ``script``."""
     text = json.dumps(terminal.finite(data), separators=(",", ":"), allow_nan=False, default=str)
     return Markup(text.replace("<", "\\u003c"))
 
 
 def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
-    """How a solver is called and looks."""
+    """Return the label of a solver, and its dash pattern and marker."""
     look = style[solver]
     return {
         "label": format_solver(solver),
@@ -117,7 +117,10 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
 
 
 def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
-    """A run: its samples, the reference's curves, and what each solver has of them."""
+    """Return the data of a run: samples, curves of the reference, and differences of solvers.
+
+    One of every `every` samples is drawn, see `kept`.
+    """
     found: dict[str, Any] = {
         "label": RUNS[run.kind].label,
         "solvers": {},
@@ -201,7 +204,11 @@ def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
 
 
 def kept(run: PlottedRun, every: int) -> Array:
-    """The samples that are drawn: every so many, the last, extremes, jumps and worst places."""
+    """Return the samples that are drawn.
+
+    These are one of every `every` samples, the last one, extremes, both sides of jumps, and the
+    places of the largest errors.
+    """
     x = run.longest.x
     chosen = {*range(0, len(x), every), len(x) - 1}
     for jumps in (run.jumps, *run.jumps_of.values()):
@@ -216,7 +223,7 @@ def kept(run: PlottedRun, every: int) -> Array:
 
 
 def comparison_data(run: PlottedRun, c: Comparison) -> dict[str, Any]:
-    """A comparison, with the shares of the range that the first table and the index show."""
+    """Return a comparison, with the errors as shares of the range for the page's first table."""
     scale = float("nan")
     if c.solver in run.curves and c.channel in run.reference[c.solver].channels:
         curves, reference = run.curves[c.solver], run.reference[c.solver].channels[c.channel]
@@ -243,7 +250,7 @@ def comparison_data(run: PlottedRun, c: Comparison) -> dict[str, Any]:
 
 
 def motion_data(motion: Motion) -> dict[str, Any]:
-    """The mechanism of a run at its poses; links of rods as points of a line."""
+    """Return the mechanism of a run at its poses; links of a rod are the points of a line."""
     picture = motion.picture
     in_rods = {k for links in motion.rods.values() for k in links}
     rigid = [k for k in range(len(motion.bodies)) if k not in in_rods]
@@ -260,7 +267,7 @@ def motion_data(motion: Motion) -> dict[str, Any]:
             "ground": spot.ground,
             "spring": spot.spring,
         }
-        if spot.body in in_rods:  # a place of a rod's link is a line of one point
+        if spot.body in in_rods:  # a spot on a rod's link refers to a line of one point
             one["rod"] = len(spots)
         spots.append(one)
     projected = list[dict[str, Any]]()
@@ -312,7 +319,7 @@ def motion_data(motion: Motion) -> dict[str, Any]:
 
 
 def projected_data(picture: Picture) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Lines and spots of a mechanism in space: their points in the drawing at all poses."""
+    """Return lines and spots of a mechanism in space, projected to the drawing at all poses."""
     lines = list[dict[str, Any]]()
     for link in picture.links:
         for outline in link.outlines:
@@ -342,14 +349,14 @@ def projected_data(picture: Picture) -> tuple[list[dict[str, Any]], list[dict[st
 
 
 def vertices(motion: Motion, links: tuple[int, ...]) -> list[tuple[int, Array]]:
-    """The places of a rod's line: where its links begin, and the far end of the last."""
+    """Return the vertices of a rod's line: the start of each link, and the far end of the last."""
     found = [(link, np.zeros(2)) for link in links]
     points = np.vstack([np.zeros((1, 2)), *motion.bodies[links[-1]].outlines])
     return [*found, (links[-1], points[np.linalg.norm(points, axis=1).argmax()])]
 
 
 def line(motion: Motion, places: list[tuple[int, Array]]) -> dict[str, Any]:
-    """Points of bodies at all poses, and how far solvers' are from the reference's."""
+    """Return points of bodies at all poses, and the differences of the solvers to them."""
     bodies = [body for body, _ in places]
     about = np.array([at for _, at in places])
     turn = motion.places[:, bodies, 2]
@@ -368,27 +375,30 @@ def line(motion: Motion, places: list[tuple[int, Array]]) -> dict[str, Any]:
 
 
 def rounded(points: Array) -> list[float]:
-    """Points one after the other, to six digits."""
+    """Return the coordinates of points one after the other, to six digits."""
     return [float(f"{value:.6g}") for value in np.ravel(points)]
 
 
 def finite(value: float) -> float | None:
-    """A number; None for what is not a number, which JSON does not have."""
+    """Return a number if it is finite, else None: JSON has no NaN."""
     return float(value) if np.isfinite(value) else None
 
 
 def short(value: float) -> float | None:
-    """The same to four digits, for shares, of which two are shown."""
+    """Return a finite number to four digits, else None; for shares, which are shown with two."""
     return float(f"{value:.4g}") if np.isfinite(value) else None
 
 
 def packed(values: Array, kind: str) -> str:
-    """Numbers as base64."""
+    """Encode numbers as base64; `kind` is their type in numpy's notation."""
     return b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
 def whole(rows: Array) -> dict[str, Any]:
-    """An array whose last axis has a scale each, as whole numbers; the least is not a number."""
+    """Encode an array as integers of 16 bits, with a scale for each entry of its last axis.
+
+    The least integer stands for a value that is not finite.
+    """
     flat = rows.reshape(-1, rows.shape[-1])
     largest = np.nan_to_num(np.abs(flat), posinf=0.0).max(axis=0, initial=0.0)
     scale = np.where(largest > 0, largest, 1.0) / WHOLE

@@ -1,4 +1,4 @@
-"""All figures of a case, drawn in another process: several cases are drawn side by side."""
+"""All figures of a case, drawn in another process, so that several cases are drawn in parallel."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -31,15 +31,15 @@ from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.worker import isolated
 
-SECONDS = 300.0  # until the drawings of a case are given up
+SECONDS = 300.0  # [s] time limit for each drawing of a case
 FIGURES = ("overlay", "paths", "difference")
-POSES, OTHER_POSES = 121, 73  # of the first run, and of a second one: the page draws between them
-TRACK = 200  # points of a path
+POSES, OTHER_POSES = 121, 73  # poses of the first run, and of another; the page interpolates them
+TRACK = 200  # number of points of a path
 
 
 @dataclass(frozen=True)
 class Charted:
-    """The figure of a chart (SVG), its axes and caption in words; or why there is none."""
+    """The figure of a chart (SVG), its axes in words and its caption; or why there is none."""
 
     svg: str = ""
     axes: str = ""
@@ -49,10 +49,11 @@ class Charted:
 
 @dataclass(frozen=True)
 class Drawings:
-    """The figures of a case by name (SVG), and why the mechanism is not drawn, or not all of it.
+    """The figures of a case (SVG) by name.
 
-    `motions` are the mechanism at many poses, by run, and `moving` is what the index shows of it;
-    `papers` tells whether the figures are there as PNG too.
+    `note` tells why the mechanism is not drawn, or not over the whole run.  `motions` are the
+    mechanism at many poses, by run; `moving` is the small drawing for the index; `papers` tells
+    whether the figures were written as PNG too.
     """
 
     figures: dict[str, str]
@@ -72,12 +73,12 @@ def drawn(
     slug: str,
     papers: bool = False,
 ) -> Drawings:
-    """Draw everything of a case and save it as ``folder/slug-….svg``.
+    """Draw all figures of a case and save them as ``folder/slug-….svg``.
 
     Names are ``mechanism``, or ``thumbnail`` where there is none, ``refine``, and ``view-1`` and so
-    on; charts are ``chart-1`` and so on.  For `papers` they are saved as ``.png`` too, and so are
-    ``RUN-overlay``, ``RUN-paths`` and ``RUN-difference`` of each run with curves, which the page
-    shows by its script.
+    on; charts are ``chart-1`` and so on.  With `papers` they are saved as ``.png`` too, and there
+    are also ``RUN-overlay``, ``RUN-paths`` and ``RUN-difference`` of each run with curves, which
+    the script of the page draws itself.
     """
     if beyond_limits(runs):
         return Drawings({}, "its runs reached their limits")
@@ -87,7 +88,7 @@ def drawn(
         figures = isolated(
             draw, case, runs, views, style, folder, slug, shape, papers, timeout=SECONDS
         )
-    except OSError:  # such as a full disk, which the other cases have as well
+    except OSError:  # such as a full disk, on which the other cases would fail as well
         raise
     except Exception as error:
         figures, note = {}, str(error)
@@ -101,7 +102,7 @@ def drawn(
 
 
 def charted(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
-    """A chart, computed and drawn in another process; what goes wrong costs this figure only."""
+    """Compute and draw a chart in another process; an error affects this figure only."""
     try:
         return isolated(draw_chart, case, table, stem, papers, timeout=SECONDS)
     except Exception as error:
@@ -117,7 +118,10 @@ def draw_chart(case: Case, table: ChartTable, stem: Path, papers: bool) -> Chart
 
 
 def moving(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
-    """The mechanism in each of its runs, and why the first of them has none, or not all poses."""
+    """Find the motion of the mechanism in each run.
+
+    The text tells why the first run has no motion, or why its motion ends early.
+    """
     found, note, shown = dict[str, Motion](), "", {run.kind: run for run in runs}
     for number, kind in enumerate(case.run):
         try:
@@ -130,7 +134,7 @@ def moving(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
                 jumps_of_mechanism(shown[kind]) if kind in shown else [],
                 timeout=SECONDS,
             )
-        except Exception as error:  # whatever is wrong with a model costs its drawing only
+        except Exception as error:  # an error of a model affects its drawing only
             note = note or ("" if number else str(error))
         else:
             note = note or ("" if number else found[kind].picture.stopped)
@@ -138,7 +142,7 @@ def moving(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
 
 
 def shape_of(case: Case, motions: Mapping[str, Motion]) -> Picture | None:
-    """The mechanism at some poses of its first run, which differ; None if there is none."""
+    """Return the mechanism at some distinct poses of its first run; None without a motion."""
     first = motions.get(next(iter(case.run)))
     return distinct(first.picture) if first else None
 
@@ -151,13 +155,16 @@ def moved_here(
 
 
 def jumps_of_mechanism(run: PlottedRun) -> list[int]:
-    """Where the mechanism jumps by the reference or by a solver."""
+    """Return the samples before jumps of the mechanism, of the reference or of any solver."""
     every_one = (run.jumps, *run.jumps_of.values())
     return sorted({k for jumps in every_one for k in jumps.mechanism})
 
 
 def measured(run: PlottedRun) -> Measured:
-    """What tells the positions of the bodies: places and angles that a run compares."""
+    """Return the curves that determine the positions of bodies: compared places and angles.
+
+    By solver, these are the curves of the reference, and the differences of the solver to them.
+    """
     names = [n for n in run.channels if run.case.channels[n].si_unit in ("m", "rad")]
     found = {}
     for solver, curves in run.curves.items():
@@ -213,12 +220,12 @@ def draw(
 
 
 def figures_of(view: PlottedRun, shape: Picture | None) -> Iterator[str]:
-    """The figures of a run: paths only where there are any."""
+    """Return the names of the figures of a run; paths are left out where there are none."""
     return (what for what in FIGURES if what != "paths" or paths(view, shape))
 
 
 def tracks(views: list[PlottedRun], shape: Picture) -> dict[str, Array]:
-    """Paths of the points that sensors follow, by the reference of the first run with curves."""
+    """Return the paths of measured points, by the reference of the first run with curves."""
     return {
         name: every(path(view.longest, name, shape), TRACK, jumps_on(view, name, shape))
         for view in views[:1]

@@ -1,6 +1,7 @@
 """The page of a case.
 
-Its first screen has panels: the badge, what to do, why runs differ, and what the runs notice.
+Its first screen has panels: the verdict, what to do, why runs differ, and which changes of the
+model the runs notice.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -48,14 +49,14 @@ from proofmass.report.words import RUNS, closeness, from_model, headline, kind_o
 from proofmass.wording import format_list, format_solver, number
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
-LONGEST = 200_000  # bytes of a text that a page shows
-ROWS = 3  # causes that are shown
-FIRST = 4  # groups of numbers that the first screen shows; the others open below them
+LONGEST = 200_000  # [characters] of a sidecar or model that a page shows
+ROWS = 3  # number of causes that a panel shows
+FIRST = 4  # groups of numbers that are visible at once; the others are in a list that opens
 
 
 @dataclass(frozen=True)
 class Gathered:
-    """The runs of a case beside their references, its views, and both as data for the page."""
+    """The runs of a case with their references, its views, and data of both for the page."""
 
     runs: list[PlottedRun]
     views: list[Viewed]
@@ -72,9 +73,9 @@ def render_case(
     studies: Sequence[ShownStudy] = (),
     history: History | None = None,
 ) -> str:
-    """The text of a case's page; the history ends with this report.
+    """Render the page of a case; the last report of the history is the present one.
 
-    Where it has more than `PAGE` bytes, more samples of the curves are left out.
+    Where the page has more than `PAGE` bytes, more samples of the curves are left out.
     """
     parts = env, case, result, drawings, style, studies, history
     page = rendered(*parts, gathered)
@@ -95,7 +96,7 @@ def rendered(
     history: History | None,
     gathered: Gathered,
 ) -> str:
-    """The text of a case's page with the curves that were gathered."""
+    """Render the page of a case with all data that were gathered, whatever its size."""
     runs, views = gathered.runs, gathered.views
     faults = faults_of(case, result)
     tell = partial(find_in_worker, case, beyond_limits(runs))
@@ -155,9 +156,9 @@ def rendered(
 
 
 def gather(result: Result, case: Case) -> Gathered:
-    """The runs of a case beside their references, and its views, from a worker.
+    """Gather the runs of a case with their references, and its views, in a worker.
 
-    Where the references are not there again within the limits of all runs, the runs have no curves.
+    Where the worker fails or reaches the limits of the runs, the runs have no curves.
     """
     own = replace(
         result,
@@ -184,7 +185,7 @@ def gather(result: Result, case: Case) -> Gathered:
 
 
 def gathered_here(result: Result) -> Gathered:
-    """What `gather` does, in this process and of the only case of a result."""
+    """Gather the runs and views of the only case of a result, in this process."""
     (case,) = result.cases
     runs = [plotted_run(result, case, kind) for kind in RUNS if kind in case.run]
     return Gathered(runs, all_viewed(case, runs), recorded_data(case, runs))
@@ -193,9 +194,10 @@ def gathered_here(result: Result) -> Gathered:
 def find_in_worker(
     case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any
 ) -> Any:
-    """What a function finds out of a case, from a worker.
+    """Return the value of a function of a case, evaluated in a worker.
 
-    Something else where the case is at fault, which the runs have said, or `beyond` its limits.
+    The value is `otherwise` where the worker fails, because the case is at fault, and where all
+    runs reached their limits (`beyond`).
     """
     if beyond:
         return otherwise
@@ -206,7 +208,7 @@ def find_in_worker(
 
 
 def properties_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
-    """What the reference tells of the mechanism: found beside a comparison, or now in a worker."""
+    """Return the properties of the mechanism by the reference: stored with curves, or computed."""
     for (name, *_), curves in result.curves.items():
         if (
             name == case.name
@@ -218,7 +220,7 @@ def properties_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
 
 
 def parameters_of(case: Case) -> dict[str, str]:
-    """The parameters with their units; nothing when the reference is at fault."""
+    """Return the parameters with their units; none if the reference is at fault."""
     try:
         return tables.parameters(case, case.parameters)
     except InputError:
@@ -226,7 +228,7 @@ def parameters_of(case: Case) -> dict[str, str]:
 
 
 def headline_of(case: Case, runs: list[PlottedRun], rows: list[Comparison]) -> str:
-    """The verdict on a case in one line, with the time steps of its dynamics."""
+    """Return the verdict on a case in one line, with the time steps of its dynamics."""
     steps = {
         s: float(str(c.settings["timestep"]))
         for run in runs
@@ -238,7 +240,7 @@ def headline_of(case: Case, runs: list[PlottedRun], rows: list[Comparison]) -> s
 
 
 def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:
-    """The drawing of the mechanism for the page; None if there is none."""
+    """Return the drawing of the mechanism for the page; None if there is none."""
     if "mechanism" not in drawings.figures:
         return None
     stem = f"{slug(case.name)}-mechanism"
@@ -247,7 +249,7 @@ def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:
 
 
 def seen(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]:
-    """Number k of a case's views for its page."""
+    """Return view number k of a case for its page: figure, file stem and caption."""
     stem = f"{slug(case.name)}-view-{k}"
     text = caption(view)
     label = f"{case.name}, {view.view.title}, over {view.over.x_name}: {text}"
@@ -259,7 +261,7 @@ def seen(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]
 
 
 def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
-    """Number k of a case's charts for its page, or why it is not drawn."""
+    """Return chart number k of a case for its page, or why it is not drawn."""
     title, stem = case.chart[k - 1].title, f"{slug(case.name)}-chart-{k}"
     if (fault := chart.fault) is not None:
         why = (
@@ -278,7 +280,7 @@ def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
 
 
 def part(view: PlottedRun, drawings: Drawings) -> dict[str, Any]:
-    """All that a page shows of one run."""
+    """Return all that the page shows of one run."""
     papers = [
         {"what": what, "stem": f"{slug(view.case.name)}-{view.kind}-{what}"}
         for what in FIGURES
@@ -310,14 +312,14 @@ def part(view: PlottedRun, drawings: Drawings) -> dict[str, Any]:
 
 
 def drawn_until(view: PlottedRun, solver: str) -> str:
-    """How far a failed run is drawn."""
+    """Format how far a failed run is drawn."""
     if solver not in view.curves:
         return "not drawn"
     return f"drawn until {tables.place(view, view.curves[solver].x[-1])}"
 
 
 def refined(view: PlottedRun, drawings: Drawings) -> dict[str, Any] | None:
-    """What a page shows of a run's refinement; None if there is none."""
+    """Return what the page shows of a run's refinement; None if there is none."""
     asked = view.case.refine
     if not view.verdicts or not asked:
         return None
@@ -344,7 +346,7 @@ def refined(view: PlottedRun, drawings: Drawings) -> dict[str, Any] | None:
 
 @dataclass(frozen=True)
 class PageLook:
-    """How a solver looks on a page: its names, its class, its colours on light and dark paper."""
+    """How a page shows a solver: CSS class, names, marker, dashes, colours on light and dark."""
 
     css: str
     label: str
@@ -358,7 +360,7 @@ class PageLook:
 
 
 def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, PageLook]:
-    """The looks of the solvers of a case, from its dict of `case_data`."""
+    """Return the looks of the solvers of a case, from its dict of `case_data`."""
     found = {}
     for k, (name, one) in enumerate(data["solvers"].items()):
         engine, _, variant = name.partition(":")
@@ -379,7 +381,7 @@ def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, Pa
 
 
 def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> str:
-    """The verdict in few words."""
+    """Return the verdict on a case in few words."""
     judged = [c for c in rows if c.outcome in CHECKED]
     differs = sum(c.outcome == Outcome.DIFFERS for c in rows)
     coarse = sum(c.outcome == Outcome.UNDECIDED for c in rows)
@@ -404,7 +406,7 @@ def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> 
 
 
 def open_lines(case: Case, runs: Iterable[PlottedRun]) -> list[str]:
-    """What no tolerance covers and what solvers do not deliver, a line each."""
+    """List the channels that no tolerance covers and those that solvers do not deliver."""
     lines = []
     for run in runs:
         where = RUNS[run.kind].where
@@ -420,13 +422,13 @@ def open_lines(case: Case, runs: Iterable[PlottedRun]) -> list[str]:
 
 
 def format_line(line: str) -> str:
-    """A line of `tables.missing` with the engine as it is called in sentences."""
+    """Format a line of `tables.missing` with the solver's name as in sentences."""
     solver, comma, rest = line.partition(",")
     return f"{format_solver(solver)}{comma}{rest}"
 
 
 def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) -> list[str]:
-    """What there is to do, in sentences."""
+    """List what there is to do, in sentences."""
     outcomes = {c.outcome for c in rows}
     if faults or not rows:
         return ["Mend the input: the message above names the file and the key."]
@@ -447,13 +449,13 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
         )
     if any(c.outcome == Outcome.DIFFERS and c.run != "dynamics" for c in rows):
         words.append(
-            "Hold the lengths, masses and signs of the model against the parameters of the case: "
+            "Compare the lengths, masses and signs of the model with the parameters of the case: "
             "without time steps only these, or the meaning of a channel, can differ."
         )
     elif Outcome.DIFFERS in outcomes:
         words.append(
-            "Halve the time step and look whether the error follows its order; proofmass trade "
-            "does so for all settings."
+            "Halve the time step and look whether the error falls with the order of the "
+            "integrator; proofmass trade does so for all settings."
         )
     if outcomes & {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY}:
         words.append(
@@ -462,14 +464,14 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
     if outcomes & {Outcome.DIVERGED, Outcome.CRASHED}:
         words.append(
             "Begin with the start pose of a run that fails, then halve its time step; its curves "
-            "are drawn until its loss where the engine had any, and what the engine said stands "
-            "with the solver below."
+            "are drawn until the failure where the engine had any, and the message of the engine "
+            "is with the solver below."
         )
     return words
 
 
 def defaults(rows: list[Comparison]) -> list[str]:
-    """How much worse engines are by themselves, where a case shows that."""
+    """List how much larger errors with an engine's defaults are, where a case has both."""
     words = []
     for c in {c.solver: c for c in rows}.values():
         engine, _, variant = c.solver.partition(":")
@@ -492,19 +494,19 @@ def defaults(rows: list[Comparison]) -> list[str]:
 
 
 def texts(case: Case) -> dict[str, str]:
-    """The sidecar and the MJCF as they stand in their files."""
+    """Return the text of the sidecar and of the MJCF, by the names of the files."""
     found = {}
     for file in (case.file, case.model_path):
         try:
             found[file.name] = Path(file).read_text(encoding="utf-8-sig")[:LONGEST]
-        except (OSError, UnicodeDecodeError):  # the runs have said so
+        except (OSError, UnicodeDecodeError):  # reported by the runs already
             continue
     return found
 
 
 @dataclass(frozen=True)
 class CauseRow:
-    """One thing that was changed to explain what differs; its place is that of the error left."""
+    """One change that was tried as a cause; `place` is the error left by it, on the axis [%]."""
 
     words: str
     fitted: str
@@ -515,7 +517,7 @@ class CauseRow:
 
 @dataclass(frozen=True)
 class CausePanel:
-    """What explains the differences of runs, best first, or what happened until a loss.
+    """What explains the differences of runs, best first, or what happened until a failure.
 
     Attributes
     ----------
@@ -523,10 +525,11 @@ class CausePanel:
     lines : tuple of str
         Sentences below the title.
     where : str
-        Which runs it tells of.
+        The runs that the panel is about, as a sentence.
     rows : tuple of CauseRow
-        Of the first of these runs.
+        Causes that were tried, in the first of these runs.
     tried : str
+        Kinds of causes that were tried, as a list in words.
     """
 
     title: str
@@ -537,9 +540,9 @@ class CausePanel:
 
 
 def causes(case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]) -> list[CausePanel]:
-    """What there is to tell of a case: a panel for failed runs, and for each different first cause.
+    """Return the panels of causes of a case, for runs that failed and for runs that differ.
 
-    Runs with the same causes share a panel.
+    Failed runs with the same diagnosis share a panel, and so do runs with the same first cause.
     """
     own = [found for (name, *_), found in diagnoses.items() if name == case.name]
     failed = [found for found in own if found.failed]
@@ -553,7 +556,7 @@ def causes(case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]) -> l
 def alike(
     found: Iterable[Diagnosis], key: Callable[[Diagnosis], tuple[str, ...]]
 ) -> list[list[Diagnosis]]:
-    """Those with the same key together, in the order of the first of them."""
+    """Group diagnoses by a key, in the order in which the keys first occur."""
     groups: dict[tuple[str, ...], list[Diagnosis]] = {}
     for one in found:
         groups.setdefault(key(one), []).append(one)
@@ -561,12 +564,12 @@ def alike(
 
 
 def failed_panel(found: list[Diagnosis]) -> CausePanel:
-    """The panel of failed runs for the same reason."""
+    """Return the panel of runs that failed for the same reason."""
     return CausePanel("What happened", tuple(found[0].lines), together(found))
 
 
 def cause_panel(found: list[Diagnosis]) -> CausePanel:
-    """The panel of runs with the same first cause; its rows are those of the first run."""
+    """Return the panel of runs with the same first cause; its rows are those of the first run."""
     first = found[0]
     if first.fault:
         return CausePanel("Why it differs was not found out", (first.fault,), together(found))
@@ -580,14 +583,14 @@ def cause_panel(found: list[Diagnosis]) -> CausePanel:
         )
     best = first.causes[0]
     words = [f"as good: {format_list(best.same)}"] * bool(best.same)
-    # the first line is the title, and the rows tell the next best
+    # the first line is the title already, and the next best cause is in the rows
     effect, *rest = (line for line in first.lines[1:] if not line.startswith("next best: "))
     lines = (effect, *(line for line in rest if line not in words), *words)
     return CausePanel(f"Cause: {best.words}", lines, together(found), (*rows, unchanged), tried)
 
 
 def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
-    """A row of the table of causes."""
+    """Return a row of the table of causes."""
     wrong = f", {len(cause.breaks)} wrong" if cause.breaks else ""
     changes = (f"{n} {number(a, 6)} → {number(b, 6)}" for n, (a, b) in cause.changes.items())
     return CauseRow(
@@ -600,13 +603,13 @@ def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
 
 
 def together(found: list[Diagnosis]) -> str:
-    """Which runs a panel tells of, with what their first cause explains of each."""
+    """Format the runs of a panel, with what their first cause explains in each."""
     many = f"The same in {len(found)} runs: " if len(found) > 1 else "In one run: "
     return many + format_list(map(run_words, found)) + "."
 
 
 def run_words(found: Diagnosis) -> str:
-    """A run, and how many of its channels its first cause explains."""
+    """Format a run, and how many of its channels its first cause explains."""
     words = f"{format_solver(found.solver)} {RUNS[found.run].where}"
     if not found.causes or found.causes[0].score <= 0:
         return words
@@ -616,7 +619,7 @@ def run_words(found: Diagnosis) -> str:
 
 @dataclass(frozen=True)
 class NoticedRow:
-    """A number, and the smallest change of it that a run notices, in words."""
+    """A number or parameter, and the smallest change of it that a run notices, as text."""
 
     name: str
     change: str
@@ -626,7 +629,7 @@ class NoticedRow:
 
 @dataclass(frozen=True)
 class NoticedPanel:
-    """The coverage of a case.
+    """The panel on the coverage of a case.
 
     Attributes
     ----------
@@ -637,9 +640,10 @@ class NoticedPanel:
     reads, tried : str
         What the reference reads, and what was tried of the model.
     parameters, numbers : tuple of NoticedRow
-        Of the reference and of the model, the most sensitive first.
+        Parameters of the reference and numbers of the model that are noticed, the most sensitive
+        first.
     refused : tuple of str
-        Numbers with which runs are refused or failed.
+        Numbers whose change makes runs fail or be refused.
     """
 
     unnoticed: tuple[str, ...]
@@ -653,15 +657,18 @@ class NoticedPanel:
 
 
 def noticed(case: Case) -> NoticedPanel | None:
-    """What was found of a case as it is now; None if `proofmass explain` was not asked of it."""
-    with suppress(InputError, OSError):  # which the command says as soon as it is asked
+    """Return the coverage of a case in its present state; None if it was not computed yet.
+
+    `proofmass explain` computes and stores it.
+    """
+    with suppress(InputError, OSError):  # `proofmass explain` reports these errors
         found = stored_coverage(case)
         return None if found is None else panel_of(case, found)
     return None
 
 
 def panel_of(case: Case, found: Coverage) -> NoticedPanel:
-    """The panel of a coverage."""
+    """Return the panel of a coverage."""
     lines = tuple(not_noticed(case, found))
     known = sorted(
         (one for one in found.parameters if one.noticed and not one.refused),
@@ -681,5 +688,5 @@ def panel_of(case: Case, found: Coverage) -> NoticedPanel:
 
 
 def row_of(one: Finding) -> NoticedRow:
-    """The row of a number that is noticed."""
+    """Return the row of a number that is noticed."""
     return NoticedRow(*cells_of(one), f"{one.channel}, {one.run}, {format_solver(one.solver)}")

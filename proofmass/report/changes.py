@@ -9,27 +9,27 @@ from proofmass.report.record import ChannelRecord, Record
 from proofmass.wording import number
 
 FACTOR = 2.0
-"""Between two errors, beyond which they are not the same: a run repeats its digits on a machine."""
+"""Errors whose ratio is larger count as changed; on one machine a run repeats all its digits."""
 ROUNDING = 1e-12
-"""Share of the range up to which errors are rounding, of which another compiler changes the sum."""
+"""Share of the range up to which an error is rounding, which differs between compilers."""
 SAID = 5
-"""Changes that the terminal's line names."""
+"""Number of changes that the line in the terminal names."""
 FAILING = tuple(str(outcome) for outcome in Outcome if outcome not in GOOD)
 
 
 @dataclass(frozen=True)
 class Change:
-    """What is not as in the last report: a case, an outcome, or an error.
+    """A difference to the last report: a case, an outcome, or an error.
 
     Attributes
     ----------
     case, run, solver, channel : str
-        The last three are empty of a case that is new or gone.
+        The last three are empty for a case that is new or gone.
     before, now : str
         Outcomes, or errors as shares of the range; empty if there was or is none.
     growth : float
-        The error over that of the last report [1]; infinite of what fails now, zero of what no
-        longer does; 1 of what is neither better nor worse.
+        Ratio of the error to that of the last report [1]; infinite for a new failure, zero for a
+        failure that is gone, 1 for a change that is neither better nor worse.
     """
 
     case: str
@@ -52,10 +52,10 @@ class Change:
 
 
 def changes(before: Record, now: Record) -> list[Change]:
-    """What is not as it was, worst first.
+    """Return the changes from one record to another, worst first.
 
-    Cases that are new or gone, outcomes that are others, and errors that changed by more than a
-    factor of two, unless both are rounding.
+    These are cases that are new or gone, outcomes that changed, and errors that changed by more
+    than a factor of two, unless both are rounding.
     """
     names = [{c.case for c in r.comparisons} | {c.name for c in r.cases} for r in (before, now)]
     found = [Change(name, "", "", "", "there", "") for name in sorted(names[0] - names[1])]
@@ -72,7 +72,10 @@ def changes(before: Record, now: Record) -> list[Change]:
 def changed(
     there: ChannelRecord, before: ChannelRecord | None, now: ChannelRecord | None
 ) -> Change | None:
-    """The change of a channel; None if it is as it was."""
+    """Return the change of a channel; None if there is none.
+
+    `there` is the record of the channel in either report.
+    """
     where = (there.case, there.run, there.solver, there.channel)
     if before is None or now is None or before.outcome != now.outcome:
         growth = 1.0
@@ -92,18 +95,21 @@ def changed(
 
 
 def error_of(share: float) -> str:
-    """An error in words."""
+    """Format an error as a share of the range."""
     return f"error {number(share)} of the range"
 
 
 def badness(change: Change) -> tuple[bool, bool, float]:
-    """What changes are sorted by: failures and cases that are gone, then by how much is worse."""
+    """Return the sort key of a change: failures, cases that are gone, then growth of the error."""
     gone = not change.run and not change.now
     return change.now in FAILING, gone, change.growth
 
 
 def since(last: Record, found: Sequence[Change]) -> str:
-    """The line on what changed, what is worse in a run together, and what is not."""
+    """Format the line on all changes.
+
+    Changes of one solver in one run share a clause, those for the worse apart from the others.
+    """
     start = f"since the last report ({last.made.day}): "
     if not found:
         return start + "nothing changed"
@@ -118,12 +124,12 @@ def since(last: Record, found: Sequence[Change]) -> str:
 
 
 def together(group: Sequence[Change]) -> str:
-    """Changes of a run's channels by the worst of them."""
+    """Format changes of the channels of a run: the worst, and the number of the others."""
     others = len(group) - 1
     more = f" (and {others} more channel{'s' * (others > 1)})" if others else ""
     return f"{group[0].sentence}{more}"
 
 
 def of_case(found: Iterable[Change], case: str) -> list[Change]:
-    """The changes of a case."""
+    """Return the changes of a case."""
     return [change for change in found if change.case == case]

@@ -1,4 +1,4 @@
-"""The figure of a chart: panels of one scale with lines, regions and fields, and their legend."""
+"""The figure of a chart: panels with the same axes, lines, regions and fields, and a legend."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -32,12 +32,12 @@ DASHES: list[Dash] = [
     (0, (9, 2)),
 ]
 MARKERS = "os^Dvp*"
-PLAIN = Look(INK, (0, (5, 3)), "o")  # of what has no label
-MOST = 500  # points of a line, about
+PLAIN = Look(INK, (0, (5, 3)), "o")  # of lines without a label
+MOST = 500  # approximate number of points to which a line is reduced
 
 
 def tones(chart: Chart) -> dict[str, Look]:
-    """A look for every label of a chart, none of them a solver's; points are black."""
+    """Return a look for every label of a chart; lines differ from all solvers, points are black."""
     points = dict.fromkeys(line.label for line in chart.lines if line.label and line.points)
     lines = dict.fromkeys(line.label for line in chart.lines if line.label and not line.points)
     black = {
@@ -50,7 +50,7 @@ def tones(chart: Chart) -> dict[str, Look]:
 
 
 def drawn(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = False) -> None:
-    """A line, thinned where it is long, or its points; on a field with white beside it."""
+    """Draw a line, reduced if it is long, or its points; `cased` adds white edges on a field."""
     x, y = thinned(line).T * scale[:, None]
     if line.points:
         ax.plot(x, y, **dressed(line, look))
@@ -58,7 +58,7 @@ def drawn(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = 
     if line.bars:
         ax.plot(x, y, **dressed(line, look))
         return
-    step = max(len(x) // 5, 1)  # markers, apart from those of other labels
+    step = max(len(x) // 5, 1)  # between markers, which are staggered between labels
     ax.plot(
         x,
         y,
@@ -69,9 +69,10 @@ def drawn(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = 
 
 
 def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
-    """Stable bold, unstable thin and dashed; points filled if stable, else hollow.
+    """Return the style of a line or its points as matplotlib's keywords.
 
-    Labelled bold lines bear markers, which tell them apart on a black-and-white print.
+    Stable lines are bold, unstable ones thin and dashed; points are filled if stable, else hollow.
+    Labelled bold lines have markers, which distinguish them on a black-and-white print.
     """
     shared: dict[str, Any] = {"color": look.colour, "zorder": 3 + line.stable + 2 * line.points}
     if line.points:
@@ -82,7 +83,7 @@ def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
             "markerfacecolor": look.colour if line.stable else "white",
         }
     if line.bars:
-        thick = 4.4 if look.number % 2 == 0 else 2.4  # bars upon each other both show
+        thick = 4.4 if look.number % 2 == 0 else 2.4  # two bars at the same place are both visible
         width, dash = (thick, SOLID) if line.stable else (1.0, DASHES[0])
         return shared | {
             "linewidth": width,
@@ -107,7 +108,7 @@ def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
 
 
 def thinned(line: ChartLine) -> Array:
-    """At most about `MOST` of a line's points (n, 2), the ends of its pieces among them.
+    """Return about `MOST` of a line's points (n, 2) at most, with the ends of its pieces.
 
     >>> line = ChartLine(np.append(np.arange(3000.0), np.nan), np.ones(3001))
     >>> thinned(line).shape
@@ -125,11 +126,11 @@ def thinned(line: ChartLine) -> Array:
 
 
 ZERO: dict[str, Any] = {"color": INK, "linewidth": 1.8}
-WITHIN = 0.96  # share of the values that the colours tell apart: they run into poles
+WITHIN = 0.96  # share of the values that the colours cover, since fields may have poles
 
 
 def contours(chart: Chart, field: Field) -> Array:
-    """Round levels for all fields of that label in a chart, so that one colour is one value."""
+    """Return round levels, the same for all fields of one label, so that colours are comparable."""
     same = [
         panel.field for panel in chart.panels if panel.field and panel.field.label == field.label
     ]
@@ -142,7 +143,10 @@ def contours(chart: Chart, field: Field) -> Array:
 
 
 def filled(ax: Axes, field: Field, levels: Array, scale: Array) -> None:
-    """Colours that part at zero if it is signed, thin lines, dashed below zero, a bar beside."""
+    """Draw a field: colours, thin contour lines, dashed below zero, and a colour bar.
+
+    A signed field has two colours that meet at zero, and a bold line there.
+    """
     unit, factor = readable(field.unit)
     values = np.ma.masked_invalid(np.transpose(field.values) * factor)
     if not values.count() or (field.triangles is not None and not len(field.triangles)):
@@ -163,7 +167,7 @@ def filled(ax: Axes, field: Field, levels: Array, scale: Array) -> None:
         extend=beyond,
         zorder=0.5,
     )
-    colours.set_edgecolor("face")  # else hairlines of paper between them
+    colours.set_edgecolor("face")  # otherwise viewers show thin white lines between the areas
     met = levels[(least < levels) & (levels < most)]
     if met.size:
         line_in(*grid, levels=met, colors=INK, linewidths=0.35, zorder=0.6)
@@ -174,15 +178,15 @@ def filled(ax: Axes, field: Field, levels: Array, scale: Array) -> None:
 
 
 FILLS = ("#cfe0f0", "#f4d9b0", "#d9d2e9", "#d5e8d4", "#f3d0d6", "#e6e6e6")
-"""Of regions, pale enough for lines on them, each darker or lighter than its neighbours."""
+"""Colours of regions: pale, so that lines are visible on them, and of different lightness."""
 STROKES = ("", "////", "....", "xxxx", "----", "++++")
-"""Hatches of regions, which tell them apart on a black-and-white print."""
-ROOM = np.array([0.28, 0.07])  # [inch] from the middle of a number in a region to its ends
-FINE = 28  # points across the box of a region where its number is tried
+"""Hatches of regions, which distinguish them on a black-and-white print."""
+ROOM = np.array([0.28, 0.07])  # [inch] half of the width and height of a number in a region
+FINE = 28  # number of places across a region, and up, at which its number is tried
 
 
 def fills(chart: Chart) -> dict[str, dict[str, Any]]:
-    """How the regions of each label are filled."""
+    """Return colour and hatch of the regions, by label."""
     labels = dict.fromkeys(region.label for region in chart.regions)
     return {
         label: {
@@ -198,7 +202,10 @@ def fills(chart: Chart) -> dict[str, dict[str, Any]]:
 def spread_out(
     ax: Axes, region: ChartRegion, fill_of: Mapping[str, Any], box: "PanelFrame", cell: Array
 ) -> None:
-    """A region in its colour and hatch, with its area where a panel so large [inch] has room."""
+    """Draw a region with its colour and hatch, and its area as a number where there is room.
+
+    `cell` is the size of the panel [inch].
+    """
     rings = [np.asarray(outline) * box.scale for outline in region.outlines if len(outline) > 2]
     if not rings:
         return
@@ -225,7 +232,7 @@ def spread_out(
 
 
 def widest_place(rings: list[Array]) -> tuple[Array, float]:
-    """A place in a region that is far from its outlines, of a grid, and how far that is.
+    """Find the place in a region that is farthest from its outlines, on a grid, and its distance.
 
     >>> square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
     >>> place, room = widest_place([square])
@@ -246,21 +253,21 @@ def widest_place(rings: list[Array]) -> tuple[Array, float]:
         apart = grid[:, None] - start
         along = np.clip(np.sum(apart * way, axis=2) / long, 0.0, 1.0)
         far = np.minimum(far, np.linalg.norm(apart - along[..., None] * way, axis=2).min(axis=1))
-    wide = np.flatnonzero(far >= 0.98 * far.max())  # in a strip many places are as good
+    wide = np.flatnonzero(far >= 0.98 * far.max())  # in a strip many places are about as far
     middle = grid[wide].mean(axis=0)
     best = wide[np.argmin(np.linalg.norm(grid[wide] - middle, axis=1))]
     return grid[best], float(far[best])
 
 
-WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] a panel, by how many stand side by side
-SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72  # height over width of a panel: at most, at least, else
+WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] width of a panel, by the number in a row
+SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72  # height over width of a panel: largest, least, and otherwise
 LEFT, BELOW, ABOVE, BAR = 0.72, 0.45, 0.3, 0.95  # [inch] margins; room for a colour bar
-LETTER = 0.066  # [inch] of a usual one
+LETTER = 0.066  # [inch] mean width of a letter
 
 
 @dataclass(frozen=True)
 class PanelFrame:
-    """Corners (2,) of every panel in the units that people read, these, and the factor to them."""
+    """The ranges of a chart's axes: corners (2,) in displayed units, the units, factors from SI."""
 
     low: Array
     high: Array
@@ -269,14 +276,14 @@ class PanelFrame:
 
     @property
     def tall(self) -> float:
-        """Height over width."""
+        """Height over width, in displayed units."""
         across, up = self.high - self.low
         return float(up / across)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Panels row by row [inch]: how many, their size, what is between, above and beside them."""
+    """The grid of panels [inch]: columns and rows, panel size, gaps, room for titles and legend."""
 
     across: int
     down: int
@@ -288,18 +295,18 @@ class Layout:
 
     @property
     def right(self) -> float:
-        """Where the panels end."""
+        """The right end of the panels."""
         return float(LEFT + self.across * (self.cell[0] + self.gap[0]) - self.gap[0])
 
     @property
     def size(self) -> Array:
-        """Of the figure."""
+        """Width and height of the figure."""
         high = self.down * (self.cell[1] + self.gap[1]) - self.gap[1]
         return np.array([self.right + self.bar + self.key, ABOVE + self.head + high + BELOW])
 
 
 def chart_figure(title: str, chart: Chart) -> Figure:
-    """Panels on the same axes, the legend at their right."""
+    """Draw a chart: panels with the same axes, and the legend at their right."""
     box, looks = frame(chart), tones(chart)
     filling = fills(chart)
     handles = [
@@ -346,7 +353,7 @@ def chart_figure(title: str, chart: Chart) -> Figure:
 
 
 def layout(chart: Chart, box: PanelFrame, handles: Sequence[Artist]) -> tuple[Layout, list[str]]:
-    """A grid that is about as wide as it is high, and the panels' titles broken to fit."""
+    """Return a nearly square grid of panels, and the panels' titles, broken to fit them."""
     count = len(chart.panels)
     across = count if count <= 3 else math.isqrt(count - 1) + 1
     wide = WIDE[across]
@@ -362,9 +369,10 @@ def layout(chart: Chart, box: PanelFrame, handles: Sequence[Artist]) -> tuple[La
 
 
 def frame(chart: Chart) -> PanelFrame:
-    """Room for all that is finite; shapes keep one scale, and panels are never slivers.
+    """Return ranges of the axes that contain all finite points.
 
-    A logarithmic axis has its room in decades.
+    A chart of shapes (`alike`) has one scale for both axes, and the height of its panels over their
+    width is from `SQUAT` to `SLIM`.  The margin of a logarithmic axis is a share of its decades.
     """
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])
@@ -392,7 +400,7 @@ def frame(chart: Chart) -> PanelFrame:
 
 
 def axes(ax: Axes, chart: Chart, box: PanelFrame, *, first: bool, lowest: bool) -> None:
-    """What all panels share; names at the left and below the lowest only."""
+    """Set ranges, ticks and grid of a panel; labels only at the left and below the lowest."""
     if chart.logarithmic:
         ax.set_yscale("log", nonpositive="mask")
     ax.set(xlim=(box.low[0], box.high[0]), ylim=(box.low[1], box.high[1]))
@@ -411,7 +419,7 @@ def axes(ax: Axes, chart: Chart, box: PanelFrame, *, first: bool, lowest: bool) 
 
 
 def named(name: str, unit: str) -> str:
-    """An axis' name with its unit, if it has any.
+    """Format an axis label: name with unit, if there is any.
 
     >>> named("angle", "deg"), named("R / R_cr", "")
     ('angle [deg]', 'R / R_cr')
@@ -420,7 +428,7 @@ def named(name: str, unit: str) -> str:
 
 
 def legend(chart: Chart, looks: Mapping[str, Look]) -> list[Line2D]:
-    """An entry for each label; what bold and dashed mean where no label tells them apart."""
+    """Return the legend's entries: labels, and what bold and dashed mean where no label does."""
     entries: dict[str, ChartLine] = {}
     for line in chart.lines:
         if line.label and (line.label not in entries or line.stable):

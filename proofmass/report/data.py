@@ -1,10 +1,10 @@
-"""What one run of a case has to show: the curves of all its solvers beside their references.
+"""The data of one run of a case for the report: curves of all solvers with their references.
 
-`Jumps` are the places where curves jump: between two samples, as at a snap or a contact, without
-values on the way.  A step between two samples is suspected where it is much larger than those
-around it.  The reference is then evaluated between the two: a jump stays a step between two of many
-finer samples, and what is steep becomes many small ones.  An engine has no finer samples.  Its step
-is a jump where the reference jumps as well, or does not make that step.
+`Jumps` are the places where curves jump between two samples, as at a snap or a contact, without
+values in between.  A step between two samples is suspected to be a jump where it is much larger
+than the steps around it.  The reference is then evaluated at finer samples between the two: a jump
+remains one large step, a steep curve gives many small steps.  An engine has no finer samples.  Its
+step is a jump where the reference jumps as well, or does not make that step.
 """
 
 from collections.abc import Iterable, Mapping
@@ -29,62 +29,62 @@ from proofmass.solve import plan
 from proofmass.strict import Kind
 from proofmass.units import si_unit
 
-SEEN = 0.02  # of the range: a line is wider than a smaller step
-STEEP = 2.0  # times the steps around it; a sine of 8 samples a period makes 1.4
-FINER = 32  # samples in place of one; a square root, as before a fold, makes steps of 0.18 of it
-LEFT = 0.25  # of a suspected step that is still one between two of the finer samples
-OWN = 0.5  # of a solver's step that the reference does not make
-MOST = 32  # suspected steps that are looked at: curves with more of them are no curves
+SEEN = 0.02  # of the range: a smaller step is narrower than the line of a curve
+STEEP = 2.0  # least ratio of a jump to the steps around it; a sine of 8 samples a period has 1.4
+FINER = 32  # finer samples per step; a square root, as before a fold, has steps of 0.18 of it
+LEFT = 0.25  # share of a suspected step that a single finer step must have to be a jump
+OWN = 0.5  # share of a solver's step by which it must differ from the reference's step to be a jump
+MOST = 32  # largest number of suspected steps that are examined; noise has more
 
 
 @dataclass(frozen=True)
 class Jumps:
-    """Where the reference or a solver jumps: numbers of the samples before a jump.
+    """Where the reference or a solver jumps: indices of the samples before a jump.
 
     Attributes
     ----------
     mechanism : tuple of int
-        Where the mechanism itself does, and every curve with it.
+        Jumps of the mechanism itself, and with it of every curve.
     channels : dict of str to tuple of int
-        Where only some curves do, by channel.
+        Jumps of single curves, by channel.
     """
 
     mechanism: tuple[int, ...] = ()
     channels: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def of(self, channel: str = "") -> list[int]:
-        """Where a channel jumps, or without its name the mechanism."""
+        """Return the jumps of a channel, or without its name of the mechanism."""
         return sorted({*self.mechanism, *self.channels.get(channel, ())})
 
     def every(self) -> list[int]:
-        """Where anything jumps."""
+        """Return the jumps of the mechanism and of all channels."""
         return sorted({*self.mechanism, *(k for found in self.channels.values() for k in found)})
 
 
 @dataclass(frozen=True)
 class PlottedRun:
-    """One run of a case.
+    """One run of a case, with all that the report shows of it.
 
     Attributes
     ----------
     case, kind
-        Which run.
+        The case, and the kind of the run.
     rows : list of Comparison
         All comparisons of the run, in the order of the sidecar's solvers.
     curves, reference : dict of str to Curves
-        By solver: what it found, and the reference at the state its drive really had.  Those of a
-        failed run end where it failed.
+        Curves by solver, and the reference at the state that the solver's drives really had.  Those
+        of a failed run end where it failed.
     x_name, x_unit, x_scale : str, str, float
-        The run's parameter; multiply x by the scale [1] to get the unit that people read.
+        The run's parameter; x times the scale [1] is in the displayed unit.
     refined, verdicts : list of RefinedRow, list of Comparison
-        What a refinement of the run found.
+        Errors and verdicts of a refinement of the run.
     whole : Curves, optional
-        The reference over the whole run by the laws of its drives, where a run failed and no
-        other came to its end.
+        The reference over the whole run by the motion profiles of its drives, where a solver failed
+        and no other reached the end of the run.
     jumps : Jumps
-        Where the reference jumps.
+        Jumps of the reference.
     jumps_of : dict of str to Jumps
-        By solver, where that does.
+        Jumps of the solvers, by solver.
     """
 
     case: Case
@@ -108,7 +108,7 @@ class PlottedRun:
 
     @property
     def failed(self) -> dict[str, Comparison]:
-        """Solvers that failed or have no curves, with a comparison that says why."""
+        """Solvers that failed or have no curves, with a comparison that tells why."""
         return {
             c.solver: c
             for c in reversed(self.rows)
@@ -118,7 +118,7 @@ class PlottedRun:
 
     @property
     def without_failed(self) -> "PlottedRun":
-        """The same without the curves of failed runs."""
+        """The run without the curves of failed solvers."""
         failed = self.failed
         curves, reference = (
             {s: c for s, c in by.items() if s not in failed} for by in (self.curves, self.reference)
@@ -132,25 +132,25 @@ class PlottedRun:
 
     @property
     def longest(self) -> Curves:
-        """The reference where a solver came farthest; a sweep may stop at a limit position."""
+        """The reference over the longest run; a sweep may end early, at a limit position."""
         return self.whole or max(self.reference.values(), key=lambda reference: len(reference.x))
 
     @property
     def grid(self) -> Array:
-        """Where the run is sampled if no solver stops early."""
+        """The samples of the run if no solver ends early."""
         return grid(self.case, self.kind)
 
     def apart(self, solver: str, channel: str) -> list[int]:
-        """Where a solver's difference to the reference jumps: where either of them does."""
+        """Return the jumps of a solver's difference to the reference: those of both."""
         jumps = self.jumps_of.get(solver, Jumps())
         return sorted({*self.jumps.of(channel), *jumps.of(channel)})
 
     def place(self, x: float) -> tuple[float, str]:
-        """A place on the run's parameter, as people read it."""
+        """Return a value of the run's parameter in the displayed unit, and that unit."""
         return x * self.x_scale, self.x_unit
 
     def error(self, solver: str, channel: str) -> Array | None:
-        """Absolute difference to the reference in the channel's unit; None without the channel."""
+        """Return absolute differences to the reference in the channel's unit; None if not there."""
         if solver not in self.curves or channel not in self.curves[solver].channels:
             return None
         mine, own = (by[solver].channels[channel] for by in (self.curves, self.reference))
@@ -176,7 +176,7 @@ def plotted_run(result: Result, case: Case, kind: Kind) -> PlottedRun:
     if case.refine and case.refine.run == kind:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
-    named = axis(case, kind) if curves else ("time t", "s", 1.0)  # without curves it is not shown
+    named = axis(case, kind) if curves else ("time t", "s", 1.0)  # not shown without curves
     found = PlottedRun(case, kind, rows, curves, reference, *named, finer, verdicts, whole)
     if not curves:
         return found
@@ -187,7 +187,7 @@ def plotted_run(result: Result, case: Case, kind: Kind) -> PlottedRun:
 
 
 def compared_with(case: Case, kind: Kind, curves: Curves) -> Curves:
-    """The reference that curves were compared with; evaluated where they do not have it."""
+    """Return the reference that curves were compared with; evaluated if it was not stored."""
     if isinstance(curves, ComparedCurves):
         return Curves(curves.x, curves.reference)
     return reference_for(case, kind, curves)
@@ -196,19 +196,22 @@ def compared_with(case: Case, kind: Kind, curves: Curves) -> Curves:
 def until_failure(
     result: Result, case: Case, kind: Kind
 ) -> tuple[dict[str, Curves], dict[str, Curves]]:
-    """Curves of failed runs and their references, by solver, where the latter can be evaluated."""
+    """Return curves of failed runs and their references, by solver.
+
+    A run whose reference cannot be evaluated is left out.
+    """
     curves, reference = dict[str, Curves](), dict[str, Curves]()
     for solver in case.run[kind].solvers:
         found = result.failed.get((case.name, kind, solver))
         if found is not None and found.x.size:
-            with suppress(Exception):  # a state before a loss may be one that no reference covers
+            with suppress(Exception):  # no reference may exist for a state shortly before a failure
                 reference[solver] = reference_for(case, kind, found)
                 curves[solver] = found
     return curves, reference
 
 
 def reference_by_laws(case: Case, kind: Kind) -> Curves | None:
-    """The reference over a whole run whose drives move as their laws say; None without one."""
+    """Evaluate the reference over a whole run by the motion profiles; None if it cannot be."""
     with suppress(Exception):
         run = plan(case, kind, NATIVE)
         return evaluate(case, kind, run.x, run.motion(run.x) if run.drives else None)
@@ -216,13 +219,13 @@ def reference_by_laws(case: Case, kind: Kind) -> Curves | None:
 
 
 def beyond_limits(runs: Iterable[PlottedRun]) -> bool:
-    """Whether all runs of a case reached a limit: its model or its reference would so again."""
+    """Whether all runs of a case reached their time or memory limit, as a further run would too."""
     outcomes = {c.outcome for run in runs for c in run.rows}
     return bool(outcomes) and outcomes <= {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY}
 
 
 def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
-    """Name, unit and scale of a run's parameter: time, arc length, or a sweep's joint."""
+    """Return name, unit and scale of a run's parameter: time, arc length, or a sweep's joint."""
     if kind == "equilibrium":
         return "arc length s", "m", 1.0
     if kind == "dynamics" or case.leader is None or not case.leader.steady:
@@ -233,13 +236,13 @@ def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
 
 
 def drive_units(case: Case) -> list[str]:
-    """Unit of the value of each drive: m or rad."""
+    """Return the unit of the value of each drive: m or rad."""
     units = joints(compiled(case))
     return [str(units[drive.joint]) for drive in case.drive]
 
 
 def readable(unit: str) -> tuple[str, float]:
-    """The unit a figure uses for a curve, and the factor from SI to it: degrees, not radians.
+    """Return the displayed unit of a curve, and the factor from SI: degrees, not radians.
 
     >>> readable("rad/s")[0], readable("m"), readable("mm")
     ('deg/s', ('m', 1.0), ('mm', 1000.0))
@@ -250,24 +253,25 @@ def readable(unit: str) -> tuple[str, float]:
 
 
 def grouped(case: Case, channels: list[str]) -> list[list[str]]:
-    """Channels row by row: positions, rates, accelerations, then what is left, unit by unit."""
+    """Arrange channels in rows: positions, rates, accelerations, and the others by their unit."""
     units = {name: channel.si_unit for name, channel in case.channels.items()}
     rest = [u for u in units.values() if not any(u in o for o in KINDS.values())]
     orders = [*KINDS.values(), *((u,) for u in dict.fromkeys(rest))]
     rows = [[n for n in channels if units[n] in order] for order in orders]
     rows = [r for r in rows if r]
-    if rows and max(map(len, rows)) <= 2:  # short rows: flow, or the sheet is mostly empty
+    if rows and max(map(len, rows)) <= 2:  # short rows are joined, to leave less paper empty
         rows = [channels]
     width = min(max(map(len, rows), default=1), 4 if len(rows) > 1 else 3)
     return [r[k : k + width] for r in rows for k in range(0, len(r), width)]
 
 
 def inputs(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], str]]:
-    """Drives that are not plain from the axis: the law, and how each solver's drive really moved.
+    """Return the motion of drives that the axis does not show: profile, solvers' motions and unit.
 
-    One steady drive is the axis itself; of several steady ones the positions are enough.  At rest
-    they are held.  Rates and accelerations are left out where no solver's run has any.  So is
-    what a channel has, and solvers whose run tells of no drive.
+    A single steady drive is the axis itself; of several steady drives only the positions are
+    returned.  In an equilibrium drives are at rest, and none is returned.  Rates and accelerations
+    are left out where no solver has any, and so are quantities that a channel compares, and solvers
+    without a recorded motion of the drives.
     """
     case, found = view.case, {}
     if (
@@ -297,16 +301,16 @@ def inputs(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], str]]:
 
 
 def input_rows(view: PlottedRun, names: list[str]) -> list[list[str]]:
-    """The drives' panels row by row: one drive on one row, several side by side, order by order."""
+    """Arrange panels of drives in rows: one drive in a row, several by order of derivative."""
     each = max(len(names) // max(len(view.case.drive), 1), 1)
     rows = [names[k::each] for k in range(each)] if len(names) > each else [names]
     return [row[k : k + 4] for row in rows for k in range(0, len(row), 4)]
 
 
 def ways(x: Array, jumps: Iterable[int] = ()) -> list[tuple[slice, bool]]:
-    """The stretches of a curve on which x rises or falls, and whether it rises.
+    """Split a curve into stretches on which x rises or falls, and tell whether x rises.
 
-    They meet at a sample where x turns, and do not where the curve jumps after a sample.
+    Stretches share the sample at which x turns back, and none at a jump.
 
     >>> ways(np.array([0.0, 1.0, 2.0, 2.0, 1.0]))
     [(slice(0, 4, None), True), (slice(3, 5, None), False)]
@@ -328,7 +332,7 @@ def ways(x: Array, jumps: Iterable[int] = ()) -> list[tuple[slice, bool]]:
 
 
 def parted(x: Array, y: Array, jumps: Iterable[int], limit: int) -> tuple[Array, Array]:
-    """A curve as `thin` leaves it, with what is not a number where it jumps after a sample.
+    """Reduce a curve as `thin` does, with NaN between its parts where it jumps after a sample.
 
     >>> parted(np.array([0.0, 1.0, 2.0]), np.array([0.0, 5.0, 6.0]), [0], 9)
     (array([ 0., nan,  1.,  2.]), array([ 0., nan,  5.,  6.]))
@@ -341,7 +345,7 @@ def parted(x: Array, y: Array, jumps: Iterable[int], limit: int) -> tuple[Array,
 
 
 def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
-    """At most about `limit` points of a curve: the least and greatest of each stretch.
+    """Reduce a curve to about `limit` points at most: the least and greatest of each stretch.
 
     >>> x = np.linspace(0, 1, 10_000)
     >>> y = np.where(x == x[777], 5.0, 0.0)
@@ -362,7 +366,7 @@ def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
 
 
 def of_reference(case: Case, kind: Kind, reference: Curves, curves: Curves) -> Jumps:
-    """Where the curves of the reference jump, beside those of a solver, whose drives tell rates."""
+    """Find the jumps of the reference's curves; a solver's curves are needed for the time scale."""
     suspected = {
         name: suspects(curve, scale_of(case, kind, name, curves, curve))
         for name, curve in reference.channels.items()
@@ -387,7 +391,7 @@ def of_reference(case: Case, kind: Kind, reference: Curves, curves: Curves) -> J
 
 
 def of_solver(case: Case, kind: Kind, curves: Curves, reference: Curves, known: Jumps) -> Jumps:
-    """Where the curves of a solver jump, with the reference beside it and where that one jumps."""
+    """Find the jumps of a solver's curves, from its reference and the jumps of that (`known`)."""
     found = {}
     for name, curve in curves.channels.items():
         if name in reference.channels:
@@ -402,9 +406,9 @@ def of_solver(case: Case, kind: Kind, curves: Curves, reference: Curves, known: 
 
 
 def suspects(curve: Array, scale: float) -> list[int]:
-    """Samples after which a curve makes a step that is larger than all steps around it.
+    """Return the samples after which a curve has a step that is much larger than those around it.
 
-    The first and the last step have none on their other side, and are no suspects.
+    The first and the last step, which have neighbours on one side only, are never suspected.
 
     >>> suspects(np.array([0.0, 0.1, 0.2, 0.3, 2.0, 2.1, 2.2]), 2.2)
     [3]
@@ -419,7 +423,7 @@ def suspects(curve: Array, scale: float) -> list[int]:
 
 
 def finer(case: Case, kind: Kind, x: Array, suspected: Iterable[int]) -> Curves:
-    """The reference with `FINER` samples in place of each suspected step."""
+    """Evaluate the reference with `FINER` samples in place of each suspected step."""
     more = [np.linspace(x[k], x[k + 1], FINER + 1) for k in suspected]
     fine = np.unique(np.concatenate([x, *more]))
     run = plan(case, kind, NATIVE)
@@ -427,16 +431,17 @@ def finer(case: Case, kind: Kind, x: Array, suspected: Iterable[int]) -> Curves:
 
 
 def stays(x: Array, curve: Array, fine: Curves, name: str, k: int) -> bool:
-    """Whether a step of a curve is still one where there are finer samples."""
+    """Whether a step of a curve is still a single step at finer samples."""
     first, last = np.searchsorted(fine.x, x[[k, k + 1]])
     steps = np.abs(np.diff(fine.channels[name][first : last + 1]))
     return bool(last - first >= FINER and steps.max() > LEFT * abs(curve[k + 1] - curve[k]))
 
 
 def collected(case: Case, kind: Kind, found: Mapping[str, list[int]], curves: Curves) -> Jumps:
-    """The jumps of curves; in a sweep, one of a place or an angle is one of the mechanism.
+    """Return the jumps of curves, those of the mechanism apart.
 
-    An angle that jumps by a turn has not moved.
+    In a sweep a jump of a place or an angle is a jump of the mechanism, unless an angle jumps by
+    whole turns.
     """
     whole = set[int]()
     for name, places in found.items():

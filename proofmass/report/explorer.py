@@ -1,7 +1,7 @@
-"""A mechanism with sliders, for notebooks: the closed form answers, engines run on a button.
+"""A mechanism with sliders, for notebooks: sliders evaluate the reference, a button runs engines.
 
-The panel is one SVG that is written again at each move: the mechanism at one pose with the paths of
-its points, and curves over the run. Figures of matplotlib would take longer than a slider may.
+The panel is one SVG that is rewritten at each move of a slider: the mechanism at one pose with the
+paths of its points, and curves over the run. Figures of matplotlib would be too slow for a slider.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,46 +29,48 @@ from proofmass.wording import format_solver, pretty
 Quantities = Mapping[str, Array]
 Parameters = Mapping[str, Any]
 LinkCorners = Callable[[Quantities, Parameters], Mapping[str, Any]]
-"""Quantities (n,) and parameters -> by link its corners, places in the complex plane [m]: a list of
-numbers and arrays (n,), of which one pose is drawn; or an array, a line that is drawn as it is."""
+"""Function of quantities (n,) and parameters that returns the corners of each link, by its name.
+
+Corners are places in the complex plane [m]: a list of numbers and arrays (n,), of which one pose is
+drawn; or an array, which is drawn as a line."""
 Build = Callable[..., Case]
-"""Parameters, by name -> the case with a model that has them."""
+"""Function of parameters by name that returns the case with a model that has them."""
 SAMPLES = 121
-WIDE, HIGH, LEFT, GAP = 880, 420, 380, 62  # [px] of the panel, of the mechanism, and of axes
+WIDE, HIGH, LEFT, GAP = 880, 420, 380, 62  # [px] panel, width of the mechanism, margin of axes
 COLOURS = (*("#0072B2", "#D55E00", "#009E73", "#CC79A7"), *MUTED)
 MISSING = "sliders need ipywidgets: pip install 'proofmass[notebooks]'"
 
 
 class Explorer:
-    """Sliders for the parameters of a case's reference, and what it says at them.
+    """Sliders for the parameters of a case's reference, with its mechanism, curves and properties.
 
     Parameters
     ----------
     case : Case
         The sidecar.
     sliders : mapping of str to tuple of float
-        Parameters and their least and greatest values [SI]. Assembly modes have a slider of their
-        own.
+        Parameters and their least and greatest values [SI]. Buttons choose the assembly mode, where
+        the reference has a parameter ``mode``.
     curves : sequence of sequence of str
-        Channels, panel by panel, or quantities of the reference beside them; those of a panel have
-        one unit, that of the first, which is a channel.
+        Channels and quantities of the reference, panel by panel; the first of a panel is a channel,
+        and the others have its unit.
     links : function, optional
-        ``links(quantities, parameters)`` gives corners of links as complex numbers [m].
+        ``links(quantities, parameters)`` returns the corners of links as complex numbers [m].
     model : function, optional
-        ``model(**parameters)`` gives the case with a model that has them; then a button runs it.
+        ``model(**parameters)`` returns the case with a model that has them; a button runs it.
     run : "sweep", "dynamics" or "equilibrium", optional
-        The first of the case, if not given.
+        Run of the case; the first one, if not given.
     samples : int
-        Of the run that are evaluated, at most [1].
+        Largest number of samples of the run that are evaluated [1].
     properties : bool
-        Whether is said what the lengths amount to, such as the Grashof class.
+        Whether properties of the mechanism are shown, such as the Grashof class.
 
     Raises
     ------
     InputError
-        The reference is a recorded curve, or has no such parameter; a channel is not there.
+        The reference is a recorded curve, or has no such parameter; a channel does not exist.
     ValueError
-        The bounds of a slider do not rise, or leave the parameter out.
+        The bounds of a slider do not rise, or do not contain the value of the parameter.
     ImportError
         ipywidgets is not installed.
     """
@@ -156,14 +158,14 @@ class Explorer:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters as the sliders have them [SI]."""
+        """The parameters of the case with the values of the sliders [SI]."""
         return {
             **self.case.parameters,
             **{name: float(slider.value) for name, slider in self.sliders.items()},
         }
 
     def change(self, _: object = None) -> None:
-        """Evaluate the reference again, and draw; what engines found is of other parameters."""
+        """Evaluate the reference again, draw it, and drop the engines' curves, now out of date."""
         self.found, self.rows, self.table.value = {}, [], ""
         try:
             known = reference_quantities(self.case, self.kind, self.x, self.state, self.parameters)
@@ -199,12 +201,12 @@ class Explorer:
                         case, self.kind, solver, self.found[solver], detectable=False
                     )
             self.table.value = as_html(worst_of_solvers(self.rows))
-        except Exception as error:  # what a model of a notebook does wrong is said below it
+        except Exception as error:  # errors of a notebook's model are shown below the panel
             self.table.value = f"<p>{escape(str(error))}</p>"
         self.move()
 
     def svg(self) -> str:
-        """The whole panel."""
+        """Return the whole panel as SVG."""
         words = escape(f"{self.case.name}: {self.caption()}")
         parts = [
             f'<svg viewBox="0 0 {WIDE} {HIGH}" width="100%" style="max-width:{WIDE}px" role="img" '
@@ -220,7 +222,7 @@ class Explorer:
         return "".join([*parts, "</svg>"])
 
     def caption(self) -> str:
-        """The pose in words."""
+        """Return the pose in words."""
         k = self.place.value
         name, unit, scale = self.scale
         if self.state is None:
@@ -228,7 +230,7 @@ class Explorer:
         return pose_in_words(self.case, float(self.x[k]), self.state[0][:, k]).replace("\n", " ")
 
     def mechanism(self) -> str:
-        """The links at a pose, and the paths of the channels that are places."""
+        """Return the links at the pose, and the paths of points whose x and y are channels."""
         k = self.place.value
         drawn = self.links(self.known, self.parameters) if self.links else {}
         lines = {
@@ -258,7 +260,7 @@ class Explorer:
 
         parts = [f'<text x="12" y="16" font-weight="bold">{escape(self.caption())}</text>']
         if self.found:
-            text = "curves: pale the reference, line " + ", dashed ".join(
+            text = "curves: pale reference, solid " + ", dashed ".join(
                 map(format_solver, self.found)
             )
             parts.append(f'<text x="12" y="31">{text}</text>')
@@ -279,7 +281,7 @@ class Explorer:
         return "".join(parts)
 
     def words(self) -> str:
-        """What the reference says of the mechanism as a whole, as lines below it."""
+        """Return the properties of the mechanism as lines of text below it."""
         rows = self.property_texts.items()
         return "".join(
             f'<text x="12" y="{HIGH - 8 - 14 * (len(rows) - 1 - k)}">{escape(f"{name}: {words}")}'
@@ -288,7 +290,7 @@ class Explorer:
         )
 
     def chart(self, names: Sequence[str], top: float, high: float) -> str:
-        """Channels over the run: pale the reference, lines what engines found."""
+        """Return a panel of curves over the run: the reference pale, the engines as lines."""
         unit, factor = readable(self.case.channels[names[0]].si_unit)
         own = [{**self.known, **self.reference}[name] * factor for name in names]
         finite = np.concatenate(own)
@@ -351,7 +353,7 @@ class Explorer:
         return "".join([*parts, *words])
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
-        """The sliders; where nothing runs, as in the documentation, the panel as it stands."""
+        """Return the sliders, and HTML for where nothing runs, as in the documentation."""
         bundle = self.box._repr_mimebundle_()
         shown = ", ".join(f"{s.description} {s.value:.4g}" for s in self.sliders.values())
         return {
@@ -363,7 +365,7 @@ class Explorer:
 def require_sliders(
     case: Case, sliders: Mapping[str, tuple[float, float]], curves: Sequence[Sequence[str]]
 ) -> None:
-    """Raise InputError or ValueError for sliders or curves that a case cannot have."""
+    """Raise InputError or ValueError for sliders or curves that do not fit a case."""
     if case.recorded:
         raise InputError(case.file, "reference", "a recorded curve has nothing to slide")
     numbers = [k for k, v in case.parameters.items() if k != "mode" and not isinstance(v, str)]
@@ -384,7 +386,7 @@ def require_sliders(
 
 
 def stroke(points: Array, colour: str, width: float, dash: str = "", opacity: float = 1.0) -> str:
-    """Places of the paper, complex numbers with y down [px], as a line; broken where there is none.
+    """Return a line through places, complex numbers with y down [px], as SVG; NaN breaks it.
 
     >>> stroke(np.array([1 + 2j, 3 + 4j, np.nan, 5 + 6j, 7 + 8j]), "#000", 1).split('"')[1]
     'M1.0 2.0 3.0 4.0M5.0 6.0 7.0 8.0'
@@ -403,7 +405,7 @@ def stroke(points: Array, colour: str, width: float, dash: str = "", opacity: fl
 
 
 def worst_of_solvers(rows: Sequence[Comparison]) -> list[Comparison]:
-    """Of each solver and kind of outcome the comparison that is nearest to its limit."""
+    """Return for each solver and outcome the comparison that is nearest to its limit."""
     found: dict[tuple[str, str], Comparison] = {}
     for row in rows:
         key = row.solver, row.outcome

@@ -1,4 +1,4 @@
-"""The order of the index: cases by their folder and their reference, what is wrong first."""
+"""The groups of the index: cases by their folder and their reference, failures first."""
 
 import inspect
 from collections.abc import Callable, Iterable
@@ -19,14 +19,14 @@ Card = dict[str, Any]
 
 
 def families(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Path]) -> list[Card]:
-    """Cards by the folders of their cases below the given paths, and by references within.
+    """Group the cards of cases by folders below the given paths, and by references within.
 
     Returns
     -------
     list of dict
-        ``name`` (the folder), ``parts`` and ``state``, the worst of them.  Each part has ``name``
-        (the reference), ``what`` (a line on it), ``cards`` and ``state``.  What has something
-        wrong comes first, then by name; recorded curves last.
+        ``name`` (the folder), ``parts`` and ``state``, the worst of the parts.  Each part has
+        ``name`` (the reference), ``what`` (a line on it), ``cards`` and ``state``.  Groups with a
+        failure come first, the others by name; recorded curves are last.
     """
     pairs, paths = list(zip(cases, cards, strict=True)), list(paths)
     found = []
@@ -40,7 +40,7 @@ def families(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Path]
 def grouped(
     pairs: list[tuple[Case, Card]], key: Callable[[Case], str]
 ) -> dict[str, list[tuple[Case, Card]]]:
-    """Cases and their cards by a key of the case."""
+    """Group cases and their cards by a key of the case."""
     found: dict[str, list[tuple[Case, Card]]] = {}
     for case, card in pairs:
         found.setdefault(key(case), []).append((case, card))
@@ -48,23 +48,23 @@ def grouped(
 
 
 def part(name: str, pairs: list[tuple[Case, Card]]) -> Card:
-    """Cards of one reference."""
+    """Return the part of one reference: its name, a line on it, its cards and their worst state."""
     cards = sorted((card for _, card in pairs), key=lambda c: (ORDER.index(c["state"]), c["name"]))
     return {"name": name, "what": about(pairs[0][0]), "cards": cards, "state": worst(cards)}
 
 
 def worst(cards: list[Card]) -> str:
-    """The worst state of some cards or parts."""
+    """Return the worst state of some cards or parts."""
     return min((card["state"] for card in cards), key=ORDER.index)
 
 
 def reference_of(case: Case) -> str:
-    """What a part is called."""
+    """Return the name of the part that a case belongs to: its reference, or recorded curves."""
     return RECORDED if case.recorded else case.reference
 
 
 def about(case: Case) -> str:
-    """A line on a reference: the first of its module's documentation."""
+    """Return a line on a reference: the first paragraph of its module's docstring."""
     try:
         reference = module_of(case)
     except InputError:

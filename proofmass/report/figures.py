@@ -1,4 +1,4 @@
-"""The figures: the curves over each other, and their distance to the reference."""
+"""Figures of a run: the curves over the reference, and their differences to the reference."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
@@ -28,7 +28,7 @@ from proofmass.report.style import REFERENCE, Look
 from proofmass.report.svg import compact
 from proofmass.wording import number, pretty
 
-FLOOR = 1e-18  # of the reference's range: where a difference of exactly zero is drawn
+FLOOR = 1e-18  # of the reference's range: a difference of exactly zero is drawn there
 DPI = 150
 PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.4}
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -37,9 +37,9 @@ POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def draw(
     ax: Axes, x: Array, y: Array, look: Look, limit: int = 300, jumps: Iterable[int] = ()
 ) -> None:
-    """One solver's curve; markers are staggered so that curves on each other all show.
+    """Draw the curve of a solver, with staggered markers so that coincident curves are all visible.
 
-    Where x falls, on the way back of a loop, they are filled.  It is open where it jumps.
+    Markers are filled where x falls, as on the way back of a loop.  The curve is open at jumps.
     """
     for way, rises in ways(x, jumps):
         part_x, part = thin(x[way], np.where(np.isfinite(y[way]), y[way], np.nan), limit)
@@ -58,9 +58,9 @@ def draw(
 
 
 def every(points: Array, limit: int, jumps: Iterable[int] = ()) -> Array:
-    """At most `limit` of the points (n, 2) of a path, its first and last among them.
+    """Return at most `limit` of the points (n, 2) of a path, with its first and last.
 
-    Where it jumps after a point, it has what is not a number.
+    Where the path jumps after a point, there is NaN.
 
     >>> every(np.zeros((1000, 2)), 400).shape
     (400, 2)
@@ -79,11 +79,11 @@ def every(points: Array, limit: int, jumps: Iterable[int] = ()) -> Array:
 
 
 def limits(ax: Axes, reference: Array, lines: Mapping[str, Array]) -> None:
-    """Scale a panel on the reference; a solver that is far off leaves it, and is named."""
+    """Scale a panel by the reference; solvers that are far off leave the panel and are named."""
     finite = reference[np.isfinite(reference)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     span = high - low
-    if span <= 1e-9 * max(abs(low), abs(high)):  # a constant: do not magnify rounding
+    if span <= 1e-9 * max(abs(low), abs(high)):  # a constant, whose rounding is not magnified
         span = max(abs(low), abs(high)) or 1.0
     out = []
     bounds = [low - 0.06 * span, high + 0.06 * span]
@@ -117,7 +117,7 @@ def overlay(
     style: Mapping[str, Look],
     others: Iterable[Array] = (),
 ) -> None:
-    """A channel: the reference thick and pale, the solvers thin on top of it."""
+    """Draw a channel: the reference thick and pale, the solvers thin on top of it."""
     unit, scale = readable(view.case.channels[channel].unit)
     lines = {
         s: c.channels[channel] * scale for s, c in view.curves.items() if channel in c.channels
@@ -146,9 +146,10 @@ def panel(
     others: Iterable[Array] = (),
     jumps: Mapping[str, Iterable[int]] | None = None,
 ) -> None:
-    """A panel of an overlay with room for `others`; `reference` is on the longest x of its solvers.
+    """Draw a panel of an overlay: the curve of the reference, and the lines of the solvers.
 
-    Of `jumps`, those without a solver are the reference's.
+    `reference` has the samples of the longest run, and `others` are curves for which the panel
+    must have room.  `jumps` are by solver, those of the reference under the empty string.
     """
     jumps = jumps or {}
     ax.plot(*parted(view.longest.x * view.x_scale, reference, jumps.get("", ()), 300), **REFERENCE)
@@ -162,7 +163,7 @@ def panel(
 
 
 def ends(ax: Axes, view: PlottedRun, style: Mapping[str, Look]) -> None:
-    """Where a solver stopped before the run's last sample."""
+    """Draw a vertical line where a solver stopped before the run's last sample."""
     for solver, curves in view.curves.items():
         if curves.stopped:
             ax.axvline(
@@ -175,7 +176,7 @@ def ends(ax: Axes, view: PlottedRun, style: Mapping[str, Look]) -> None:
 
 
 def difference(ax: Axes, view: PlottedRun, channel: str, style: Mapping[str, Look]) -> None:
-    """Absolute differences of a channel on a log axis, with each tolerance as a dashed line."""
+    """Draw absolute differences of a channel on a log axis, and each tolerance as a dashed line."""
     unit = view.case.channels[channel].unit
     levels, tops = list[float](), list[float]()
     for solver in view.curves:
@@ -190,7 +191,7 @@ def difference(ax: Axes, view: PlottedRun, channel: str, style: Mapping[str, Loo
         levels.append(float(np.nanpercentile(solid, 5)) / 20 if solid.size else floor)
         tops.append(float(np.nanmax(error, initial=floor)))
     allowed = tolerances(view, channel)
-    levels += [level / 4 for level in allowed]  # the level line itself must be inside the panel
+    levels += [level / 4 for level in allowed]  # so that the lines of tolerances are in the panel
     if levels:
         decades(ax, min(levels), 8 * max([*tops, *allowed]))
         name_tolerances(ax, allowed, style)
@@ -203,7 +204,7 @@ def difference(ax: Axes, view: PlottedRun, channel: str, style: Mapping[str, Loo
 
 
 def decades(ax: Axes, low: float, high: float) -> None:
-    """A logarithmic axis with a few powers of ten, written as such."""
+    """Set a logarithmic axis that is labelled with a few powers of ten."""
     ax.set_yscale("log")
     ax.yaxis.set_major_locator(LogLocator(numticks=5))
     ax.yaxis.set_minor_locator(NullLocator())
@@ -214,7 +215,7 @@ def decades(ax: Axes, low: float, high: float) -> None:
 
 
 def tolerances(view: PlottedRun, channel: str) -> dict[float, list[str]]:
-    """The allowed errors of a channel, and the solvers that each is for."""
+    """Return the allowed errors of a channel, and the solvers that each applies to."""
     found: dict[float, list[str]] = {}
     for c in view.rows:
         if c.channel == channel and c.allowed > 0 and c.solver in view.curves:
@@ -224,7 +225,7 @@ def tolerances(view: PlottedRun, channel: str) -> dict[float, list[str]]:
 
 
 def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[str, Look]) -> None:
-    """A dashed level line for each tolerance, named where another name does not stand yet."""
+    """Draw a dashed line for each tolerance, with its solvers and number where there is room."""
     low, high = np.log(ax.get_ylim())
     taken: list[tuple[float, bool]] = []
     for level in sorted(allowed, reverse=True):
@@ -237,7 +238,7 @@ def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[st
             for right in (False, True)
             if all(abs(height + shift - y) > 0.1 or right != r for y, r in taken)
         ]
-        if free:  # else the table has it
+        if free:  # otherwise only the table shows it
             taken.append(free[0])
             ax.text(
                 0.99 if free[0][1] else 0.01,
@@ -254,7 +255,7 @@ def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[st
 
 
 def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure:
-    """All channels of a run as a grid of panels; `what` is "overlay" or "difference"."""
+    """Draw all channels of a run as a grid of panels; `what` is "overlay" or "difference"."""
     driven = inputs(view) if what == "overlay" else {}
     names = input_rows(view, list(driven)) + grouped(view.case, view.channels)
     width = max(map(len, names))
@@ -280,11 +281,11 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
                 )
             else:
                 (overlay if what == "overlay" else difference)(ax, view, line[k], style)
-    for j in range(width):  # label the lowest panel of each column: the grid may be ragged
+    for j in range(width):  # label the lowest panel of each column; rows may differ in length
         lowest = max(i for i, line in enumerate(names) if j < len(line))
         axes[lowest, j].set_xlabel(f"{view.x_name} [{view.x_unit}]")
         axes[lowest, j].tick_params(labelbottom=True)
-    for ax in figure.axes:  # fixed: looking for room takes as long as drawing
+    for ax in figure.axes:  # fixed places: finding free ones takes as long as drawing
         ax.xaxis.set_label_coords(0.5, -0.22)
         ax.yaxis.set_label_coords(-0.215, 0.5)
         ax.yaxis.get_offset_text().set(x=1, ha="right")
@@ -305,7 +306,7 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
 
 
 def solver_handles(solvers: Iterable[str], style: Mapping[str, Look]) -> list[Line2D]:
-    """What a legend has of solvers."""
+    """Return the legend's entries of solvers."""
     return [
         Line2D(
             [],
@@ -321,7 +322,7 @@ def solver_handles(solvers: Iterable[str], style: Mapping[str, Look]) -> list[Li
 
 
 def legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> None:
-    """One legend in a line above a grid of panels; `height` is that of the figure [inch]."""
+    """Draw a legend in one line above a grid of panels; `height` is the figure's [inch]."""
     figure.legend(
         handles=handles,
         loc="upper left",
@@ -335,7 +336,7 @@ def legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> No
 def legend(
     figure: Figure, view: PlottedRun, style: Mapping[str, Look], what: str, height: float
 ) -> None:
-    """One legend above the grid, and a note that names the solvers without curves."""
+    """Draw the legend above the grid, and a note that names the solvers that failed."""
     handles = [Line2D([], [], label="reference", **REFERENCE)] * (what == "overlay")
     legend_above(figure, [*handles, *solver_handles(view.curves, style)], height)
     if view.failed:
@@ -344,7 +345,7 @@ def legend(
 
 
 def thumbnail(view: PlottedRun, style: Mapping[str, Look]) -> Figure:
-    """One overlay in small, for the index, where a mechanism cannot be drawn."""
+    """Draw a small overlay of the first channel, for the index, where there is no mechanism."""
     figure = Figure(figsize=(1.8, 1.3))
     overlay(figure.add_axes((0.24, 0.14, 0.74, 0.7)), view, view.channels[0], style)
     figure.axes[0].set_ylabel("")
@@ -352,7 +353,7 @@ def thumbnail(view: PlottedRun, style: Mapping[str, Look]) -> Figure:
 
 
 def save(figure: Figure, stem: Path, png: bool = True) -> str:
-    """Write STEM.svg and STEM.png, the latter with a palette; return the SVG's text."""
+    """Write STEM.svg, and STEM.png with a palette of colours; return the SVG's text."""
     file = BytesIO()
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = compact(

@@ -1,6 +1,6 @@
 """The index: a table with a row for each case, failures first.
 
-A cell has the worst errors of a case in an engine, on an axis that all cells share.
+A cell shows the largest errors of a case in an engine, on an axis that is the same in all cells.
 """
 
 import math
@@ -31,21 +31,22 @@ from proofmass.wording import format_solver, is_variant, number
 STATIC = ("common.css", "common.js", "index.css", "index.js")
 DECADES = (-15, -12, -9, -6, -3, 0)
 LETTERS = "osD^"
-"""Markers, engine by engine; engines beyond them share the last one."""
+"""Markers of engines by matplotlib's letters; all engines after the third share the last one."""
 SAID = 2
-"""Sentences that a row says at most of runs that failed."""
+"""Number of sentences on failed runs that a row shows before it only counts them."""
 
 
 NOTHING = Markup()
 TREND = 3
-"""Reports from which on a row has a trend."""
+"""Least number of reports for the trend of a row."""
 
 
 @dataclass(frozen=True)
 class ErrorMark:
-    """A solver of a cell: its worst error on the axis, and what it is allowed there.
+    """The mark of a solver in a cell: its largest error on the axis, and the allowed error.
 
-    `at` and `allowed` are places in per cent of the axis; None where there is none.
+    `at` and `allowed` are places in per cent of the axis; None where there is no such number.
+    `hollow` is true for other settings of an engine, `over` for a failure.
     """
 
     solver: str
@@ -58,7 +59,7 @@ class ErrorMark:
 
 @dataclass(frozen=True)
 class IndexCell:
-    """What a row says of the runs of one group in one engine; `sort` is the worst share."""
+    """Errors of a case in the runs of one group in one engine; `sort` is the key of the order."""
 
     lanes: list[ErrorMark]
     error: str
@@ -68,7 +69,7 @@ class IndexCell:
 
     @property
     def words(self) -> str:
-        """All lanes in words."""
+        """All marks in words."""
         return "; ".join(lane.words for lane in self.lanes)
 
 
@@ -81,12 +82,12 @@ class IndexColumn:
 
     @property
     def key(self) -> str:
-        """Its name for the script."""
+        """The name of the column for the script."""
         return f"{self.run}/{self.engine}"
 
     @property
     def title(self) -> str:
-        """Its heading."""
+        """The heading of the column."""
         return f"{self.run.capitalize()} · {format_solver(self.engine)}"
 
 
@@ -100,7 +101,7 @@ class EngineLook:
 
     @property
     def title(self) -> str:
-        """The engine as a sentence calls it."""
+        """The engine's name as in sentences."""
         return format_solver(self.name)
 
 
@@ -115,9 +116,9 @@ class CaseRow:
     page : str
         Link to the page of the case, from the index.
     family, reference : str
-        The folder that the case is in, and its reference; the filter of the index knows both.
+        The folder that the case is in, and its reference; the index can be filtered by both.
     state : str
-        good, open or bad; `symbol` and `word` say it.
+        good, open or bad; `symbol` and `word` express it.
     symbol, word : str
         The sign and the name of the case's worst outcome.
     remarks : list of str
@@ -134,18 +135,18 @@ class CaseRow:
     seconds : float
         Wall time of all runs of the case [s].
     search : str
-        The text that the search field looks through, in small letters.
+        The text that the search field searches, in small letters.
     changes : list of Change
         Changes of the case since the last report.
     worse : int
-        Number of `changes` that are for the worse.
+        Number of `changes` to the worse.
     picture : Markup
         The drawing of the mechanism as SVG; empty if there is none.
     files : list of (str, str)
         Label and link of each file with curves of the case.
     trend : Markup
-        A line, as SVG, of the error nearest to its tolerance over the last reports; empty if they
-        are too few or the error stays as it is.
+        A line, as SVG, of the error nearest to its tolerance over the last reports; empty if there
+        are too few reports or the error did not change.
     """
 
     name: str
@@ -173,12 +174,12 @@ class CaseRow:
 
     @property
     def order(self) -> tuple[bool, bool, float, str]:
-        """Failures first, then what is worse than in the last report, then the smallest margin."""
+        """Sort key: failures first, then cases worse than in the last report, then by margin."""
         return self.state != "bad", not self.worse, -self.margin, self.name
 
     @property
     def change(self) -> str:
-        """What changed since the last report, in a word."""
+        """The changes since the last report in few words."""
         if not self.changes:
             return ""
         if not self.changes[0].run:
@@ -204,7 +205,7 @@ def render_index(
     files: Mapping[str, list[tuple[str, str]]] | None = None,
     note: str = "",
 ) -> str:
-    """The text of the index.
+    """Render the index.
 
     Parameters
     ----------
@@ -215,7 +216,7 @@ def render_index(
     style : mapping of str to Look
         The look of each solver, from `proofmass.report.style.looks`.
     pictures : mapping of str to Thumbnail or Markup or None
-        The drawing of each case, by its name: a `Thumbnail` moves, a `Markup` stands still.
+        The drawing of each case, by its name: a `Thumbnail` is animated, a `Markup` is not.
     record, last : Record, Last
         The record of this report, and that of the report that it is compared with.
     history : History
@@ -269,7 +270,7 @@ def render_index(
 
 
 def columns_of(result: Result) -> list[IndexColumn]:
-    """The columns that any case has something in; engines in the order in which they come."""
+    """Return the columns that are not empty; engines in the order in which they occur."""
     there = {(group_of(c.run), engine(c)) for c in result.comparisons if c.channel}
     engines = dict.fromkeys(engine(c) for c in result.comparisons)
     groups = dict.fromkeys(words.group for words in RUNS.values())
@@ -277,19 +278,22 @@ def columns_of(result: Result) -> list[IndexColumn]:
 
 
 def group_of(run: str) -> str:
-    """The group of columns that a run stands in; empty for a refinement."""
+    """Return the group of columns that a run belongs to; empty for a refinement."""
     return RUNS[run].group if run in RUNS else ""
 
 
 def engine(c: Comparison) -> str:
-    """The engine of a comparison's solver."""
+    """Return the engine of a comparison's solver."""
     return c.solver.partition(":")[0]
 
 
 def engine_looks(
     columns: Iterable[IndexColumn], style: Mapping[str, Look]
 ) -> dict[str, EngineLook]:
-    """A colour and a marker for each engine, its own colour if a solver of that name has one."""
+    """Return colour and marker of each engine; the colour is that of the engine's first solver.
+
+    A solver without a variant comes before all others.
+    """
     found = dict[str, EngineLook]()
     for name in dict.fromkeys(column.engine for column in columns):
         mine = next((look for solver, look in style.items() if solver == name), None)
@@ -308,7 +312,7 @@ def row_of(
     history: History,
     files: Mapping[str, list[tuple[str, str]]],
 ) -> CaseRow:
-    """What the index says of a case."""
+    """Return the row of a case; `found` are the changes of all cases."""
     rows = [c for c in result.comparisons if c.case == case.name]
     faults = faults_of(case, result)
     state = state_of(case, rows, faults)
@@ -344,7 +348,7 @@ def row_of(
 
 
 def remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
-    """What is wrong with a case, a sentence a run and solver."""
+    """Yield what is wrong with a case, in a sentence for each run and solver."""
     for run in dict.fromkeys(c.run for c in rows):
         for solver, group in by_solver(rows, run).items():
             bad = [c for c in group if c.outcome not in GOOD]
@@ -355,7 +359,7 @@ def remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
 
 
 def wrong(bad: Sequence[Comparison], of: int) -> str:
-    """What is wrong in a run of a solver, by its worst channel."""
+    """Format what is wrong in a run of a solver by its worst channel; `of` counts all channels."""
     c = max(bad, key=ratio)
     if c.outcome != Outcome.DIFFERS:
         return f"{c.outcome}: {c.message}"
@@ -363,14 +367,14 @@ def wrong(bad: Sequence[Comparison], of: int) -> str:
 
 
 def shortened(sentences: Iterable[str]) -> list[str]:
-    """The first of some sentences, and how many more there are."""
+    """Return the first sentences, and a last one with the number of the others."""
     whole = list(sentences)
     more = len(whole) - SAID
     return whole if more < 2 else [*whole[:SAID], f"And {more} more runs."]
 
 
 def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tuple[str, str]:
-    """The sign and the word of a case's state: of the worst outcome."""
+    """Return the sign and the word of a case's state: those of its worst outcome."""
     order = (
         Outcome.DIFFERS,
         Outcome.UNDECIDED,
@@ -388,7 +392,7 @@ def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tu
 
 
 def only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
-    """Whether a solver has other settings, and no tolerance judges any of its curves."""
+    """Whether a solver is a variant of an engine, and no tolerance covers any of its curves."""
     return is_variant(c.solver) and all(
         math.isnan(other.allowed) and other.outcome in OPEN
         for other in rows
@@ -397,25 +401,25 @@ def only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
 
 
 def select(rows: Iterable[Comparison], column: IndexColumn) -> list[Comparison]:
-    """The comparisons of a column."""
+    """Return the comparisons of a column."""
     return [c for c in rows if group_of(c.run) == column.run and engine(c) == column.engine]
 
 
 def seconds_of(rows: Iterable[Comparison]) -> float:
-    """Wall time of all runs of a case [s]."""
+    """Return the wall time of all runs of a case [s]."""
     runs = {(c.run, c.solver): c.seconds for c in rows}
     return sum(s for s in runs.values() if math.isfinite(s))
 
 
 def ratio(c: Comparison) -> float:
-    """The error over what is allowed; infinite of what failed without a number."""
+    """Return the error over what is allowed; infinite for a failure without a number."""
     if math.isfinite(c.error_max) and c.allowed > 0:
         return c.error_max / c.allowed
     return 0.0 if c.outcome in GOOD else math.inf
 
 
 def cell_of(rows: Sequence[Comparison]) -> IndexCell | None:
-    """The cell of these comparisons, a lane a solver, the engine itself first."""
+    """Return the cell of these comparisons: a mark for each solver, the engine itself first."""
     solvers = sorted(dict.fromkeys(c.solver for c in rows), key=is_variant)
     groups = [[c for c in rows if c.solver == solver] for solver in solvers]
     if not groups:
@@ -436,7 +440,7 @@ def cell_of(rows: Sequence[Comparison]) -> IndexCell | None:
 
 
 def speaker(group: Sequence[Comparison]) -> Comparison:
-    """The comparison that stands for a solver: the worst failure, else the largest error."""
+    """Return the comparison that represents a solver: the worst failure, else the largest error."""
 
     def rank(c: Comparison) -> tuple[bool, float, float]:
         failed = c.outcome not in GOOD
@@ -448,7 +452,7 @@ def speaker(group: Sequence[Comparison]) -> Comparison:
 
 
 def lane_of(c: Comparison) -> ErrorMark:
-    """A solver's lane, by the comparison that stands for it."""
+    """Return the mark of a solver, by the comparison that represents it."""
     share, judged = c.relative_to_range, math.isfinite(c.allowed)
     name = format_solver(c.solver)
     if not math.isfinite(share):
@@ -474,7 +478,7 @@ def lane_of(c: Comparison) -> ErrorMark:
 
 
 def trend(history: History, rows: Sequence[Comparison]) -> Markup:
-    """The error of the channel nearest to its allowance over the last reports, as a line."""
+    """Draw the error of the channel nearest to its tolerance over the last reports, as a line."""
     judged = [c for c in rows if c.outcome in CHECKED]
     if len(history.reports) < TREND or not judged:
         return NOTHING
@@ -500,14 +504,14 @@ def trend(history: History, rows: Sequence[Comparison]) -> Markup:
 
 
 def values_of(values: Iterable[float | None]) -> list[float]:
-    """The values that there are."""
+    """Return the values that are neither None nor zero."""
     return [value for value in values if value]
 
 
 def spread(
     powers: Iterable[float | None], step: float, middle: float, half: float
 ) -> Iterator[str]:
-    """Points of a trend."""
+    """Yield the points of a trend's line: powers of ten, centred at `middle`, scaled by `half`."""
     for k, power in enumerate(powers):
         if power is not None:
             yield f"{2 + k * step:.1f},{9 - 7 * (power - middle) / half:.1f}"

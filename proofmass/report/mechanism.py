@@ -1,7 +1,7 @@
 """The drawing of a mechanism to scale: bodies, joints, guides, springs and rods, at several poses.
 
-The names of the MJCF stand on one of them, beside what they name, and not on each other.  The path
-of a measured point is drawn to one scale as well.
+One of the poses has the names of the MJCF, each beside its part, without overlaps.  Figures of the
+paths of measured points, to scale, are made here as well.
 """
 
 from collections.abc import Iterable, Mapping
@@ -29,7 +29,7 @@ SIDES = np.stack([ASIDE.real, ASIDE.imag], axis=1)
 
 @dataclass(frozen=True)
 class Label:
-    """A text that may stand near any of `spots` (k, 2), best first; all lengths in points."""
+    """A text that is to be placed near one of `spots` (k, 2), best first; all lengths in points."""
 
     text: str
     spots: Array
@@ -38,12 +38,12 @@ class Label:
 
     @property
     def half(self) -> Array:
-        """Half of the text's width and height, by the width of a usual letter."""
+        """Half of the text's width and height, estimated with the mean width of a letter."""
         lines = self.text.split("\n")
         return 0.5 * self.size * np.array([0.62 * max(map(len, lines)) + 0.3, 1.2 * len(lines)])
 
     def centres(self) -> Array:
-        """Where the middle of the text may be (k, 2): around each spot, near before far."""
+        """Return candidates for the middle of the text (k, 2), around each spot, near ones first."""
         rings = [self.spots[:, None] + SIDES * (self.half + gap) for gap in (5.0, 11.0, 19.0)]
         return np.concatenate([ring.reshape(-1, 2) for ring in rings])
 
@@ -55,7 +55,7 @@ def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) ->
     ----------
     labels : iterable of Label
     points, weights : ndarray (n, 2), (n,)
-        What should stay in sight [pt], and how much [1].
+        Points that labels should not hide [pt], and their importance [1].
     box : ndarray (2, 2)
         Lower left and upper right corner of the drawing [pt].
 
@@ -91,13 +91,14 @@ def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) ->
     return [middle for middle, _ in taken]
 
 
-SAME = 0.03  # of the mechanism's size: poses nearer to each other than that look the same
+SAME = 0.03  # of the mechanism's size: poses with a smaller distance count as the same
 
 
 def distinct(picture: Picture, count: int = 6) -> Picture:
-    """Up to `count` poses, evenly over that part of the run that does not repeat itself.
+    """Choose up to `count` poses, evenly over the part of the run that does not repeat itself.
 
-    A swing is drawn on its way there, a full turn without its last pose, which is the first.
+    Of a swing that returns the way there is drawn, of a full turn all but the last pose, which is
+    the same as the first.
     """
     n = len(picture.x)
     if n > 2 and np.allclose(picture.inputs, picture.inputs[:, ::-1]) and picture.inputs.size:
@@ -110,11 +111,11 @@ def distinct(picture: Picture, count: int = 6) -> Picture:
     size = float(np.ptp(places, axis=(0, 1)).max()) or 1.0
     apart = np.abs(places[:, None] - places[None]).max(axis=(2, 3)) / size
     last = max(k for k in range(n) if not repeats(apart[: k + 1, k]))
-    after = apart[last + 1 : last + 1 + n // 10, 0]  # back at the first pose soon after the last?
+    after = apart[last + 1 : last + 1 + n // 10, 0]  # small if the first pose returns soon after
     closed = bool(after.size and after.min() <= SAME)
     end = last + 1 + int(after.argmin()) if closed else last
     way = np.cumsum(np.abs(np.diff(picture.inputs, prepend=picture.inputs[:, :1])).sum(axis=0))
-    way = way if way[end] else np.arange(len(picture.x))  # a free motion: evenly in time
+    way = way if way[end] else np.arange(len(picture.x))  # without drives evenly in time
     wanted = np.linspace(0, way[end], count + closed)[:count]
     spread = np.abs(way[: end + 1, None] - wanted).argmin(axis=0)
     chosen: list[int] = []
@@ -125,15 +126,19 @@ def distinct(picture: Picture, count: int = 6) -> Picture:
 
 
 def repeats(apart: Array) -> bool:
-    """Whether a pose was there before, and left since; `apart` is its distance to all until it."""
+    """Whether a pose occurred before and was left since.
+
+    `apart` are the distances of the pose to all poses up to it, as shares of the size.
+    """
     left_since = np.maximum.accumulate(apart[::-1])[::-1]
     return bool(((apart <= SAME) & (left_since > 2 * SAME)).any())
 
 
 def clearest(picture: Picture) -> int:
-    """The pose that bears the names: its joints are far from each other and not in one line.
+    """Choose the pose for the names: its joints are far from each other and not in one line.
 
-    Where the joints tell none from another, the one whose links are furthest from one line.
+    Where the joints do not distinguish the poses, it is the one whose links are farthest from one
+    line.
     """
     if not picture.marks:
         return len(picture.x) - 1
@@ -149,7 +154,7 @@ def clearest(picture: Picture) -> int:
 
 
 def across(points: Array) -> Array:
-    """How far the points (poses, n, 2) of each pose are from one line."""
+    """Return how far the points (poses, n, 2) of each pose are from one line."""
     centred = points - points.mean(axis=1, keepdims=True)
     found: Array = np.linalg.svd(np.nan_to_num(centred), compute_uv=False)[:, -1]
     return found
@@ -168,25 +173,25 @@ WORDS = {
 }
 SPRINGS = "spiral: torsion spring", "zigzag: spring or damper between points"
 TURN = np.linspace(0.0, 5 * np.pi, 60)
-FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] where a pivot stands on the ground
+FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] ground below a pivot, as points
 Tracks = Mapping[str, Array]
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What is drawn, from `low` to `high` [m], at `points` a metre."""
+    """The range of a drawing, from `low` to `high` [m], and its scale, `points` per metre."""
 
     low: Array
     high: Array
     points: float
 
     def on_paper(self, places: Array) -> Array:
-        """Places in the drawing [m] as points of the paper."""
+        """Convert places in the drawing [m] to points on the paper [pt]."""
         return (places - self.low) * self.points
 
 
 def scale_for(picture: Picture, tracks: Tracks, wide: float, high: float, pad: float) -> Scale:
-    """A scale at which all poses and paths have room, with `pad` points around."""
+    """Return a scale at which all poses and paths fit, with `pad` points around them."""
     outlines = [o for link in picture.links for o in link.outlines]
     everything = [
         *outlines,
@@ -205,7 +210,7 @@ def scale_for(picture: Picture, tracks: Tracks, wide: float, high: float, pad: f
 
 
 def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
-    """The figure: poses light to dark, the named one in black, paths dashed, a legend beside it.
+    """Draw poses from light to dark, one with names in black, paths dashed, and a legend.
 
     Parameters
     ----------
@@ -250,7 +255,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
 
 
 def small(picture: Picture, tracks: Tracks) -> Figure:
-    """The same as a thumbnail: no axes, no names."""
+    """Draw the mechanism as a thumbnail, without axes and names."""
     scale = scale_for(picture, tracks, 130.0, 96.0, 8.0)
     wide, high = (scale.high - scale.low) * scale.points
     figure = Figure(figsize=(wide / 72, high / 72))
@@ -264,13 +269,13 @@ def small(picture: Picture, tracks: Tracks) -> Figure:
 
 
 def shade(picture: Picture, k: int) -> str:
-    """Grey of pose number k: the later, the darker."""
+    """Return the grey of pose number k; later poses are darker."""
     level = 0.87 - 0.27 * k / max(len(picture.x) - 1, 1)
     return f"{level:.2f}"
 
 
 def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0) -> None:
-    """All bodies, joints and guides."""
+    """Draw the bodies at all poses, and joints, guides and supports at the pose `main`."""
     for outline in picture.ground.outlines:
         ax.fill(*outline[0].T, facecolor="#d5d9de", edgecolor=SOFT, linewidth=1.0, zorder=1)
     for k in sorted(range(len(picture.x)), key=lambda k: (k == main, k)):
@@ -300,7 +305,7 @@ def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0
 
 
 def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
-    """The drawing of a torsion spring (k, 2) [pt], whose ends are turned so far [rad].
+    """Return the spiral of a torsion spring (k, 2) [pt], with ends at given angles [rad].
 
     >>> ends = spiral(0.0, np.pi / 2)[[0, -1]]
     >>> bool(np.allclose(ends, [[4.0, 0.0], [0.0, -10.6]], atol=0.01))
@@ -311,7 +316,7 @@ def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
 
 
 def zigzag(ends: Array, points: float) -> Array:
-    """The drawing (k, 2) of a spring between two places (2, 2) [m], at `points` a metre.
+    """Return the zigzag (k, 2) of a spring between two places (2, 2) [m], at `points` per metre.
 
     >>> zigzag(np.array([[0.0, 0.0], [1.0, 0.0]]), 100.0)[[0, 1, 2, 3, -1]].round(3).tolist()
     [[0.0, 0.0], [0.15, 0.0], [0.185, 0.05], [0.255, -0.05], [1.0, 0.0]]
@@ -325,7 +330,7 @@ def zigzag(ends: Array, points: float) -> Array:
 
 
 def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line2D]:
-    """The sign of a joint: filled when it is driven, with a dot when it closes a loop."""
+    """Draw the sign of a joint: filled if it is driven, with a dot if it closes a loop."""
     found = ax.plot(
         *at,
         SIGNS[kind],
@@ -341,7 +346,7 @@ def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line
 
 
 def support(ax: Axes, at: Array, scale: Scale, size: float) -> None:
-    """A fixed pivot: a triangle that stands on hatched ground."""
+    """Draw a fixed pivot: a triangle on hatched ground."""
     unit = 9.5 * size / scale.points
     foot = at + unit * np.array([[-0.8, -1.3], [0.8, -1.3]])
     ax.fill(
@@ -355,7 +360,7 @@ def support(ax: Axes, at: Array, scale: Scale, size: float) -> None:
 
 
 def guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> None:
-    """The guide of a slide: on the ground hatched, on a moving body dashed."""
+    """Draw the guide of a slide: hatched on the ground, dashed on a moving body."""
     along = ends[1] - ends[0]
     length = np.linalg.norm(along)
     along = along / length if length else np.array([1.0, 0.0])
@@ -373,14 +378,14 @@ def guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> Non
 
 
 def wall(ax: Axes, ends: Array, scale: Scale, size: float) -> None:
-    """The clamp of a rod that begins at the first of two points and leads to the other."""
+    """Draw the clamp of a rod that begins at the first of two points and leads to the other."""
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     across = 11.0 * size / scale.points * np.array([along[1], -along[0]])
     hatch(ax, ends[0] - across, ends[0] + across, scale, size)
 
 
 def hatch(ax: Axes, one: Array, two: Array, scale: Scale, size: float) -> None:
-    """The sign of fixed ground: a line with short strokes to the right of it."""
+    """Draw the sign of fixed ground: a line with short strokes at its right."""
     length = float(np.linalg.norm(two - one))
     along = (two - one) / length
     step, below = 3.6 * max(size, 0.7) / scale.points, np.array([along[1], -along[0]])
@@ -391,7 +396,7 @@ def hatch(ax: Axes, one: Array, two: Array, scale: Scale, size: float) -> None:
 
 
 def sprung(case: Case) -> set[str]:
-    """Joints with a spring of their own."""
+    """Return the names of the joints with a spring of their own."""
     model = compiled(case)
     curved = np.any(getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))), axis=1)
     return {model.joint(j).name for j in np.flatnonzero((model.jnt_stiffness != 0) | curved)}
@@ -400,7 +405,7 @@ def sprung(case: Case) -> set[str]:
 def names(
     ax: Axes, picture: Picture, main: int, tracks: Tracks, coils: list[Array], scale: Scale
 ) -> None:
-    """Names of joints, loops, links and paths, each once, on the clearest pose."""
+    """Draw the names of joints, loops, links and paths, each once, at the pose `main`."""
     labels = joint_labels(picture, main, scale) + link_labels(picture, main, scale)
     for name, path in tracks.items():
         there = scale.on_paper(path[np.isfinite(path).all(axis=1)])
@@ -426,7 +431,7 @@ def names(
 
 
 def joint_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
-    """One label for all joints and loops that are always at the same place."""
+    """Return labels of joints and loops, one for all that are at the same place at all poses."""
     groups: list[tuple[Array, list[str]]] = []
     for mark in picture.marks:
         if mark.name:
@@ -440,7 +445,7 @@ def joint_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
 
 
 def link_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
-    """A label for each body, along its longest edge."""
+    """Return a label for each body, along its longest edge."""
     found = []
     for link in picture.links:
         edges = [
@@ -456,7 +461,7 @@ def link_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
 
 
 def in_sight(picture: Picture, main: int, lines: list[Array], scale: Scale) -> tuple[Array, Array]:
-    """Points (n, 2) of the paper that names should not hide, and how much each matters."""
+    """Return points (n, 2) on the paper that names should not hide, and their importance."""
     points, weights = [scale.on_paper(m.at[main : main + 1]) for m in picture.marks], []
     weights += [np.full(1, 8.0)] * len(points)
     for k in range(len(picture.x)):
@@ -480,7 +485,7 @@ def key_of_parts(
     springs: Iterable[str],
     left: float,
 ) -> None:
-    """The poses with their inputs, and what the signs mean."""
+    """Draw the legend: the poses with the values of their drives, and the signs."""
     count = len(picture.x)
     rows: list[Any] = [
         Line2D(
@@ -530,7 +535,10 @@ def key_of_parts(
 
 
 def pose_in_words(case: Case, x: float, inputs: Array) -> str:
-    """The drives at a pose; the time where they do not run steadily or are none."""
+    """Format the values of the drives at a pose, with the time unless drives are steady.
+
+    A case with an equilibrium run and without drives is "at rest".
+    """
     words = []
     for drive, unit, value in zip(case.drive, drive_units(case), inputs, strict=True):
         words.append(
@@ -552,7 +560,7 @@ PANEL = 2.45  # [inch] side of a panel
 
 
 def paths(view: PlottedRun, picture: Picture | None) -> list[str]:
-    """Names of the points whose two places in the plane of motion are channels, in metres."""
+    """Return the points whose coordinates in the plane are channels in metres and not constant."""
     across, up = picture.axes if picture else ("", "")
     return [
         name
@@ -567,7 +575,7 @@ def paths(view: PlottedRun, picture: Picture | None) -> list[str]:
 
 
 def path(curves: Curves, name: str, picture: Picture | None) -> Array:
-    """The path of a point (n, 2) [m]; NaN where the solver has none."""
+    """Return the path of a point (n, 2) [m]; NaN where curves do not have it."""
     missing = np.full(curves.x.shape, np.nan)
     return np.stack(
         [curves.channels.get(f"{name}.{a}", missing) for a in (picture.axes if picture else "xy")],
@@ -576,13 +584,13 @@ def path(curves: Curves, name: str, picture: Picture | None) -> Array:
 
 
 def jumps_on(view: PlottedRun, name: str, picture: Picture, solver: str = "") -> set[int]:
-    """Where the path of a point jumps; without a solver that of the reference."""
+    """Return the jumps of a point's path, by a solver or without one by the reference."""
     jumps = view.jumps_of[solver] if solver else view.jumps
     return {k for a in picture.axes for k in jumps.of(f"{name}.{a}")}
 
 
 def path_figure(view: PlottedRun, picture: Picture, style: Mapping[str, Look]) -> Figure:
-    """All paths of a run side by side."""
+    """Draw all paths of a run side by side."""
     names = paths(view, picture)
     width = min(len(names), 4)
     rows = -(-len(names) // width)
@@ -603,7 +611,7 @@ def path_figure(view: PlottedRun, picture: Picture, style: Mapping[str, Look]) -
 def path_panel(
     ax: Axes, view: PlottedRun, name: str, picture: Picture, style: Mapping[str, Look]
 ) -> None:
-    """One path: the reference thick and pale, the solvers thin on top of it; scales are equal."""
+    """Draw a path: the reference thick and pale, the solvers on top, with equal scales."""
     reference = path(view.longest, name, picture)
     ax.plot(*every(reference, 400, jumps_on(view, name, picture)).T, **REFERENCE)
     for solver, curves in view.curves.items():

@@ -1,8 +1,9 @@
-"""The first table of a case's page: what each engine reached and what it was allowed.
+"""The first table of a case's page: the largest error of each solver, and the allowed error.
 
-A row is a kind of quantity of a run, a column a solver.  A cell tells one channel: of those that
-differ the one that does most, otherwise the one that is furthest away, as a share of the range of
-its reference.  The same is drawn on a logarithmic axis that is the same on all pages.
+A row is a kind of quantity of a run, a column a solver.  A cell shows one channel: of those that
+differ, the one whose error over its tolerance is largest, otherwise the one with the largest error
+as a share of the range of its reference.  The errors are also drawn on a logarithmic axis, which is
+the same on all pages.
 """
 
 import math
@@ -30,13 +31,13 @@ class ErrorCell:
     Attributes
     ----------
     solver, text, note : str
-        Note is what was allowed, or why there is no number.
+        The solver, its error, and a note: the allowed error, or why there is none.
     bad : bool
-        Whether it differs.
+        Whether it differs, is undecided or failed.
     link, title : str
-        Address of the curve on the page, and what the link shows.
+        Address of the curve on the page, and the hint on the link.
     dot, tick : float, optional
-        Places of the error and of what is allowed on the axis [%].
+        Places of the error and of the allowed error on the axis [%].
     """
 
     solver: str
@@ -58,7 +59,7 @@ class OverviewRow:
 
     @property
     def lanes(self) -> list[ErrorCell]:
-        """The cells that are drawn."""
+        """The cells that are drawn on the axis."""
         return [cell for cell in self.cells if cell and cell.dot is not None]
 
     @property
@@ -73,7 +74,7 @@ class OverviewRow:
 
 @dataclass(frozen=True)
 class OverviewRun:
-    """A run of the table."""
+    """The rows of one run in the table."""
 
     kind: str
     title: str
@@ -81,7 +82,7 @@ class OverviewRun:
 
 
 def place(share: float) -> float:
-    """Where a share of the range stands on the axis [%].
+    """Return the place of a share of the range on the axis [%].
 
     >>> place(10**FIRST), place(0.0), place(1e9)
     (0.0, 0.0, 100.0)
@@ -92,12 +93,12 @@ def place(share: float) -> float:
 
 
 def marks() -> list[tuple[str, float]]:
-    """The words below the axis, and where they stand [%]."""
+    """Return the labels of the axis and their places [%]."""
     return [("1" if d == 0 else f"1e{d}", place(10.0**d)) for d in DECADES]
 
 
 def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
-    """The table of a case, from its dict of `proofmass.report.case_data.case_data`."""
+    """Return the table of a case, from its dict of `proofmass.report.case_data.case_data`."""
     solvers = list(data["solvers"])
     found = []
     for kind, run in data["runs"].items():
@@ -116,7 +117,7 @@ def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
 
 
 def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) -> ErrorCell | None:
-    """The cell of a solver of some channels of a run."""
+    """Return the cell of a solver for some channels of a run; None if it has no such run."""
     run = data["runs"][kind]
     if solver not in run["solvers"]:
         return None
@@ -162,7 +163,7 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
 
 
 def address(run: str, solver: str, channel: str, x: float) -> str:
-    """The address of a sample of a curve on the page of its case; x is in SI.
+    """Return the address of a sample of a curve on the page of its case; x is in SI.
 
     >>> address("sweep", "mujoco:default", "pin.x", 0.5)
     '#sweep/mujoco:default/pin.x@0.5'
@@ -172,7 +173,7 @@ def address(run: str, solver: str, channel: str, x: float) -> str:
 
 
 def link(folder: Path, c: Comparison) -> str:
-    """Where a comparison stands in a report: on the page of its case, its curve at the worst.
+    """Return the link to a comparison in a report: its curve at the largest error.
 
     >>> link(Path("reports"), Comparison("fourbar", "mujoco", "sweep", "pin.x", "m", at=6.17847))
     'reports/fourbar.html#sweep/mujoco/pin.x@6.17847'

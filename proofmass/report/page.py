@@ -1,4 +1,4 @@
-"""What all pages share: the templates, the record of versions and machine, and names of files."""
+"""What all pages share: templates, versions, machine and commit, names of files, static files."""
 
 import os
 import platform
@@ -26,7 +26,7 @@ from proofmass.wording import number
 
 @cache
 def environment() -> Environment:
-    """The templates, autoescaped; an unknown name in them is an error."""
+    """Return the environment of the templates: autoescaped, and an unknown name is an error."""
     env = Environment(
         loader=PackageLoader("proofmass.report"),
         autoescape=True,
@@ -40,7 +40,7 @@ def environment() -> Environment:
 
 
 def slug(name: str) -> str:
-    """A name that any file system and any link can bear, another one for each name.
+    """Return a name that is valid in file systems and links, and different for different names.
 
     >>> slug("left/arm"), slug("left_arm"), slug("four bär.2")
     ('left,arm', 'left_arm', 'four~20b~c3~a4r~2e2')
@@ -53,30 +53,30 @@ def slug(name: str) -> str:
 
 
 def complaint(error: InputError) -> str:
-    """The message of an input at fault, without the folders of the machine it was made on."""
+    """Return the message of an input at fault, without the folders of this machine."""
     return str(error).replace(str(error.file), error.file.name)
 
 
 def faults_of(case: Case, result: Result) -> list[str]:
-    """What is wrong with a case's own files, a sweep that ended early among it."""
+    """Return the errors of a case's own files, among them a sweep that ended early."""
     return [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
 
 
 def packages_of(engine: str) -> list[str]:
-    """The distributions that an engine's results come from; none of one that cannot be loaded."""
+    """Return the distributions that an engine's results depend on; none if it cannot be loaded."""
     with suppress(NoEngine):
         return [*filter(None, [brought_by(engine)]), *engine_of(engine).packages]
     return []
 
 
 def versions() -> list[tuple[str, str]]:
-    """The versions of what the numbers come from."""
+    """Return the versions of all packages that the results depend on, and of Python."""
     return known_versions(tuple(engine_names()))
 
 
 @cache
 def known_versions(engines: tuple[str, ...]) -> list[tuple[str, str]]:
-    """`versions`, read once: each page tells them."""
+    """Return `versions` from memory, since each page shows them."""
     found = []
     packages = [name for engine in engines for name in packages_of(engine)]
     for name in dict.fromkeys(("proofmass", *packages, "numpy", "scipy")):
@@ -88,7 +88,7 @@ def known_versions(engines: tuple[str, ...]) -> list[tuple[str, str]]:
 
 
 def about() -> list[tuple[str, str]]:
-    """Versions, machine and date; no host name, no paths."""
+    """Return versions, machine and date, without host name and paths."""
     return [
         *versions(),
         ("machine", f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors"),
@@ -97,7 +97,7 @@ def about() -> list[tuple[str, str]]:
 
 
 def made_with(folder: Path) -> list[tuple[str, str]]:
-    """The same as `about`, with the command and the commit of the folder of a model."""
+    """Return the entries of `about`, the commit of the folder of a model, and the command."""
     given = [word if not Path(word).is_absolute() else Path(word).name for word in sys.argv[1:]]
     command = ("command", " ".join([Path(sys.argv[0]).stem, *given]))
     commit, edited = known_commit(folder)
@@ -106,7 +106,7 @@ def made_with(folder: Path) -> list[tuple[str, str]]:
 
 
 def commit_of(place: Path) -> tuple[str, bool]:
-    """The commit of the working tree that a path lies in, and whether files differ from it."""
+    """Return the commit of the working tree of a path, and whether files differ from it."""
     folder = place if place.is_dir() else place.parent
     try:
         commit = git(folder, "rev-parse", "--verify", "HEAD")
@@ -116,7 +116,7 @@ def commit_of(place: Path) -> tuple[str, bool]:
 
 
 def git(folder: Path, *words: str) -> str:
-    """What git answers in a folder."""
+    """Run git in a folder and return its output."""
     found = subprocess.run(
         ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
     )
@@ -124,16 +124,16 @@ def git(folder: Path, *words: str) -> str:
 
 
 known_commit = cache(commit_of)
-"""The same, asked once of each place: many cases lie in one folder."""
+"""`commit_of` from memory: many cases lie in one folder."""
 CURVES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/static/uPlot.min.css"}
-"""Files of the package ``uplot-python``, which draws the curves of a page, by their new names."""
+"""Files of the package ``uplot-python``, which draws the curves of a page, by names in ``static``."""
 
 
 def write_static(folder: Path, names: Iterable[str]) -> None:
-    """Write style sheets and scripts into the folder ``static`` beside the pages, once for all."""
+    """Write style sheets and scripts of all pages into the folder ``static`` beside them."""
     (folder / "static").mkdir(parents=True, exist_ok=True)
     for name in names:
-        if name in CURVES:  # found by its record: importing the package would load IPython
+        if name in CURVES:  # located by metadata: an import of the package would load IPython
             text = Path(str(distribution("uplot-python").locate_file(CURVES[name]))).read_bytes()
         else:
             text = (files("proofmass.report") / "static" / name).read_bytes()

@@ -1,10 +1,10 @@
-"""The report: an index and a page for each case.  They open from disk and fetch nothing.
+"""The report: an index and a page for each case, which open from disk and load nothing else.
 
-The curves of a case are also written as files where that is asked for: a CSV table a run, and all
-runs in Parquet where that is there.  Everything is in SI units and radians.  A column is
-``NAME SOLVER [UNIT]``, as `proofmass.recorded` reads it; the reference of a solver is taken at the
-drive of its own run, and columns that are the same for all solvers stand there once, without a
-solver's name.
+On demand the curves of a case are also written as files: a CSV table for each run, and one Parquet
+file of all runs where pyarrow is installed.  Values are in SI units and radians.  A column is
+``NAME SOLVER [UNIT]``, as `proofmass.recorded` reads it.  The reference of a solver is evaluated at
+the motion that the solver's drives really had.  A column that is the same for all solvers is
+written once, without a solver's name.
 """
 
 import io
@@ -73,7 +73,7 @@ def write_report(
     result : Result
         From `proofmass.check.check`.
     folder : path
-        Made when it is not there; pages of the same name are replaced.
+        Folder of the report; it is made if needed, and pages of the same name are replaced.
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each case.
     studies : sequence of ShownStudy
@@ -82,14 +82,15 @@ def write_report(
         Whether every figure is written as PNG as well, and figures of all curves: overlays, paths,
         differences.
     record, last : Record, Last, optional
-        Of this report, and of the one that it is compared with; without it the one in `folder`.
+        The record of this report, and that of the report that it is compared with; by default the
+        one in `folder`.
     data : bool
         Whether the curves are written as well, see `proofmass.report.pages`.
 
     Returns
     -------
     Path
-        The ``index.html``.
+        The file ``index.html``.
     """
     folder = Path(folder)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
@@ -138,15 +139,15 @@ def write_report(
 
 
 def still(name: str, drawings: Drawings) -> Markup:
-    """The drawing of a case without poses: its curves, or nothing."""
+    """Return the picture of a case without poses for the index: its first channel, or nothing."""
     svg = drawings.figures.get("thumbnail")
     return Markup(inline(svg, f"{slug(name)}-thumbnail", name)) if svg else Markup()
 
 
 def write_curves(folder: Path, case: Case, runs: list[PlottedRun]) -> None:
-    """Write the curves of a case below a report's folder; of a run without curves there are none.
+    """Write the curves of a case below a report's folder; a run without curves has no file.
 
-    Files of runs that no longer have any are removed, or they would look like those of this report.
+    Older files of the case are removed, since they would look like files of this report.
     """
     place = folder / FOLDER
     place.mkdir(parents=True, exist_ok=True)
@@ -160,7 +161,7 @@ def write_curves(folder: Path, case: Case, runs: list[PlottedRun]) -> None:
 
 
 def note_on(data: bool) -> str:
-    """How to get the files that a report does not have."""
+    """Format a note on files of curves that the report does not have; empty if it has all."""
     if not data:
         return "proofmass report --data writes the curves as tables."
     return (
@@ -169,7 +170,7 @@ def note_on(data: bool) -> str:
 
 
 def files_of(folder: Path, case: Case) -> list[tuple[str, str]]:
-    """Labels and paths, from the report's folder, of the files that there are of a case."""
+    """Return labels and paths, from the report's folder, of the existing files of a case."""
     stem = f"{slug(case.name)}-"
     return [
         (
@@ -181,14 +182,14 @@ def files_of(folder: Path, case: Case) -> list[tuple[str, str]]:
 
 
 def named(place: Path, case: Case) -> list[Path]:
-    """The files of a case that there are, by the names that they can have."""
+    """Return the existing files of a case in a folder."""
     stem = slug(case.name)
     names = [*(f"{stem}-{kind}.csv" for kind in case.run), f"{stem}.parquet"]
     return [place / name for name in names if (place / name).is_file()]
 
 
 def table_of(view: PlottedRun) -> Table:
-    """The columns of a run; a solver that stopped early has no numbers from there on."""
+    """Return the columns of a run; a solver that stopped early has NaN from there on."""
     unit = "m" if view.x_unit == "m" else "s" if view.x_unit == "s" else "rad"
     table: Table = {f"{view.x_name} [{unit}]": view.grid}
     for name, symbol, each in columns(view):
@@ -200,7 +201,10 @@ def table_of(view: PlottedRun) -> Table:
 
 
 def columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]:
-    """Name, unit and curves by solver: the drives as they moved, channels, their references."""
+    """Yield name, unit and curves by solver: of drives as they moved, of channels and references.
+
+    A channel is yielded solver by solver, with the solver's name in that of the column.
+    """
     if view.kind != "equilibrium":
         for row, (drive, unit) in enumerate(
             zip(view.case.drive, drive_units(view.case), strict=True)
@@ -225,17 +229,17 @@ def columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]:
 
 
 def shared(each: dict[str, Array]) -> dict[str, Array]:
-    """The one column of several that are the same."""
+    """Return one of several equal columns, without a solver's name."""
     return {"": next(iter(each.values()))}
 
 
 def padded(values: Array, length: int) -> Array:
-    """A curve with what is not a number after its end."""
+    """Return a curve with NaN after its end, up to a length."""
     return np.concatenate([values, np.full(length - len(values), np.nan)])
 
 
 def as_csv(table: Table) -> str:
-    """A table with commas and points; all digits of a number, and nothing where there is none."""
+    """Format a table as CSV with commas and points, with all digits; NaN is an empty cell."""
     lines = [",".join(f'"{name}"' if "," in name else name for name in table)]
     rows = np.stack(list(table.values()), axis=1).tolist()
     lines += [",".join("" if v != v else repr(v) for v in row) for row in rows]
@@ -243,12 +247,12 @@ def as_csv(table: Table) -> str:
 
 
 def has_parquet() -> bool:
-    """Whether pyarrow is there, which writes Parquet."""
+    """Whether pyarrow, which writes Parquet, is installed."""
     return find_spec("pyarrow") is not None
 
 
 def as_parquet(tables: dict[str, Table]) -> bytes:
-    """The runs of a case below each other, with a column ``run``."""
+    """Return the runs of a case as one Parquet table, with a column ``run``."""
     import pyarrow
     import pyarrow.parquet
 

@@ -1,7 +1,7 @@
-"""What a report keeps for the next one: ``results.json`` beside its index.
+"""What a report stores for the next one: ``results.json`` beside its index.
 
-It holds every number of `proofmass check --json`, where and when they were made, and the errors of
-the last reports, so that a report says what changed since the last one.
+The file has every number of `proofmass check --json`, where and when they were computed, and the
+errors of the last reports, so that a report can show what changed since the last one.
 """
 
 import json
@@ -27,34 +27,34 @@ from proofmass.terminal import KEYS, finite
 FORMAT = 1
 NAME = "results.json"
 KEPT = 50
-"""Reports whose errors are kept."""
+"""Number of reports whose errors are kept."""
 
 
 class Part(BaseModel):
-    """A part of a record; of one from another version it keeps what it knows."""
+    """A part of a record; unknown fields, from another version, are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
 class Made(Part):
-    """When and on what a report was made; no host name, no folder.
+    """When and on which machine a report was made, without host name and folders.
 
     Attributes
     ----------
     date : str
-        In UTC, as in ISO 8601.
+        Date and time in UTC, in ISO 8601.
     command : str
-        What was called, with its arguments.
+        The command with its arguments.
     commit : str
-        Of the working tree that the inputs lie in; empty if they lie in none.
+        Commit of the working tree of the inputs; empty if they lie in none.
     edited : bool
         Whether that tree has changes since the commit.
     versions : dict of str to str
-        By package.
+        Versions of packages.
     machine, processors : str, int
-        What it ran on, and how many processors it had.
+        Operating system and type of machine, and its number of processors.
     load_start, load_end : float or None
-        Processes that wanted a processor [1], the mean over a minute, before and after the runs.
+        Load average over a minute, in processes [1], before and after the runs.
     """
 
     date: str
@@ -74,7 +74,7 @@ class Made(Part):
 
 
 class CaseRecord(Part):
-    """A case, the folder that it lies in, and what its reference is called."""
+    """A case, the folder that it lies in, and the name of its reference."""
 
     name: str
     title: str
@@ -94,7 +94,7 @@ class ChannelRecord(Part):
     at: float | None
     error_rms: float | None
     nrmse: float | None
-    uncertainty: float | None = 0.0  # which earlier versions did not have
+    uncertainty: float | None = 0.0  # earlier versions did not have it
     allowed: float | None
     detectable: dict[str, dict[str, float | bool | None]]
     outcome: str
@@ -105,7 +105,7 @@ class ChannelRecord(Part):
 
     @property
     def key(self) -> str:
-        """Its name in the history."""
+        """The name of the channel in the history."""
         return channel_key(self.case, self.run, self.solver, self.channel)
 
 
@@ -118,7 +118,7 @@ class FaultRecord(Part):
 
 
 class Past(Part):
-    """A report of the history; see `Made` for its parts."""
+    """A report of the history; see `Made` for its fields."""
 
     date: str
     commit: str = ""
@@ -128,7 +128,7 @@ class Past(Part):
     @field_validator("date")
     @classmethod
     def known_date(cls, date: str) -> str:
-        """A date that can be read."""
+        """Raise ValueError for a date that cannot be read."""
         datetime.fromisoformat(date)
         return date
 
@@ -139,15 +139,16 @@ class Past(Part):
 
 
 class History(Part):
-    """Errors of the last reports, as shares of the range: a list a channel, oldest first.
+    """Errors of the last reports, as shares of the range: a list for each channel, oldest first.
 
     Attributes
     ----------
     reports : list of Past
     errors : dict of str to list
-        By the names of `channel_key`, a share of the range a report [1]; None where it has none.
+        For each `channel_key`, the error in each report as a share of the range [1]; None where a
+        report has none.
     damage : str
-        What of it could not be read and was left out; empty if nothing.
+        Parts that could not be read and were left out; empty if there are none.
     """
 
     reports: list[Past] = []
@@ -155,12 +156,12 @@ class History(Part):
     damage: str = Field(default="", exclude=True)
 
     def trend(self, case: str, run: str, solver: str, channel: str) -> list[float | None]:
-        """The errors of a channel in `reports`; None where a report has none."""
+        """Return the errors of a channel in `reports`; None where a report has none."""
         return self.errors.get(channel_key(case, run, solver, channel), [None] * len(self.reports))
 
 
 class Record(Part):
-    """All that a report keeps."""
+    """All that a report stores."""
 
     format: int
     made: Made
@@ -173,12 +174,12 @@ class Record(Part):
     @field_validator("history", mode="before")
     @classmethod
     def mended_history(cls, value: object) -> object:
-        """A damaged part of the history costs itself only."""
+        """Leave out damaged parts of the history, so that the rest of the record can be read."""
         return value if isinstance(value, History) else mended(value)
 
 
 def mended(value: object) -> History:
-    """A history out of JSON without the reports, rows and errors that cannot be read."""
+    """Read a history from JSON, without the reports, rows and errors that are damaged."""
     if not isinstance(value, dict):
         return History(damage="all of it, which is no table")
     reports, rows = value.get("reports", []), value.get("errors", {})
@@ -210,7 +211,7 @@ def mended(value: object) -> History:
 
 
 def is_error(value: object) -> bool:
-    """Whether the history can have a value: a share of the range, or none.
+    """Whether a value is an error of the history: a share of the range, or None.
 
     >>> [is_error(value) for value in (1e-9, 0, None, True, -1.0, float("nan"), "1e-9")]
     [True, True, True, False, False, False, False]
@@ -223,7 +224,7 @@ def is_error(value: object) -> bool:
 
 @dataclass(frozen=True)
 class Last:
-    """The last report: its record, and what of its file cannot be read; or neither of both."""
+    """The last report: its record, and what is wrong with its file; without a report neither."""
 
     record: Record | None = None
     wrong: str = ""
@@ -231,12 +232,12 @@ class Last:
 
     @property
     def shown(self) -> str:
-        """What is wrong without the folders of the machine."""
+        """What is wrong, without the folders of this machine."""
         return self.wrong.replace(str(self.file), self.file.name)
 
 
 def day_of(date: str) -> str:
-    """A date in ISO 8601 as people read it.
+    """Format a date in ISO 8601 for people.
 
     >>> day_of("2026-11-23T19:08:12+00:00")
     '2026-11-23 19:08 UTC'
@@ -245,22 +246,22 @@ def day_of(date: str) -> str:
 
 
 def channel_key(case: str, run: str, solver: str, channel: str) -> str:
-    """What the history calls a channel."""
+    """Return the name of a channel in the history."""
     return f"{case}/{run}/{solver}/{channel}"
 
 
 def load_average() -> float | None:
-    """Processes that want a processor, the mean over a minute; None where no system tells it."""
+    """Return the load average over a minute, in processes; None where the system has none."""
     return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
 
 
 def started(command: Sequence[str] = (), inputs: Path | None = None) -> Made:
-    """What is known when the runs of a report begin.
+    """Return date, command, commit, versions, machine and load before the runs of a report.
 
     Parameters
     ----------
     command : sequence of str
-        Its words; of a word that is an absolute path only the name is kept.
+        Words of the command; of a word that is an absolute path only the name is kept.
     inputs : Path, optional
         A file or folder of the working tree whose commit is recorded; the current one by default.
     """
@@ -279,7 +280,7 @@ def started(command: Sequence[str] = (), inputs: Path | None = None) -> Made:
 
 
 def record_of(result: Result, made: Made | None = None) -> Record:
-    """The record of a result, without a history."""
+    """Return the record of a result, without a history."""
     made = made or started(inputs=next(iter(result.paths), None))
     return Record(
         format=FORMAT,
@@ -305,7 +306,7 @@ def record_of(result: Result, made: Made | None = None) -> Record:
 
 
 def channel_record(c: Comparison) -> ChannelRecord:
-    """A comparison as the record has it."""
+    """Return the record of a comparison."""
     values = asdict(c)
     return ChannelRecord.model_validate(
         finite({key: values[key] for key in KEYS} | {"share_of_range": c.relative_to_range})
@@ -313,7 +314,7 @@ def channel_record(c: Comparison) -> ChannelRecord:
 
 
 def read_last(folder: Path) -> Last:
-    """The record of the report in a folder, or why it cannot be read."""
+    """Read the record of the report in a folder, or tell why it cannot be read."""
     file = folder / NAME
     if not file.exists():
         return Last()
@@ -334,13 +335,13 @@ def read_last(folder: Path) -> Last:
 
 
 def require_record(folder: Path) -> None:
-    """Raise InputError if there is no record in the folder that a report is compared with."""
+    """Raise InputError if the folder that a report is to be compared with has no record."""
     if not (folder / NAME).exists():
         raise InputError(folder / NAME, "", "no such file; proofmass report writes it")
 
 
 def parsed(text: str) -> Record:
-    """A record from its text; ValueError if it is none, or of another format version."""
+    """Read a record from its text; ValueError if it is none or has another format version."""
     found = json.loads(text)
     if not isinstance(found, dict) or "format" not in found:
         raise ValueError("it has no format version")
@@ -350,13 +351,13 @@ def parsed(text: str) -> Record:
 
 
 def write_record(folder: Path, record: Record, history: History) -> None:
-    """Write a record with the history up to it, a channel a line."""
+    """Write a record with the history up to it, one line for each channel."""
     whole = record.model_copy(update={"history": history})
     write_whole(folder / NAME, as_lines(whole.model_dump(mode="json")))
 
 
 def as_lines(table: dict[str, Any]) -> str:
-    """JSON whose lists and tables have a line for each entry, so that versions can be compared."""
+    """Format JSON with a line for each entry of lists and tables, so that diffs are readable."""
     parts = []
     for key, value in table.items():
         if key == "history":
@@ -373,12 +374,12 @@ def as_lines(table: dict[str, Any]) -> str:
 
 
 def as_line(value: Any) -> str:
-    """JSON in a line."""
+    """Format JSON in one line."""
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 def continued(history: History, record: Record) -> History:
-    """A history with another report at its end, of the last `KEPT`."""
+    """Return a history with a further report, reduced to the last `KEPT` reports."""
     made = record.made
     past = Past(date=made.date, commit=made.commit, edited=made.edited, versions=made.versions)
     reports = [*history.reports, past][-KEPT:]
@@ -393,7 +394,7 @@ def continued(history: History, record: Record) -> History:
 
 
 def rounded(value: float | None) -> float | None:
-    """A number to three digits.
+    """Return a number to three digits; None for None.
 
     >>> rounded(1.23456e-9)
     1.23e-09

@@ -1,4 +1,4 @@
-"""A row of a chart that is a table: places on an axis that all rows have in common."""
+"""A row of a chart in a table: marks at places on an axis that all rows have in common."""
 
 from dataclasses import dataclass
 from math import log
@@ -6,26 +6,26 @@ from math import log
 
 @dataclass(frozen=True)
 class Strip:
-    """What is drawn in a row, at places from 0 to 100 [%].
+    """The marks of a row, at places from 0 to 100 [%].
 
     Attributes
     ----------
     said : str
-        What is to be seen, in words.
+        The row in words, for screen readers.
     css : str
-        Class of its colour.
+        CSS class of the colour.
     grid : list of float
-        Where lines stand behind all rows [%].
+        Places of the lines behind all rows [%].
     mark : str
         The marker at `dot`, from `proofmass.report.svg_markers.MARKS`.
     hollow : bool
-        Whether only its outline is drawn.
+        Whether only the outline of the marker is drawn.
     dot, tick : float, optional
-        Places of what was measured, and of what it is held against [%].
+        Places of the measured value, and of the value that it is compared with [%].
     bar, spread : tuple of float, optional
-        From where to where a bar goes, and the interval that is known of its end [%].
+        Start and end of a bar, and the interval in which its end lies [%].
     band : tuple of float, optional
-        Where the band of what is allowed begins, and how wide it is [%].
+        Start and width of the band of allowed values [%].
     """
 
     said: str
@@ -41,7 +41,7 @@ class Strip:
 
 
 def place(value: float, low: float, high: float) -> float:
-    """Place of a value on a logarithmic axis [%]; what lies beyond it stands at its ends.
+    """Return the place of a value on a logarithmic axis [%]; values beyond it are at its ends.
 
     >>> place(10.0, 1.0, 100.0), place(0.1, 1.0, 100.0), place(5.0, 1.0, 1.0)
     (50.0, 0.0, 100.0)

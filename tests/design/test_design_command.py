@@ -75,7 +75,7 @@ def test_stopped_it_goes_on_from_there(tmp_path, monkeypatch):
     monkeypatch.setattr(SavedSearch, "step", interrupted)
     stopped = run("-o", tmp_path / "twice")
     assert stopped.exit_code == 130
-    assert "the same command goes on from there" in " ".join(stopped.output.split())
+    assert "to go on, give the same command again" in " ".join(stopped.output.split())
     monkeypatch.setattr(SavedSearch, "step", step)
     assert run("-o", tmp_path / "twice").output == once.output
     assert (tmp_path / "once" / "design.json").read_text() == (

@@ -313,7 +313,7 @@ def test_of_channels_that_differ_the_worst_by_its_allowance_is_shown(
     assert (cell.bad, "pin.y@" in cell.link, run.rows[0].kind) == (True, True, "position")
     assert badge(fourbar, rows, "bad", []).startswith("✗ Differs: 1 of ")
     assert "differ by up to 1e-13 of their range in the sweep" in closeness(fourbar, rows)
-    assert "Hold the lengths" in advice(fourbar, rows, [], "bad")[0]
+    assert "Compare the lengths" in advice(fourbar, rows, [], "bad")[0]
 
 
 def test_how_well_engines_agree_is_one_sentence(fourbar: Case, result: Result) -> None:

@@ -350,7 +350,7 @@ def test_an_interrupt_is_one_line_that_says_what_is_kept(what, place):
         time.sleep(0.01)
     os.killpg(study.pid, signal.SIGINT)  # as a terminal does
     shown, said = study.communicate(timeout=ANSWERED)
-    assert said.strip() == f"stopped; {KEPT[what]}: the same command goes on from there"
+    assert said.strip() == f"stopped; {KEPT[what]}; to go on, give the same command again"
     assert study.returncode == 130
     assert not shown
     assert ended(study.pid, ALIVE)
