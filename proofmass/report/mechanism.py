@@ -43,7 +43,7 @@ class Label:
         return 0.5 * self.size * np.array([0.62 * max(map(len, lines)) + 0.3, 1.2 * len(lines)])
 
     def centres(self) -> Array:
-        """Return candidates for the middle of the text (k, 2), around each spot, near ones first."""
+        """Return places for the middle of the text (k, 2) around each spot, near ones first."""
         rings = [self.spots[:, None] + SIDES * (self.half + gap) for gap in (5.0, 11.0, 19.0)]
         return np.concatenate([ring.reshape(-1, 2) for ring in rings])
 

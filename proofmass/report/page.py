@@ -126,7 +126,7 @@ def git(folder: Path, *words: str) -> str:
 known_commit = cache(commit_of)
 """`commit_of` from memory: many cases lie in one folder."""
 CURVES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/static/uPlot.min.css"}
-"""Files of the package ``uplot-python``, which draws the curves of a page, by names in ``static``."""
+"""Files of ``uplot-python``, which draws the curves of a page, by their names in ``static``."""
 
 
 def write_static(folder: Path, names: Iterable[str]) -> None:

@@ -1,4 +1,4 @@
-"""A refinement for the page: errors, orders and limits by number of segments, and their cost."""
+"""The refinement of a page: errors, orders and limits by number of segments, and their cost."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ from proofmass.wording import number, pretty
 
 INK = "#333333"
 WIDE, HIGH, HEAD = 2.6, 2.2, 0.42  # [inch] a panel with its labels, and the legend above
-BELOW = 0.35  # of the errors: where the triangle stands
+BELOW = 0.35  # of the error: top of the triangle that shows the order
 
 
 def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -> Figure:
-    """A panel for each channel: errors of all solvers, the order as a triangle, the limit."""
+    """Draw a panel for each channel: errors of all solvers, the order as a triangle, the limit."""
     found = channels(view)
     rows = -(-len(found) // 4)
     width = -(-len(found) // rows)
@@ -51,7 +51,7 @@ def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -
 def panel(
     ax: Axes, solvers: dict[str, list[RefinedRow]], refine: Refine, style: Mapping[str, Look]
 ) -> None:
-    """Errors of a channel; of solvers on each other the first has the largest markers."""
+    """Draw the errors of a channel; earlier solvers have larger markers, so that all show."""
     ax.set_xscale("log")
     drawn = list[float]()
     for k, (solver, rows) in enumerate(solvers.items()):
@@ -78,7 +78,7 @@ def panel(
 def lines(
     ax: Axes, rows: list[RefinedRow], refine: Refine, look: Look, large: float
 ) -> list[float]:
-    """One solver: its errors, and its limit unless that is rounding; the values that are drawn."""
+    """Draw the errors of a solver, and its limit unless that is rounding; return drawn values."""
     drawn = [max(row.error, FLOOR) for row in rows]
     layer = 3 + look.number / 10
     ax.plot(
@@ -109,7 +109,7 @@ def lines(
 
 
 def fall(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
-    """A triangle of the asked order, below the last two errors that are above the error floor."""
+    """Draw a triangle of the expected order below the last two errors above the error floor."""
     above = [pair for pair in pairwise(rows) if min(row.error for row in pair) > refine.error_floor]
     if not above:
         return
@@ -128,7 +128,7 @@ def fall(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
 
 
 def triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float) -> float:
-    """A triangle that falls as errors of an order do, with the order at its upright side.
+    """Draw a triangle that falls as errors of an order do, with the order at its upright side.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float) -> 
 
 
 def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
-    """Dashed lines where the limit may be, and where errors are left to rounding."""
+    """Draw dashed lines at the allowed limit, and at the error floor of rounding."""
     for words, level in bounds.items():
         ax.axhline(level, color=INK, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
         ax.annotate(
@@ -187,7 +187,7 @@ def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
 def legend(
     figure: Figure, view: PlottedRun, refine: Refine, style: Mapping[str, Look], height: float
 ) -> None:
-    """The solvers, and what an open diamond is."""
+    """Draw the legend: the solvers, and the meaning of an open diamond."""
     coarse, fine = refine.last
     handles = solver_handles(dict.fromkeys(row.solver for row in view.refined), style)
     limit_of = Line2D(
@@ -204,7 +204,7 @@ def legend(
 
 @dataclass(frozen=True)
 class RefinementLine:
-    """One channel of one solver: its verdicts, and its numbers as words."""
+    """One channel of one solver: its verdicts, and its numbers as text."""
 
     solver: str
     unit: str
@@ -215,7 +215,7 @@ class RefinementLine:
 
 
 def channels(view: PlottedRun) -> dict[str, dict[str, list[RefinedRow]]]:
-    """Rows by channel and solver, from few segments to many."""
+    """Group the rows by channel and solver, from few segments to many."""
     found: dict[str, dict[str, list[RefinedRow]]] = {}
     for row in view.refined:
         found.setdefault(row.channel, {}).setdefault(row.solver, []).append(row)
@@ -223,7 +223,7 @@ def channels(view: PlottedRun) -> dict[str, dict[str, list[RefinedRow]]]:
 
 
 def table(view: PlottedRun, refine: Refine) -> dict[str, list[RefinementLine]]:
-    """Lines by channel."""
+    """Return the lines of the table by channel."""
     found: dict[str, list[RefinementLine]] = {}
     for channel, solvers in channels(view).items():
         for solver, rows in solvers.items():
@@ -246,25 +246,25 @@ def table(view: PlottedRun, refine: Refine) -> dict[str, list[RefinementLine]]:
 
 
 def about(verdict: Comparison, channel: str) -> bool:
-    """Whether a verdict speaks of a channel, or of a solver as a whole."""
+    """Whether a verdict is on a channel, or on a solver as a whole."""
     return verdict.channel in ("order", f"order of {channel}", f"limit of {channel}")
 
 
 def pairs(
     rows: list[RefinedRow], of: Callable[[RefinedRow, RefinedRow], float], digits: int
 ) -> tuple[str, ...]:
-    """Words on each row and the one before it."""
+    """Format a number of each row and the one before it, as `of` computes it."""
     return tuple(number(of(a, b), digits) for a, b in pairwise(rows))
 
 
 def costs(view: PlottedRun) -> Iterator[tuple[str, list[str]]]:
-    """Seconds of each solver by numbers of segments."""
+    """Yield each solver with its seconds, by number of segments."""
     for solver, rows in next(iter(channels(view).values()), {}).items():
         yield solver, [number(row.seconds) for row in rows]
 
 
 def caption(refine: Refine) -> str:
-    """What is asked for, and how it was sampled."""
+    """Format the caption: the requirements, and how errors are sampled."""
     coarse, fine = refine.last
     samples = ", which have the same places on the links of all" * (refine.run == "equilibrium")
     bound = "" if refine.richardson is None else f"; it may be {number(refine.richardson)} m off"

@@ -1,4 +1,4 @@
-"""What a notebook shows of a case and of comparisons: tables in HTML."""
+"""HTML of cases, results and comparisons, for notebooks."""
 
 import io
 from base64 import b64encode
@@ -20,13 +20,13 @@ from proofmass.terminal import LOOK
 from proofmass.wording import format_solver, number, pretty
 from proofmass.worker import isolated
 
-DRAWING = 30.0  # [s] until the drawing of a case is given up
+DRAWING = 30.0  # [s] time limit for the drawing of a case
 POSES = 25
 
 
 @singledispatch
 def as_html(thing: object) -> str:
-    """A case, a result or comparisons as a notebook shows them.
+    """Return a case, a result or comparisons as HTML, which a notebook shows.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def as_html(thing: object) -> str:
     Raises
     ------
     TypeError
-        It is something else.
+        The object is something else.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def _(result: Result) -> str:
 
 
 def comparisons_table(rows: Iterable[Comparison]) -> str:
-    """Comparisons, a row each."""
+    """Return comparisons as a table in HTML, one row each."""
     head = "".join(
         f"<th>{name}</th>"
         for name in ("run", "solver", "channel", "outcome", "largest error", "allowed", "of range")
@@ -114,10 +114,10 @@ def comparisons_table(rows: Iterable[Comparison]) -> str:
 
 
 def drawing(case: Case) -> str:
-    """The mechanism at some poses of its first run; empty where it cannot be drawn."""
+    """Draw the mechanism at some poses of its first run; empty where it cannot be drawn."""
     try:
         svg = isolated(drawn_small, case, next(iter(case.run)), timeout=DRAWING)
-    except Exception:  # the runs say what is wrong with a model
+    except Exception:  # a run of the case reports what is wrong with its model
         return ""
     data = b64encode(svg).decode()
     words = escape(f"drawing of {case.name}")
@@ -125,7 +125,7 @@ def drawing(case: Case) -> str:
 
 
 def drawn_small(case: Case, kind: Kind) -> bytes:
-    """What `drawing` does in another process."""
+    """Draw the mechanism as SVG; `drawing` calls this in another process."""
     picture = distinct(moved_here(case, kind, {}, POSES).picture)
     stream = io.BytesIO()
     with rc_context(RC):

@@ -1,4 +1,4 @@
-"""A study as the report shows it: its pages, links to them, and its tables beside them."""
+"""Pages of studies: how they are written, and how the report links to them."""
 
 import shutil
 from collections.abc import Iterable
@@ -13,20 +13,20 @@ from proofmass.report.page import about, environment, write_static
 
 
 class Written(NamedTuple):
-    """The pages of a study: the first, and links from there to what it says of each case."""
+    """The pages of a study: the first page, and links from its folder to the part on each case."""
 
     first: Path
     parts: dict[str, str]
 
 
 STATIC = ("common.css", "study.css", "common.js", "study.js")
-"""What the pages of all studies load from the folder ``static`` beside them."""
+"""Files of the folder ``static`` that the pages of all studies load."""
 
 
 def prepared(output: Path, tables: Iterable[Path], scripts: Iterable[str] = ()) -> list[str]:
-    """Make the folder of a study's pages, with copies of its tables; their names there.
+    """Make the folder of a study's pages, with copies of its tables; return their names.
 
-    Style sheets and scripts, and those of this study alone, are written beside the pages.
+    Style sheets and scripts are written as well: those of all studies, and `scripts` of this one.
     """
     (output / "figures").mkdir(parents=True, exist_ok=True)
     write_static(output, (*STATIC, *scripts))
@@ -39,15 +39,16 @@ def prepared(output: Path, tables: Iterable[Path], scripts: Iterable[str] = ()) 
 
 @dataclass(frozen=True)
 class ShownStudy:
-    """A study as the report shows it.
+    """A study that the report links to.
 
     Attributes
     ----------
     title, what : str
+        Title of the study, and a line on it.
     page : str
         Link to its first page, from the report's index.
     parts : dict of str to str
-        Links to what it says of a case or of a model, by the stems of their files.
+        Links to its parts on a case or a model, by the stems of their files.
     """
 
     title: str
@@ -56,13 +57,13 @@ class ShownStudy:
     parts: dict[str, str]
 
     def of(self, case: Case) -> str:
-        """The link to what it says of a case or of its model; empty if it says nothing."""
+        """Return the link to the part on a case or its model; empty if there is none."""
         return self.parts.get(case.name) or self.parts.get(case.model_path.stem, "")
 
 
 @dataclass(frozen=True)
 class Pages:
-    """Writes the pages of a study from templates, which have much in common.
+    """Writes the pages of a study from templates.
 
     Attributes
     ----------
@@ -71,7 +72,7 @@ class Pages:
     home : str
         Link to the report that they are part of; empty if there is none.
     scripts : tuple of str
-        Of this study alone.
+        Scripts of this study alone.
     """
 
     output: Path
@@ -79,7 +80,7 @@ class Pages:
     scripts: tuple[str, ...] = ()
 
     def write(self, file: str, template: str, data: Any = None, **shown: Any) -> Path:
-        """Write one page; `data` is for its scripts, and a page without it loads none of them."""
+        """Write one page; `data` is for the study's scripts, which only a page with data loads."""
         text = (
             environment()
             .get_template(template)

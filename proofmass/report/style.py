@@ -1,7 +1,7 @@
-"""How a solver looks: one colour, dash pattern and marker each, the same in every figure.
+"""The look of each solver: colour, dash pattern and marker, the same in every figure.
 
-Colours are those of Okabe and Ito, which colour-blind readers can tell apart; dash pattern and
-marker tell the solvers apart on a black-and-white print as well.
+Colours are those of Okabe and Ito, which colour-blind readers can distinguish; dash pattern and
+marker distinguish the solvers on a black-and-white print as well.
 """
 
 from collections.abc import Iterable
@@ -35,14 +35,14 @@ PALETTE = {
     (0, "settled"): Look("#882255", (0, (2, 1)), "d", 5),
     (1, "fine"): Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
 }
-"""By the number of an engine of this distribution, and the variant."""
+"""Looks by the index of an engine among those of this distribution, and by the variant."""
 KNOWN = {
     f"{name}:{variant}".rstrip(":"): look
     for (k, variant), look in PALETTE.items()
     for name in own_engines()[k : k + 1]
 }
 HATCHES = "", "////", "....", "xxxx", "\\\\\\\\"
-"""Of filled areas, by engine."""
+"""Hatches of filled areas, one for each engine."""
 SPARE = [
     (c, d, m)
     for m, (d, c) in zip(
@@ -63,7 +63,7 @@ RC: dict[Any, Any] = {
     "axes.titlesize": 8.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # looking for a free place takes as long as drawing
+    "axes.titley": 1.0,  # a fixed place: finding a free one takes as long as drawing
     "axes.labelsize": 8,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -77,7 +77,7 @@ RC: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "xtick.labelsize": 7.5,
     "ytick.labelsize": 7.5,
-    "xtick.bottom": False,  # the grid shows where they are
+    "xtick.bottom": False,  # the lines of the grid replace tick marks
     "ytick.left": False,
     "lines.linewidth": 1.1,
     "path.simplify_threshold": 0.2,
@@ -89,7 +89,7 @@ RC: dict[Any, Any] = {
 
 
 def looks(solvers: Iterable[str]) -> dict[str, Look]:
-    """A look for every solver; those without a fixed one share out the spare ones by name.
+    """Return a look for every solver; those without a fixed look get spare ones, by name.
 
     >>> looks(["pymunk", "adams"])["pymunk"].colour
     '#D55E00'
@@ -108,12 +108,12 @@ def looks(solvers: Iterable[str]) -> dict[str, Look]:
 
 
 PAPERS = {"light": "#ffffff", "dark": "#191d21"}
-"""What curves are drawn on, in light and in dark pages."""
-READABLE = 4.5  # contrast of small letters to what they stand on (WCAG 2.2, 1.4.3); lines need 3
+"""Background of curves on light and on dark pages."""
+READABLE = 4.5  # least contrast of small letters to the background (WCAG 2.2, 1.4.3); lines need 3
 
 
 def luminance(colour: str) -> float:
-    """Relative luminance of a colour such as ``#0072B2`` (WCAG 2.2)."""
+    """Return the relative luminance of a colour such as ``#0072B2`` (WCAG 2.2)."""
     parts = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     red, green, blue = (
         part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
@@ -122,7 +122,7 @@ def luminance(colour: str) -> float:
 
 
 def contrast(one: str, other: str) -> float:
-    """Contrast of two colours, 1 to 21 (WCAG 2.2).
+    """Return the contrast of two colours, from 1 to 21 (WCAG 2.2).
 
     >>> contrast("#000000", "#ffffff")
     21.0
@@ -132,7 +132,7 @@ def contrast(one: str, other: str) -> float:
 
 
 def legible(colour: str, paper: str, least: float = READABLE) -> str:
-    """A colour, mixed with black or white until its contrast to the paper is large enough.
+    """Mix a colour with black or white until its contrast to the paper is large enough.
 
     >>> legible("#0072B2", "#ffffff"), legible("#0072B2", "#191d21") == "#0072B2"
     ('#0072B2', False)
@@ -148,7 +148,7 @@ def legible(colour: str, paper: str, least: float = READABLE) -> str:
 
 
 def hatches(engines: Iterable[str]) -> dict[str, str]:
-    """A hatch for every engine, its own for those of this distribution.
+    """Return a hatch for every engine; engines of this distribution have fixed ones.
 
     >>> hatches(["pymunk", "adams"])
     {'pymunk': '////', 'adams': 'xxxx'}

@@ -1,4 +1,4 @@
-"""A matplotlib SVG made small, and fit to stand inside a page beside others."""
+"""Reduction of matplotlib's SVG in size, and its use inside a page with other figures."""
 
 import re
 from hashlib import md5
@@ -20,11 +20,11 @@ POLYLINE = re.compile(r' d="(M[^"QCz]*)"')
 STEP = re.compile(r"([ML]) (-?[\d.e+-]+) (-?[\d.e+-]+)")
 TIGHT = re.compile(r"(?<=[:;,]) ")
 GROUP = re.compile(r"<(/?)g([^>]*)>\n?")
-WIDE = 1.37  # [px] of a point on a page: 8 pt letters are as large as the page's small print
+WIDE = 1.37  # [px] per point on a page: letters of 8 pt are as large as the page's small print
 
 
 def compact(text: str) -> str:
-    """A matplotlib SVG with short numbers, relative lines, classes for styles, and no empty groups.
+    """Reduce a matplotlib SVG: short numbers, relative lines, CSS classes, and no empty groups.
 
     Lines are rounded to a tenth of a point, that is 0.04 mm.
 
@@ -44,7 +44,7 @@ def compact(text: str) -> str:
 
 
 def polyline(path: str) -> str:
-    """Moves and lines of a path, from point to point in tenths."""
+    """Rewrite moves and lines of a path with relative coordinates, rounded to tenths."""
     words, here, drawing = [], (0, 0), ""
     for command, *numbers in STEP.findall(path):
         x, y = (round(10 * float(number)) for number in numbers)
@@ -59,7 +59,7 @@ def polyline(path: str) -> str:
 
 
 def tenths(value: int) -> str:
-    """A whole number of tenths, as short as can be.
+    """Format a whole number of tenths, as short as possible.
 
     >>> tenths(-5), tenths(120), tenths(1203)
     ('-.5', '12', '120.3')
@@ -69,7 +69,7 @@ def tenths(value: int) -> str:
 
 
 def ungrouped(text: str) -> str:
-    """Without the groups that say nothing."""
+    """Remove the groups that have no attributes."""
     open_groups: list[str] = []
 
     def keep(m: re.Match[str]) -> str:
@@ -82,9 +82,10 @@ def ungrouped(text: str) -> str:
 
 
 def classes(text: str) -> str:
-    """Styles that occur more than twice as classes, named by what they say, so that pages agree.
+    """Replace styles that occur more than twice by CSS classes, named by a hash of the style.
 
-    Those with an id in them, such as a hatch's, are of one figure: a class is of its whole page.
+    A class applies to the whole page, so the same style has the same name in all figures.  Styles
+    with an id, such as that of a hatch, belong to one figure and are kept.
 
     >>> hatched = '<svg viewBox="0 0 9 9">' + 3 * '<path style="fill: url(#i7)"/>' + "</svg>"
     >>> classes(hatched) == hatched
@@ -102,16 +103,16 @@ def classes(text: str) -> str:
 
 
 def inline(text: str, key: str, label: str) -> str:
-    """The element ``<svg>`` of a file, with ids of its own and as wide as its letters want.
+    """Return the element ``<svg>`` of a file, with ids and a width that suit a page.
 
     Parameters
     ----------
     text : str
         From `compact`.
     key : str
-        Put before every id, so that two figures of a page do not share one.
+        Prefix of every id, so that two figures of a page do not share one.
     label : str
-        What a screen reader says.
+        Description for screen readers.
 
     Returns
     -------
@@ -138,5 +139,5 @@ def inline(text: str, key: str, label: str) -> str:
 
 
 def width(box: str) -> int:
-    """How wide a figure is on a page [px], so that all letters are of the same size."""
+    """Return the width of a figure on a page [px], with which letters have the same size in all."""
     return round(WIDE * float(box.split()[2]))

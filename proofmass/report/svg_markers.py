@@ -1,4 +1,4 @@
-"""Markers of figures as paths of SVG, so that a page shows what a figure for papers shows.
+"""Markers of figures as paths of SVG, so that pages have the same markers as figures for papers.
 
 Colours are chosen in `proofmass.report.style`.
 """
@@ -23,17 +23,17 @@ MARKS = {
     "X": "M-4.4-2.4l2-2l2.4 2.4l2.4-2.4l2 2l-2.4 2.4l2.4 2.4l-2 2l-2.4-2.4l-2.4 2.4l-2-2l2.4-2.4z",
     "*": "M0-5.2l1.5 3.5l3.8.4l-2.9 2.5l.9 3.8l-3.3-2l-3.3 2l.9-3.8l-2.9-2.5l3.8-.4z",
 }
-"""By the letter that matplotlib has for them; about a place, some 9 pixels wide."""
+"""Markers by matplotlib's letters, as paths about (0, 0), about 9 pixels wide."""
 
 
 LINES = 3.0
-"""Contrast of lines and markers to what they stand on (WCAG 2.2, 1.4.11)."""
+"""Least contrast of lines and markers to their background (WCAG 2.2, 1.4.11)."""
 
 
 class Tone(NamedTuple):
-    """A colour of figures as a page has it: a class, and colours on light and on dark paper.
+    """A colour of figures on a page: a CSS class, and its colours on light and on dark paper.
 
-    `light` and `dark` are of lines and markers, `light_ink` and `dark_ink` of letters.
+    `light` and `dark` are for lines and markers, `light_ink` and `dark_ink` for letters.
     """
 
     css: str
@@ -44,7 +44,7 @@ class Tone(NamedTuple):
 
 
 def tones(colours: Iterable[str]) -> dict[str, Tone]:
-    """A tone for each different colour.
+    """Return a tone for each different colour.
 
     >>> tones(["#0072B2", "#D55E00", "#0072B2"])["#D55E00"].css
     't1'

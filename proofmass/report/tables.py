@@ -1,4 +1,4 @@
-"""The rows of the report's tables, every number already a word."""
+"""The rows of the report's tables, with all numbers formatted."""
 
 import math
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Group:
-    """The rows of one channel; `law` is the number that it must equal, if it is one."""
+    """The rows of one channel; `law` is the number that it must equal, empty for a quantity."""
 
     channel: str
     unit: str
@@ -43,15 +43,15 @@ class Group:
 
 
 def place(view: PlottedRun, x: float) -> str:
-    """A place on the run's parameter with its unit."""
+    """Format a value of the run's parameter with its unit."""
     value, unit = view.place(x)
     return "—" if math.isnan(value) else f"{number(value)} {unit}"
 
 
 def comparisons(view: PlottedRun) -> list[Group]:
-    """The main table: every channel, and in it every solver.
+    """Return the main table of a run: channels, and for each channel all solvers.
 
-    Cells: worst error, where, the same over the range, RMS, NRMSE, allowed.
+    Cells: largest error, its place, its share of the range, RMS, NRMSE, allowed error.
     """
     groups = []
     for channel in view.channels:
@@ -86,7 +86,7 @@ def comparisons(view: PlottedRun) -> list[Group]:
 
 
 def law(case: Case, channel: str) -> str:
-    """The constant that a channel must equal, with its unit; empty when it is a quantity."""
+    """Format the constant that a channel must equal, with its unit; empty for a quantity."""
     c = case.channels[channel]
     if isinstance(c.equals, str):
         return ""
@@ -94,9 +94,9 @@ def law(case: Case, channel: str) -> str:
 
 
 def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
-    """The most sensitive parameter of a channel, and all of them, most sensitive first.
+    """Format the most sensitive parameter of a channel, and all of them, most sensitive first.
 
-    Changes of parameters that are 0 have no share to be ordered by; they come after the others.
+    Changes of parameters that are 0 cannot be stated as shares; they come after the others.
     """
     found = sorted(
         c.detectable.items(),
@@ -107,7 +107,7 @@ def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
 
 
 def detectable(change: DetectableChange) -> str:
-    """The smallest change that a tolerance would catch, in words.
+    """Format the smallest change that a tolerance would catch.
 
     >>> detectable(DetectableChange(2e-5)), detectable(DetectableChange(2e-5, relative=False))
     ('2e-5', '0 ± 2e-5')
@@ -118,13 +118,13 @@ def detectable(change: DetectableChange) -> str:
 
 
 def unnoticed(case: Case, rows: list[Comparison]) -> list[str]:
-    """Parameters that no checked channel depends on, not even on a change of 10 %."""
+    """Return the parameters of which no checked channel notices a change of 10 %."""
     changes = judged(rows)
     return [p for p in changeable(case) if p not in changes]
 
 
 def not_known(case: Case, rows: list[Comparison]) -> list[str]:
-    """Parameters of which no checked channel tells whether a change would be noticed."""
+    """Return the parameters of which it is not known whether a checked channel notices a change."""
     changes = judged(rows)
     return [
         p
@@ -135,7 +135,7 @@ def not_known(case: Case, rows: list[Comparison]) -> list[str]:
 
 @dataclass(frozen=True)
 class SmallestChange:
-    """A parameter, and the smallest change of it that some tolerance would catch, in words."""
+    """A parameter, and the smallest change of it that a tolerance would catch, as text."""
 
     name: str
     value: str
@@ -144,11 +144,11 @@ class SmallestChange:
 
 
 def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]:
-    """For each parameter the channel of all runs and solvers that notices the least."""
+    """Return for each parameter the smallest change that any channel of any solver notices."""
     try:
         values = parameters(case, case.parameters)
         names = list(changeable(case))
-    except InputError:  # the reference is at fault, which the runs have said
+    except InputError:  # the reference is at fault, which the runs report
         return []
     found = []
     for name in names:
@@ -174,7 +174,7 @@ def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]
 
 
 def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
-    """By parameter, the detectable changes of the checked channels."""
+    """Return the detectable changes of the checked channels, by parameter."""
     found: dict[str, list[DetectableChange]] = {}
     for c in rows:
         checked = c.outcome in CHECKED
@@ -184,9 +184,9 @@ def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
 
 
 def extrema(view: PlottedRun) -> list[Group]:
-    """Least and greatest value of each channel and where; solvers as differences to them.
+    """Return extrema of each channel with their places; those of solvers as differences.
 
-    Cells: least, where, greatest, where.
+    Cells: least value, its place, greatest value, its place.
     """
     groups = []
     for channel in view.channels:
@@ -223,7 +223,7 @@ def extrema(view: PlottedRun) -> list[Group]:
 
 
 def parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
-    """Parameters as they are shown: with the unit that the reference's documentation tells."""
+    """Format parameters, with the units that the reference's docstring states."""
     return {
         name: value
         if isinstance(value, str)
@@ -233,7 +233,7 @@ def parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
 
 
 def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
-    """The case and the parameter sets beside it: heads, rows of properties and of parameters."""
+    """Compare the case with other parameter sets: heads, rows of properties and of parameters."""
     heads = [case.name, *case.compare_with]
     own_properties = [properties(case), *(properties(case, name) for name in case.compare_with)]
     given = [
@@ -250,24 +250,24 @@ def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
 
 
 def ends(y: np.ndarray) -> tuple[int, int]:
-    """Where a curve is least and greatest; NaN is passed over."""
+    """Return the indices of the least and the greatest value of a curve; NaN is ignored."""
     if not np.isfinite(y).any():
         return 0, 0
     return int(np.nanargmin(y)), int(np.nanargmax(y))
 
 
 def signed(value: float) -> str:
-    """A difference with its sign."""
+    """Format a difference with its sign."""
     return ("+" if value > 0 else "") + number(value)
 
 
 def shift(value: float, unit: str) -> str:
-    """How far an extremum has moved; nothing when it stands on the same sample."""
+    """Format the displacement of an extremum; "same" if it is at the same place."""
     return "same" if value == 0 else f"{signed(value)} {unit}"
 
 
 def costs(view: PlottedRun) -> list[dict[str, str]]:
-    """What each solver's run cost, how far its loops came open, and its settings."""
+    """Return cost, constraint violation and settings of each solver's run."""
     rows = []
     for solver in view.solvers:
         own = [c for c in view.rows if c.solver == solver]
@@ -293,7 +293,7 @@ def costs(view: PlottedRun) -> list[dict[str, str]]:
 
 
 def plain(value: object) -> str:
-    """A setting as a word."""
+    """Format the value of a setting."""
     if isinstance(value, float | np.floating):
         return number(float(value))
     if isinstance(value, list | tuple | np.ndarray):
@@ -302,7 +302,7 @@ def plain(value: object) -> str:
 
 
 def missing(view: PlottedRun) -> list[str]:
-    """What solvers cannot deliver, each reason once."""
+    """List the channels that solvers cannot deliver, each reason once."""
     rows = sorted(
         (c for c in view.rows if c.outcome == Outcome.UNSUPPORTED),
         key=lambda c: (c.solver, c.message),
@@ -315,7 +315,7 @@ def missing(view: PlottedRun) -> list[str]:
 
 
 def reasons(case: Case) -> list[dict[str, str]]:
-    """Every tolerance, what it covers, and why it is that wide."""
+    """Return every tolerance: what it covers, its size, and the reason for the size."""
     return [
         {
             "covers": covers(t),
@@ -329,7 +329,7 @@ def reasons(case: Case) -> list[dict[str, str]]:
 
 
 def covers(t: Tolerance) -> str:
-    """What a tolerance speaks of.
+    """Format what a tolerance covers.
 
     >>> covers(Tolerance(run="sweep", solver="mujoco", abs=1.0, why="x"))
     'sweep; mujoco; all channels'

@@ -1,4 +1,4 @@
-"""The small drawing of a mechanism on the index, and the poses that its script moves it through."""
+"""The small drawing of a mechanism on the index, and the poses with which its script moves it."""
 
 from base64 import b64encode
 from dataclasses import dataclass
@@ -13,12 +13,14 @@ from proofmass.sim.picture import Mark, Picture
 
 POSES = 30
 BYTES, FEWEST = 2400, 12
-"""Of the poses of one drawing: one with many points has fewer poses, but not fewer than so many."""
+"""Size of all poses of a drawing [bytes], and the least number of poses.
+
+A drawing with many points has fewer poses, so that it has this size at most."""
 ROUND = 26
-"""Points of an outline: of more, such as those of rims, some are left out."""
+"""Largest number of points of an outline; of longer ones, such as rims, some are left out."""
 WIDE, HIGH, MARGIN = 248, 168, 16
-"""Of the drawing in whole steps, which a byte can count; on the page it is a third as wide."""
-MANY = 14  # joints, beyond which their signs would hide the links
+"""Size and margin of the drawing in whole steps, which fit a byte; the page shows a third of it."""
+MANY = 14  # largest number of joints that are drawn: the signs of more would hide the links
 
 
 @dataclass(frozen=True)
@@ -28,17 +30,17 @@ class Thumbnail:
     Attributes
     ----------
     sizes : list of int
-        How many points each outline has; one of more than two is closed.
+        Number of points of each outline; an outline of more than two points is closed.
     points : ndarray of bytes (poses, points, 2)
-        Those of the outlines, then the joints [px].
+        Points of the outlines, then the joints [px].
     joints : list of tuple of str and bool
-        Kind of each joint, whether it is driven, and whether it stands on the ground.
+        Kind of each joint, whether it is driven, and whether it is on the ground.
     still : list of ndarray (k, 2)
         Outlines of the ground [px].
     guides : list of ndarray (2, 2)
-        Of slides on the ground [px].
+        Guides of slides on the ground [px].
     shown : int
-        The pose that is drawn while nothing moves.
+        Index of the pose that is drawn while the drawing does not move.
     """
 
     sizes: list[int]
@@ -50,7 +52,7 @@ class Thumbnail:
 
     @property
     def data(self) -> dict[str, object]:
-        """What the script moves the drawing by; the points are bytes in base64, pose by pose."""
+        """The data with which the script moves the drawing; points are bytes in base64, by pose."""
         return {
             "sizes": self.sizes,
             "joints": len(self.joints),
@@ -60,7 +62,7 @@ class Thumbnail:
         }
 
     def svg(self, name: str) -> Markup:
-        """The drawing at the pose that is shown."""
+        """Return the drawing at the pose `shown`."""
         words = [f'<path class="ground area" d="{line(o, True)}"/>' for o in self.still]
         words += [f'<path class="ground" d="{line(g, False)}"/>' for g in self.guides]
         here, first = self.points[self.shown], 0
@@ -85,7 +87,7 @@ class Thumbnail:
 
 
 def line(points: Array, closed: bool) -> str:
-    """An outline as an SVG path.
+    """Return an outline as an SVG path.
 
     >>> line(np.array([[1, 2], [3, 4], [5, 6]]), True)
     'M1 2 3 4 5 6Z'
@@ -94,7 +96,7 @@ def line(points: Array, closed: bool) -> str:
 
 
 def reduced(whole: Picture) -> Thumbnail:
-    """A picture with some of its poses, evenly over the run, in whole steps."""
+    """Reduce a picture to some of its poses, evenly over the run, in whole steps."""
     sizes = [fewer(o).shape[1] for link in whole.links for o in link.outlines]
     points = sum(sizes) + len(whole.marks)
     poses = int(np.clip(BYTES // max(2 * points, 1), FEWEST, POSES))
@@ -112,7 +114,7 @@ def reduced(whole: Picture) -> Thumbnail:
     middle = 0.5 * (low + high)
 
     def steps(points: Array) -> Array:
-        """Places in the drawing, whose y points down."""
+        """Convert places to whole steps of the drawing, whose y points down."""
         flipped = (points - middle) * scale * np.array([1.0, -1.0])
         found: Array = np.clip(np.nan_to_num((flipped + room / 2).round()), 0, 255).astype(np.uint8)
         return found
@@ -130,10 +132,10 @@ def reduced(whole: Picture) -> Thumbnail:
 
 
 def fewer(outline: Array) -> Array:
-    """An outline (poses, points, 2) with no more than `ROUND` of its points, evenly along it."""
+    """Reduce an outline (poses, points, 2) to `ROUND` points at most, evenly along it."""
     return outline[:, :: -(-outline.shape[1] // ROUND)]
 
 
 def standing(mark: Mark) -> bool:
-    """Whether a joint has a foot on the ground; a slide has its guide instead."""
+    """Whether a joint is drawn with a foot on the ground; a slide has its guide instead."""
     return mark.ground and mark.kind != "slide"

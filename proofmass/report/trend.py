@@ -16,23 +16,24 @@ from proofmass.report.record import History
 from proofmass.wording import format_solver, number
 
 FEWEST = 2
-"""Reports from which on there is a trend."""
+"""Least number of reports for a trend."""
 NONE, ZERO, STEP = -(2**15), -(2**15) + 1, 1000
-"""An error as a whole number: none, exactly zero, or so many steps a decade of it."""
+"""Whole numbers for no error and for an error of exactly zero, and steps per decade of others."""
 
 
 @dataclass(frozen=True)
 class TrendRow:
-    """A channel of a solver in a run: its errors as shares of the range, in words.
+    """A channel of a solver in a run: its errors as shares of the range, as text.
 
     Attributes
     ----------
     run, channel, solver : str
-        Solver as a sentence calls it.
+        Run, channel, and the solver's name as in sentences.
     first, before, now, largest, allowed : str
-        Of the history; the last is what is allowed now.  A dash where there is none.
+        The errors in the first report, the last one and this one, the largest of all, and the error
+        that is allowed now; a dash where there is none.
     growth : str
-        By which factor it is above or below the last report, if by more than two.
+        Factor by which the error is above or below that of the last report, if more than two.
     """
 
     run: str
@@ -48,19 +49,19 @@ class TrendRow:
 
 @dataclass(frozen=True)
 class Trend:
-    """What a page shows of the history.
+    """The part of the history that a page shows.
 
     Attributes
     ----------
     data : dict
-        For the script: reports, versions, and channels with their solvers, worst first; empty
+        Data for the script: reports, versions, and channels with their solvers, worst first; empty
         where there are too few reports.
     rows : list of TrendRow
-        Worst first, as `nearness` orders them.
+        Worst first, in the order of `nearness`.
     count : int
-        Reports of the history, this one among them.
+        Number of reports of the history, with this one.
     damage : str
-        What of the history could not be read.
+        Parts of the history that could not be read.
     """
 
     data: dict[str, Any]
@@ -70,7 +71,7 @@ class Trend:
 
 
 def trend_of(history: History, case: Case, rows: Iterable[Comparison]) -> Trend:
-    """The trend of a case whose present comparisons are `rows`; the last report is the present."""
+    """Return the trend of a case; `rows` are the comparisons of the history's last report."""
     there = [
         c
         for c in rows
@@ -110,24 +111,24 @@ def trend_of(history: History, case: Case, rows: Iterable[Comparison]) -> Trend:
 
 
 def errors_of(history: History, c: Comparison) -> list[float | None]:
-    """The errors of a channel in the reports of the history."""
+    """Return the errors of a channel in the reports of the history."""
     return history.trend(c.case, c.run, c.solver, c.channel)
 
 
 def before(errors: list[float | None]) -> float | None:
-    """The error in the last report before this one that has any."""
+    """Return the error in the last report before this one that has one."""
     return next((error for error in reversed(errors[:-1]) if error is not None), None)
 
 
 def nearness(c: Comparison) -> tuple[bool, float]:
-    """What the trend is sorted by: what is judged, by its error over what is allowed."""
+    """Return the sort key of a channel: judged channels by the error over what is allowed."""
     judged = c.outcome in CHECKED and c.allowed > 0
     share = c.error_max / c.allowed if judged else c.relative_to_range
     return judged, share if math.isfinite(share) else math.inf
 
 
 def steps(errors: Iterable[float | None]) -> np.ndarray:
-    """Errors as whole numbers of 16 bits, which keep their three digits.
+    """Encode errors as whole numbers of 16 bits, which keep three digits.
 
     >>> steps([None, 0.0, 1.0, 1e-9]).tolist()
     [-32768, -32767, 0, -9000]
@@ -140,7 +141,7 @@ def steps(errors: Iterable[float | None]) -> np.ndarray:
 
 
 def row_of(c: Comparison, errors: list[float | None]) -> TrendRow:
-    """A row of the table."""
+    """Return a row of the table."""
     known = [error for error in errors if error is not None]
     last = before(errors)
     return TrendRow(
@@ -157,7 +158,7 @@ def row_of(c: Comparison, errors: list[float | None]) -> TrendRow:
 
 
 def growth_words(last: float | None, now: float | None) -> str:
-    """How much an error is above or below the one before; empty where it is the same.
+    """Format the factor between an error and the one before; empty where it is at most two.
 
     >>> growth_words(1e-6, 1.2e-5), growth_words(1e-6, 1e-7), growth_words(1e-15, 1e-14)
     ('× 12', '÷ 10', '')

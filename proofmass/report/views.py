@@ -1,6 +1,7 @@
-"""Views: a run's curves over another x, loops among them, beside those of other parameter sets.
+"""Views: curves of a run over another x, also as loops, compared with other parameter sets.
 
-The figure of a view shows curves or a stack, with the differences below them.
+The figure of a view shows curves or a stack, and below them the differences to the reference or the
+sum of the stack less its mean.
 """
 
 from collections.abc import Mapping
@@ -32,9 +33,9 @@ class Viewed:
     Attributes
     ----------
     view : View
-        The sidecar's table.
+        The table of the sidecar.
     own, beside : PlotData, dict of str to PlotData
-        The reference where a solver came farthest, and with the parameter sets beside it.
+        The reference over the longest run, and the same with other parameter sets, by their names.
     over : PlottedRun
         The run with the view's x in place of its own.
     """
@@ -46,26 +47,29 @@ class Viewed:
 
     @property
     def x(self) -> Array:
-        """The reference's x, in the unit that people read."""
+        """The reference's x, in the displayed unit."""
         return self.own.values[self.view.x] * self.over.x_scale
 
     @property
     def loop(self) -> bool:
-        """Whether x turns back."""
+        """Whether x turns back, so that the curve is a loop."""
         return len(ways(self.x)) > 1
 
     def readable(self, name: str, by: PlotData | None = None) -> Array:
-        """A curve of the reference, or of parameters beside it, in the unit that people read."""
+        """Return a curve of the reference in the displayed unit; `by` is another parameter set."""
         source = by or self.own
         return source.values[name] * readable(source.units[name])[1]
 
     def total(self, by: PlotData | None = None) -> Array:
-        """The sum of what is stacked."""
+        """Return the sum of the stacked quantities; `by` is another parameter set."""
         return np.sum([self.readable(name, by) for name in self.view.stack], axis=0)
 
 
 def viewed(shown: PlottedRun, view: View) -> Viewed:
-    """Put a view's x in place of the run's: measured if it is a channel, else the reference's."""
+    """Replace the x of a run by that of a view.
+
+    It is a solver's own curve where x is a channel, otherwise the reference's.
+    """
     case = shown.case
     of_longest = max(shown.curves, key=lambda solver: len(shown.curves[solver].x))
     longest, own_reference = shown.curves[of_longest], shown.reference[of_longest]
@@ -95,13 +99,13 @@ def viewed(shown: PlottedRun, view: View) -> Viewed:
 
 
 def format_joint(case: Case, name: str, unit: str) -> str:
-    """A driven joint's name with what is meant of it; any other name as it is."""
+    """Format the name of a driven joint with "angle" or "position"; other names are unchanged."""
     joint = name not in case.channels and name in [d.joint for d in case.drive]
     return name + (" angle" if unit == "deg" else " position") * joint
 
 
 def all_viewed(case: Case, shown: list[PlottedRun]) -> list[Viewed]:
-    """The case's views of runs that have curves."""
+    """Return the views of a case whose runs have curves."""
     return [
         viewed(s, view)
         for view in case.view
@@ -111,22 +115,22 @@ def all_viewed(case: Case, shown: list[PlottedRun]) -> list[Viewed]:
 
 
 def unit_of(view: Viewed) -> str:
-    """The unit of what a view stacks, as people read it."""
+    """Return the displayed unit of the quantities that a view stacks."""
     return pretty(readable(view.own.units[view.view.stack[0]])[0])
 
 
 def spread(view: Viewed, by: PlotData | None = None) -> str:
-    """How flat the sum of a stack is, in words."""
+    """Format how constant the sum of a stack is: its range, spread, and spread over the mean."""
     total = view.total(by)
     low, high, mean = float(np.min(total)), float(np.max(total)), float(np.mean(total))
-    tiny = 1e-12 * max(abs(low), abs(high))  # what rounding leaves of a zero
+    tiny = 1e-12 * max(abs(low), abs(high))  # a smaller number is a zero with rounding
     ends = " to ".join(number(end if abs(end) > tiny else 0.0, 4) for end in (low, high))
     share = f", {number(100 * (high - low) / abs(mean), 2)} % of its mean" if mean else ""
     return f"{ends} {unit_of(view)}, a spread of {number(high - low, 3)} {unit_of(view)}{share}"
 
 
 def caption(view: Viewed) -> str:
-    """What a view's figure shows, in words."""
+    """Format the caption of a view's figure."""
     if view.view.stack:
         words = [
             f"The reference's {format_list(view.view.stack)}, stacked"
@@ -166,15 +170,15 @@ THIN: list[dict[str, Any]] = [
         ("#7b4ba0", (0, (3, 1, 1, 1))),
     )
 ]
-PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")  # dark below: weighty
-NEAR = 0.035  # of a panel's width: marks nearer than this share their words
-CASING = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # for lines on what is filled
-WORDS = 28  # letters across in the legend
+PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")  # the lowest is darkest
+NEAR = 0.035  # of a panel's width: marks with a smaller distance share one text
+CASING = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # white edges of lines on areas
+WORDS = 28  # [characters] width of the legend
 HIGH, LOW, KEY = 2.75, 0.95, 2.35  # [inch] heights of panels, width of the legend beside them
 
 
 def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:
-    """A panel for each curve, or one for the stack; below it what cannot be seen at its scale."""
+    """Draw a panel for each curve, or one for the stack, with a panel below at a finer scale."""
     names = view.view.y or ("",)
     heights = [HIGH, LOW][: 1 + any(has_below(view, name) for name in names)]
     width, wide = min(len(names), 3), 4.3 if len(names) == 1 else 3.0
@@ -216,12 +220,15 @@ def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:
 
 
 def has_below(view: Viewed, name: str) -> bool:
-    """Whether something about a name cannot be seen at its scale: differences, or a flat sum."""
+    """Whether a curve has a panel below: with its differences, or with the sum of a stack."""
     return bool(view.view.stack) or name in view.over.channels
 
 
 def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) -> None:
-    """A name of `y`: reference, solvers, target and other parameter sets; differences below."""
+    """Draw a curve of `y`: reference, solvers, dashed curves and other parameter sets.
+
+    The panel below shows the differences to the reference.
+    """
     others = [view.readable(name, by) for by in view.beside.values()]
     target = [view.readable(name) for name in view.view.dashed]
     unit = readable(view.own.units[name])[0]
@@ -251,7 +258,7 @@ def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) 
 
 
 def once(x: Array, y: Array) -> tuple[Array, Array]:
-    """A curve without the ways that only retrace its first: they would fill its dashes.
+    """Return a curve without parts that retrace its first one, which would fill the gaps of dashes.
 
     >>> x = np.array([0.0, 1.0, 2.0, 1.0, 0.0])
     >>> [len(once(x, y)[0]) for y in (x**2, np.arange(5.0))]
@@ -265,7 +272,7 @@ def once(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def stack(ax: Axes, below: Axes, view: Viewed) -> None:
-    """Quantities on each other, those below zero downwards; in `below` their sum less its mean."""
+    """Draw stacked quantities, negative ones downwards; in `below` their sum less its mean."""
     way = ways(view.x)[0][0]
     x = view.x[way]
     up, down = np.zeros_like(x), np.zeros_like(x)
@@ -291,7 +298,7 @@ def stack(ax: Axes, below: Axes, view: Viewed) -> None:
 
 
 def across(pair: list[Axes], view: Viewed) -> None:
-    """The axis that a panel shares with the one below it."""
+    """Set the horizontal axis that a panel shares with the one below it."""
     low, high = float(np.nanmin(view.x)), float(np.nanmax(view.x))
     for ax in pair:
         ax.set_xlim(low, high)
@@ -305,7 +312,7 @@ def across(pair: list[Axes], view: Viewed) -> None:
 
 
 def marked(pair: list[Axes], view: Viewed, name: str) -> None:
-    """Vertical lines where something happens, with words where the curve leaves room."""
+    """Draw a vertical line at each mark, with its words where the curve leaves room."""
     y = view.readable(name) if name else view.total()
     unit = "°" if view.over.x_unit == "deg" else f" {pretty(view.over.x_unit)}"
     for places in grouped(view):
@@ -334,7 +341,7 @@ def marked(pair: list[Axes], view: Viewed, name: str) -> None:
 
 
 def grouped(view: Viewed) -> list[dict[str, float]]:
-    """Marks from left to right; those that stand too near for words of their own are together."""
+    """Group the marks from left to right; those too near for separate texts are in one group."""
     room = NEAR * float(np.ptp(view.x))
     groups: list[dict[str, float]] = []
     for word, x in sorted(view.own.marks.items(), key=lambda item: item[1]):
@@ -347,7 +354,7 @@ def grouped(view: Viewed) -> list[dict[str, float]]:
 
 
 def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array) -> None:
-    """Everything that is drawn, beside the panels."""
+    """Draw the legend beside the panels."""
     handles: list[Any] = []
     if view.view.stack:
         handles += [Line2D([], [], label="sum", **SUM)]

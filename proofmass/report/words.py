@@ -14,20 +14,20 @@ from proofmass.wording import format_list, format_solver, number
 
 
 class RunWords(NamedTuple):
-    """How a kind of run is called on pages.
+    """Names of a kind of run on pages.
 
     Attributes
     ----------
     label : str
-        In a list of runs.
+        Name in a list of runs.
     title : str
-        Above a table.
+        Title above a table.
     heading : str
-        Above its curves.
+        Heading above its curves.
     where : str
-        In a sentence.
+        Phrase in a sentence.
     group : str
-        The columns of the index that it stands in.
+        Group of columns of the index that it belongs to.
     """
 
     label: str
@@ -60,7 +60,7 @@ RUNS = {
         "dynamics",
     ),
 }
-"""By kind, in the order of a page.  No case has a sweep and an equilibrium."""
+"""Names by kind of run, in the order of a page.  No case has both a sweep and an equilibrium."""
 SYMBOLS: dict[str, str] = {
     Outcome.AGREES: "✓",
     Outcome.DIFFERS: "✗",
@@ -73,7 +73,7 @@ SYMBOLS: dict[str, str] = {
 
 
 def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
-    """The comparisons of a run, or of several, solver by solver."""
+    """Group the comparisons of one or several runs by their solver."""
     found: dict[str, list[Comparison]] = {}
     for c in comparisons:
         if c.run in runs:
@@ -82,7 +82,7 @@ def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[C
 
 
 def from_model(case: Case) -> bool:
-    """Whether the reference moves the model's own numbers; not of one that is at fault."""
+    """Whether the reference reads the numbers of the model; false for a reference at fault."""
     try:
         return reads_model(case)
     except InputError:
@@ -92,13 +92,13 @@ def from_model(case: Case) -> bool:
 def headline(
     case: Case, comparisons: Iterable[Comparison], steps: Mapping[str, float] | None = None
 ) -> str:
-    """The verdict on a case in one line: what agrees, what does not, and why.
+    """Format the verdict on a case in one line: what agrees, what does not, and why.
 
     Parameters
     ----------
     case : Case
     comparisons : iterable of Comparison
-        Of this case; others are passed over.
+        Comparisons of this case; those of other cases are ignored.
     steps : mapping of str to float, optional
         Time step of each solver in the dynamics run [s].
 
@@ -186,7 +186,7 @@ def plain(rows: list[Comparison]) -> bool:
 
 
 def agreement(good: dict[str, list[Comparison]], run: str) -> str:
-    """How many channels of the run agree, for the solvers that agree, and why not all."""
+    """Format how many channels of a run agree, for the solvers that agree, and why not all."""
     counts = {
         s: (sum(c.outcome == Outcome.AGREES for c in rows), len(rows)) for s, rows in good.items()
     }
@@ -201,13 +201,13 @@ def agreement(good: dict[str, list[Comparison]], run: str) -> str:
 
 
 def why(rows: list[Comparison]) -> str:
-    """What a solver cannot deliver, in brackets; empty when nothing is amiss."""
+    """Format in brackets why a solver cannot deliver channels; empty if it delivers all."""
     found = dict.fromkeys(c.message for c in rows if c.outcome == Outcome.UNSUPPORTED and c.message)
     return f" ({'; '.join(found)})" if found else ""
 
 
 def describe(solver: str, rows: list[Comparison], where: str) -> str:
-    """One solver of one run in a clause."""
+    """Format the outcome of one solver in one run as a clause."""
     bad = [c for c in rows if c.outcome == Outcome.DIFFERS]
     failed = next((c.outcome for c in rows if c.outcome in FAILED), "")
     name = format_solver(solver)
@@ -233,7 +233,7 @@ def describe(solver: str, rows: list[Comparison], where: str) -> str:
 
 
 def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
-    """The solvers that are shown but not judged, and how far off they are."""
+    """Format the solvers that are shown but not judged, with their errors."""
     found = {}
     for solver, comparisons in rows.items():
         if away := distances(comparisons):
@@ -246,9 +246,9 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
 
 
 def distances(rows: Iterable[Comparison]) -> list[str]:
-    """The largest error of positions, of velocities, of accelerations and of all else, apart.
+    """Format the largest errors of positions, velocities, accelerations, and all other channels.
 
-    If it is at least twice the largest one after the first tenth of dynamics, both are stated.
+    If an error is at least twice the largest one after the first tenth of dynamics, both are given.
     """
     kinds: dict[str, list[Comparison]] = {kind: [] for kind in (*KINDS, "force or energy")}
     for c in rows:
@@ -274,7 +274,7 @@ FORCES_AND_ENERGIES = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
 
 
 def kind_of(unit: str) -> str:
-    """What a channel is, by its unit: position, velocity, acceleration, moment, force, energy.
+    """Return the kind of a channel by its unit, such as position, moment or energy, or "other".
 
     >>> kind_of("deg/s"), kind_of("N mm"), kind_of("kg")
     ('velocity', 'moment', 'other')
@@ -285,10 +285,10 @@ def kind_of(unit: str) -> str:
 
 
 def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
-    """How well the engines agree, in one sentence: the worst checked curve of each run.
+    """Format in one sentence how well the engines agree: the worst checked curve of each run.
 
-    Of a run with positions these are stated, otherwise what it has.  Curves that no tolerance
-    covers are stated only where no other is there.
+    It is a position where the run has one, otherwise the next kind that it has.  Curves that no
+    tolerance covers are used only where no curve is checked.
     """
     rows = [c for c in comparisons if math.isfinite(c.relative_to_range) and c.run in case.run]
     judged = [c for c in rows if c.outcome in CHECKED]
@@ -315,7 +315,7 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
 
 
 def portion(value: float) -> str:
-    """A share of the range, in per cent when it is large enough to be seen in a plot.
+    """Format a share of the range, in per cent if it is large enough to be seen in a plot.
 
     >>> portion(0.092), portion(3.2e-5), portion(44.4)
     ('9%', '3e-5', '44 times')
@@ -326,7 +326,7 @@ def portion(value: float) -> str:
 
 
 def state_of(case: Case, rows: Sequence[Comparison], faults: Sequence[str]) -> str:
-    """Whether a case agrees (good), was not checked and says so (open), or is wrong (bad)."""
+    """Return the state of a case: good (agrees), open (unchecked, as its sidecar says), or bad."""
     outcomes = {c.outcome for c in rows}
     checked = case.unchecked or outcomes - set(OPEN)
     if faults or not checked or outcomes - set(GOOD):

@@ -355,7 +355,7 @@ def test_own_numbers_as_reference_and_a_law(report: Path, tmp_path: Path) -> Non
     case = case_of("peaucellier")
     write_report(Result(cases=[case]), tmp_path)
     page = (tmp_path / "peaucellier.html").read_text(encoding="utf-8")
-    assert "It holds the engine to account, not the drawing" in page
+    assert "It checks the engine, not the model" in page
     assert "must = 0.8625 m</span>" in page
     rows = [replace(c, outcome="agrees") for c in failed(case, "sweep", "mujoco", "diverged")]
     assert headline(case, rows).startswith("The model moves as its own numbers say: all 9 ch")

@@ -1,4 +1,4 @@
-// What the charts of studies share: elements of SVG, logarithmic scales, and their ticks.
+// Functions of all charts of studies: elements of SVG, logarithmic scales, and their ticks.
 "use strict";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -20,8 +20,8 @@ function scale(low, high, from, to) {
   };
 }
 
-// Powers of ten between two; where there are fewer than three of them 2 and 5 as well, and where even
-// these are fewer than two, round steps.
+// Ticks of a logarithmic axis: powers of ten, with 2 and 5 where there are fewer than three powers,
+// or multiples of a round step where these are fewer than two ticks.
 function ticks(low, high, most) {
   const first = Math.ceil(Math.log10(low) - 1e-9);
   const last = Math.floor(Math.log10(high) + 1e-9);
@@ -53,7 +53,7 @@ const TIMES = [
   [1e-6, "µs"],
 ];
 
-// A time in seconds in the unit that suits it.
+// Format a time in seconds, in a suitable unit.
 function timeWords(value, digits = 2) {
   const [size, unit] = TIMES.find(([least]) => value >= least * 0.999) ?? TIMES.at(-1);
   return `${worded(value / size, digits)} ${unit}`;

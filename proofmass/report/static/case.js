@@ -1,22 +1,22 @@
-// The page of a case: one state, which the address keeps, and what shows it.
+// The page of a case: its state, which the address stores, and the functions that show the state.
 "use strict";
 
 const data = JSON.parse(find("#data").textContent);
 const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const MODES = ["lin", "log", "tol"];
-const openedAt = location.hash; // the address that was asked for, before it is kept
-const FRAMES = 60; // [1/s] of the engine's poses that are shown
-const SECONDS = 6; // that a whole run takes at least when it plays
+const openedAt = location.hash; // the requested address, before the state overwrites it
+const FRAMES = 60; // [1/s] poses of the engine that are shown
+const SECONDS = 6; // [s] least playing time of a whole run
 
 const state = {
   run: "", // kind of the run
   solver: "", // whose mechanism is drawn
   channel: "",
   sample: 0, // number of the drawn sample
-  mode: "lin", // of the difference axis
+  mode: "lin", // of the axis of differences, one of MODES
   shown: null, // set of solvers whose curves are drawn
-  zoom: null, // [low, high] in the unit that people read
-  power: 0, // of ten: magnification of the differences
+  zoom: null, // [low, high] in the displayed unit
+  power: 0, // magnification of the differences, as a power of ten
 };
 
 // ---- the data, decoded once
@@ -32,7 +32,7 @@ function decode() {
     run.xs = run.x.map((x) => x * run.scale);
     for (const channel of Object.values(run.channels)) {
       channel.curve = Array.from(unpacked(channel.curve, "f8"));
-      channel.jumps ??= []; // numbers of samples after which it jumps
+      channel.jumps ??= []; // indices of the samples before jumps
     }
     for (const solver of Object.values(run.solvers)) {
       for (const curves of [solver.differences ?? {}, solver.shifts ?? {}]) {
@@ -52,7 +52,7 @@ const current = () => data.runs[state.run];
 const comparison = (solver, channel = state.channel) =>
   current().solvers[solver]?.comparisons[channel];
 const judged = (c) => c && ["agrees", "differs", "undecided"].includes(c.outcome);
-// Whether nothing of a failed run is there to be drawn.
+// Whether a solver failed and has no curves.
 const gone = (run, name) => Boolean(run.failed[name]) && !run.solvers[name]?.differences;
 const solversOf = (run) => Object.keys(run.solvers).filter((name) => run.solvers[name].differences);
 
@@ -68,7 +68,7 @@ function ordered(run) {
     .sort((a, b) => b.ratio - a.ratio);
 }
 
-// A place on the run's parameter, given in SI, as people read it.
+// Format a value of the run's parameter, given in SI, in the displayed unit.
 function placed(run, x, digits = 4) {
   return `${worded(x * run.scale, digits)}${run.unit === "deg" ? "°" : ` ${run.unit}`}`;
 }
@@ -100,7 +100,7 @@ function mechanism() {
   return mechanisms[state.run];
 }
 
-// Rods at rest whose shapes are curves over their length; null where there are none.
+// The rods of an equilibrium run, whose shapes are curves over their length; null in other runs.
 function rodsAtRest(motion) {
   const run = current();
   const [across, up] = motion.axes;
@@ -170,7 +170,7 @@ function drawMechanism() {
   find("#ghost").textContent = ghostWords(own);
 }
 
-// What the pale mechanism is.
+// Describe the pale mechanism.
 function ghostWords(own) {
   const motion = own.motion;
   const run = current();
@@ -211,7 +211,7 @@ function ghostWords(own) {
 
 const GAP = { left: 56, height: 96, floor: 1e-17 };
 
-// The point that is drawn, or the worst position, or the chosen channel.
+// The curve below the mechanism: the distance of the worst point, or the worst position, or channel.
 function gapOf(run) {
   const axes = data.motions[run.kind]?.axes ?? ["x", "y"];
   const has = (name) => solversOf(run).some((solver) => run.solvers[solver].differences[name]);
@@ -390,7 +390,7 @@ function drawCurves() {
   readOut(state.sample);
 }
 
-// Where curves jump, in words; those of a solver only where it jumps elsewhere.
+// Format where curves jump; a solver's jumps only if they differ from those of the reference.
 function jumpWords(run, channel, solvers) {
   const between = (k) => `between ${atSample(k)} and ${atSample(k + 1)}`;
   const words = (name, jumps) => (jumps.length ? ` ${name} jumps ${formatList(jumps.map(between))}.` : "");
@@ -402,7 +402,7 @@ function jumpWords(run, channel, solvers) {
   ].join("");
 }
 
-// Below the curves: the largest difference of each solver, and why so much is allowed.
+// Write below the curves the largest difference of each solver, and the reason of its tolerance.
 function reasons() {
   const run = current();
   const channel = run.channels[state.channel];
@@ -419,7 +419,7 @@ function reasons() {
       : "";
     if (!c) {
       const there = solver.differences?.[state.channel];
-      return there ? `<p>${head} as its drive really moved, less its law.${stopped}</p>` : "";
+      return there ? `<p>${head} real motion of its drive less the motion profile.${stopped}</p>` : "";
     }
     if (!solver.differences?.[state.channel]) {
       return `<p>${head} <span class="soft">not available: ${escaped(c.message)}</span></p>`;
@@ -442,7 +442,7 @@ function reasons() {
   find("#reasons").innerHTML = lines.join("");
 }
 
-// Values at a sample, in the chips.
+// Write the values at a sample into the chips of the solvers.
 function readOut(sample) {
   const run = current();
   const channel = run.channels[state.channel];
@@ -508,7 +508,7 @@ function spark({ curve, jumps }) {
   return strokes(steps, jumps);
 }
 
-// Places `at` of samples `i` as a path, which is open where something jumps between two of them.
+// A path through places `at` of samples `i`, which is open at jumps between two of them.
 function strokes(steps, jumps) {
   return steps
     .map(({ i, at }, k) => {
@@ -717,7 +717,8 @@ function save() {
   }
 }
 
-// Reads the address; false if it names nothing of this page, otherwise whether it names a sample.
+// Read the address into the state; options that it lacks get their defaults. Returns false if it
+// names no curve of this page, otherwise "sample" or "channel", whichever it names.
 function load() {
   const [place, ...options] = location.hash.slice(1).split(";");
   const [path, at] = place.split("@");
@@ -748,7 +749,7 @@ function load() {
   return "channel";
 }
 
-// ---- what people do
+// ---- events
 
 function clicked(event) {
   const link = event.target.closest("a[href^='#']");

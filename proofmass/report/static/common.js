@@ -1,4 +1,4 @@
-// What the pages share: finding elements, numbers as words, arrays out of base64, copying.
+// Functions of all pages: finding elements, formatting numbers, arrays from base64, copying.
 "use strict";
 
 const find = (selector, inside = document) => inside.querySelector(selector);
@@ -11,7 +11,7 @@ function escaped(text) {
   return String(text).replace(/[&<>"]/g, (letter) => ENTITIES[letter]);
 }
 
-// A number to so many significant digits: 1.1e−15, 0.023, 412; a dash for none.
+// Format a number with significant digits: 1.1e−15, 0.023, 412; a dash for none.
 function worded(value, digits = 2) {
   if (value === null || value === undefined || !Number.isFinite(value)) {
     return "–";
@@ -29,7 +29,7 @@ function worded(value, digits = 2) {
   return `${short}e${Number(exponent)}`.replaceAll("-", MINUS);
 }
 
-// Words one after the other: a, b and c.
+// Format words as a list: a, b and c.
 function formatList(words) {
   return [words.slice(0, -1).join(", "), ...words.slice(-1)].filter(Boolean).join(" and ");
 }
@@ -42,12 +42,12 @@ function unpacked(text, kind) {
   return new ARRAYS[kind](bytes.buffer);
 }
 
-// A colour or another variable of the style sheet, as it is now: it follows light and dark.
+// The present value of a variable of the style sheet, such as a colour, which differs in the dark.
 function variable(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
-// The number of the entry of a rising array that is nearest to a value.
+// The index of the entry of a rising array that is nearest to a value.
 function nearest(values, wanted) {
   let low = 0;
   let high = values.length - 1;

@@ -1,12 +1,12 @@
 // One channel of a run: the curves above, their differences to the reference below.
 "use strict";
 
-const BAND_SHARE = 12; // the band of the allowance is shown if it is at most so many differences
-const LEAST = 1e-16; // of a linear axis, where all differences are zero
+const BAND_SHARE = 12; // largest ratio of the allowance to the differences at which its band is shown
+const LEAST = 1e-16; // end of a linear axis where all differences are zero
 const SMALLEST = 0.03; // share of the differences that may lie below a logarithmic axis
-const MARKERS = 9; // on a curve, so that it is told from others without its colour
+const MARKERS = 9; // number of markers on a curve, which distinguish it without its colour
 
-// Draws a marker about a place of a canvas.
+// Draw a marker about a place of a canvas.
 const SHAPES = {
   circle: (ctx, x, y, r) => ctx.arc(x, y, r, 0, 2 * Math.PI),
   square: (ctx, x, y, r) => ctx.rect(x - r, y - r, 2 * r, 2 * r),
@@ -49,7 +49,7 @@ function plainLabels(plot, values) {
   });
 }
 
-// How uPlot draws a curve that is open after the samples where it jumps; for others its own way.
+// Paths for uPlot of a curve that is open at its jumps; without jumps uPlot's own paths.
 function openAt(xs, jumps) {
   if (!jumps.length) {
     return {};
@@ -78,17 +78,17 @@ function openAt(xs, jumps) {
   };
 }
 
-// Where the difference of a solver jumps: where the solver does, or its reference.
+// The jumps of a solver's difference: those of the solver and those of the reference.
 const apartAt = (solver, channel) => [...new Set([...solver.jumps, ...channel.jumps])];
 
 class CurvePair {
-  // `seen` is told of what happens: point(k), zoomed([low, high] or null), left().
+  // `seen` has the callbacks point(k), zoomed([low, high] or null) and left().
   constructor(above, below, seen) {
     this.above = above;
     this.below = below;
     this.seen = seen;
     this.plots = [];
-    this.passing = false; // a zoom is on its way to the other plot
+    this.passing = false; // true while a zoom is applied to the other plot
     this.pointing = false;
     this.sync = uPlot.sync("pair");
   }
@@ -134,7 +134,7 @@ class CurvePair {
         (plot) => this.plots.includes(plot) && this.markers(plot, series),
         (plot) => this.plots.includes(plot) && this.ends(plot, series),
       ],
-    }); // a plot that was taken away may still draw once, when another view is there
+    }); // a removed plot may still draw once, after the view has changed
     const whole = hooks(2);
     whole.draw.unshift((plot) => this.plots.includes(plot) && this.jumps(plot));
     const found = solvers.map((solver) => line(solver, solver.jumps));
@@ -161,7 +161,7 @@ class CurvePair {
     this.scrub(view.sample);
   }
 
-  // What a solver found, in the unit that people read; null where it has nothing.
+  // The curve of a solver in the displayed unit; null where it has none.
   found(solver, channel) {
     const { difference, shift } = solver;
     return channel.curve.map((value, i) => {
@@ -170,7 +170,7 @@ class CurvePair {
     });
   }
 
-  // The difference of a solver as the mode wants it; null where it cannot be drawn.
+  // The difference of a solver for the axis of the mode; null where it cannot be drawn.
   difference(solver) {
     const { run, channel, mode } = this.view;
     return run.xs.map((_, i) => {
@@ -257,7 +257,7 @@ class CurvePair {
     };
   }
 
-  // The line of the scrub bar, and whether the pointer is in a plot.
+  // Connect the line of the sample and the callbacks to the pointer in both plots.
   line(plot) {
     const line = document.createElement("div");
     line.className = "scrub-line";
@@ -272,7 +272,7 @@ class CurvePair {
     });
     plot.over.addEventListener("pointerdown", (event) => {
       if (event.pointerType !== "mouse") {
-        this.seen.point(plot.posToIdx(event.offsetX)); // a finger has no place while it is up
+        this.seen.point(plot.posToIdx(event.offsetX)); // a finger has no position before it touches
       }
     });
   }
@@ -283,7 +283,7 @@ class CurvePair {
     }
   }
 
-  // A zoom of one plot goes to the other.
+  // Apply the zoom of one plot to the other.
   pass(plot) {
     if (this.passing || this.plots.length < 2 || !this.plots.includes(plot)) {
       return;
@@ -308,7 +308,7 @@ class CurvePair {
     this.passing = false;
   }
 
-  // Bring the line to a sample.
+  // Move the line to a sample.
   scrub(sample) {
     if (!this.view) {
       return;
@@ -324,7 +324,7 @@ class CurvePair {
     }
   }
 
-  // What is allowed, as a band behind the differences, with its number.
+  // Draw the allowance as a band behind the differences, with its number.
   bands(plot) {
     const { solvers, mode } = this.view;
     const ctx = plot.ctx;
@@ -381,7 +381,7 @@ class CurvePair {
     }
   }
 
-  // Draw something about a place of a plot if that lies inside it.
+  // Draw at a place of a plot if the place is inside it.
   mark(plot, x, y, paint) {
     const { left, top, width, height } = plot.bbox;
     const across = plot.valToPos(x, "x", true);
@@ -392,7 +392,7 @@ class CurvePair {
     }
   }
 
-  // A dotted upright between the ends of the reference at a jump: no way that it went.
+  // Draw a dotted vertical line at a jump of the reference, which has no values in between.
   jumps(plot) {
     const { run, channel } = this.view;
     const ctx = plot.ctx;
@@ -416,7 +416,7 @@ class CurvePair {
     ctx.restore();
   }
 
-  // A few markers on each curve, staggered, that tell solvers apart without colour.
+  // Draw a few staggered markers on each curve, which distinguish solvers without colour.
   markers(plot, first) {
     const { run, solvers } = this.view;
     const { min, max } = plot.scales.x;
@@ -446,7 +446,7 @@ class CurvePair {
     });
   }
 
-  // A cross and a word where the curve of a solver ends before the run does.
+  // Draw a cross and a word where the curve of a solver ends before the run.
   ends(plot, first) {
     const { run, solvers } = this.view;
     const { left, top, width, height } = plot.bbox;
@@ -488,7 +488,7 @@ class CurvePair {
     });
   }
 
-  // A ring where a comparison has its largest error.
+  // Draw a ring at the largest error of a comparison.
   rings(plot) {
     const { run, solvers } = this.view;
     const ctx = plot.ctx;

@@ -1,9 +1,9 @@
 // The work-precision diagram: a marker for each setting, error against cost, both logarithmic.
-// Its words, and what pointer and keyboard do, are in trade.js.
+// Its texts and the events of pointer and keyboard are in trade.js.
 "use strict";
 
 const MARGIN = { left: 62, right: 22, top: 18, bottom: 44 };
-const NEAR = 12; // px: ends of series that are no further apart have their letters in one place
+const NEAR = 12; // [px] largest distance of ends of series whose letters are written side by side
 const FAILED = "M-4-4l8 8M4-4l-8 8";
 
 const data = JSON.parse(find("#data").textContent);
@@ -12,9 +12,9 @@ const kindOf = new Map(data.kinds.map((kind) => [kind.key, kind]));
 const state = {
   kind: data.kinds[0]?.key,
   cost: "seconds",
-  off: new Set(), // numbers of series that are not drawn
+  off: new Set(), // indices of series that are not drawn
   zoom: null, // [x low, x high, y low, y high]
-  at: null, // the setting that was chosen
+  at: null, // the chosen setting
 };
 let hovered = null; // the setting under the pointer
 let view = null; // what was drawn last: scales and places of the settings
@@ -31,7 +31,7 @@ function isShown(setting) {
 
 // ------------------------------------------------------------------ scales
 
-// The decades that hold some values.
+// The decades that contain some values.
 function wholeDecades(values, share) {
   const logs = values.map(Math.log10);
   return [
@@ -141,7 +141,7 @@ function drawAxes(width, [xLow, xHigh, yLow, yHigh]) {
   return axes;
 }
 
-// The front as a stair; of wall times also what it lies in, for all the clock can tell.
+// The Pareto front as a stair; for wall times also the band in which it lies by their spread.
 function drawFront() {
   const { x, y, right } = view;
   const group = element("g");
@@ -163,7 +163,7 @@ function polyline(places) {
   return places.length ? `M${places.map((place) => place.map((at) => at.toFixed(1)).join(" ")).join("L")}` : "";
 }
 
-// Corners of a stair through places from right below to left above; it goes on to both edges.
+// Corners of a stair through places from lower right to upper left, extended to both edges.
 function stairs(corners, right) {
   const found = [];
   let from = right;
@@ -213,7 +213,7 @@ function drawSurface(right, bottom) {
   });
 }
 
-// The markers, as options of a list that the keyboard goes through.
+// The markers, as options of a list that the keyboard can select.
 function drawPoints() {
   const points = element("g", {
     id: "points",
@@ -259,7 +259,7 @@ function isInside([x, y]) {
   return x >= MARGIN.left - 1 && x <= view.right + 1 && y >= 0 && y <= view.bottom + 1;
 }
 
-// The letter of each series at its last setting; of series that end together side by side.
+// The letter of each series at its last setting; letters of series that end together side by side.
 function drawLetters() {
   const letters = element("g", { "aria-hidden": "true" });
   const groups = [];
@@ -286,7 +286,7 @@ function drawLetters() {
   return letters;
 }
 
-// Rings about the setting that was chosen and the one under the pointer, with the words of it.
+// Rings around the chosen setting and the one under the pointer, with the text of the latter.
 function drawRings() {
   const rings = find("#rings");
   rings.replaceChildren();

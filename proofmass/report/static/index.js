@@ -1,13 +1,13 @@
 "use strict";
 
-// The table is whole without this script, which filters, sorts and moves it.
+// The table is complete without this script, which filters and sorts it and moves the drawings.
 
 const table = document.getElementById("cases");
 const poses = JSON.parse(document.getElementById("poses").textContent);
 const EMPTY = { q: "", outcome: "", engine: "", family: "", sort: "", down: "" };
 const state = { ...EMPTY };
-const STEP = 60; // ms a pose
-const RISING = ["name", "checked"]; // columns that begin with the least; the others, with the most
+const STEP = 60; // [ms] per pose
+const RISING = ["name", "checked"]; // columns that are sorted in rising order first, others falling
 
 // ---- Filters
 
@@ -41,7 +41,7 @@ function isFolder(family, chosen) {
 
 // ---- Order
 
-// What rows are sorted by: the least comes first, unless the state is "down".
+// The sort key of a row: the least comes first, unless the state is "down".
 function cellValue(row, key) {
   const cell = find(`td[data-column="${CSS.escape(key)}"]`, row);
   if (!cell) {
@@ -81,7 +81,7 @@ function ordered(rows) {
   return keyed.map((each) => each[2]);
 }
 
-// ---- What is seen
+// ---- Visible rows
 
 function draw() {
   const words = state.q.toLowerCase().split(/\s+/).filter(Boolean);
@@ -177,7 +177,7 @@ function sortBy(key) {
   }
 }
 
-// ---- Drawings that move
+// ---- Animated drawings
 
 const playing = { timer: 0, svg: null };
 const still = matchMedia("(prefers-reduced-motion: reduce)");

@@ -28,7 +28,7 @@ function panels() {
   });
 }
 
-// Where a parameter holds, where it fails, its limit and what theory says.
+// The strip of a limit: the range without failure, the range of failure, the limit, and theory.
 function stripOf(row, place) {
   if (!(row.at > 0)) {
     return "";
@@ -48,7 +48,7 @@ const chart = new RowChart(
   () => "A click leads to the row of the table.",
 );
 
-// Show what the state says, and the parameters that there are to choose.
+// Show the state, and the parameters that can be chosen.
 function show() {
   const titles = [...new Set(ofCase().map((row) => row.panel))];
   state.of = titles.includes(state.of) ? state.of : "";

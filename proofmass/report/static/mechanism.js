@@ -1,16 +1,16 @@
 // The mechanism, drawn as: reference + magnification * (simulated - reference), body by body.
 "use strict";
 
-const WIDTH = 620; // of the drawing, in its own units
+const WIDTH = 620; // width of the drawing, in its own units
 const MOST_HEIGHT = 520;
 const LEAST_HEIGHT = 170;
 const PAD = 46; // room for names and supports
 const LEAST_POWER = 0;
 const MOST_POWER = 15;
-const VISIBLE = 0.12; // of the size: a difference that is to be seen
-const NONE = -32768; // stands for what is not a number
+const VISIBLE = 0.12; // of the size: largest difference of a pose after "Make visible"
+const NONE = -32768; // the integer that encodes a value that is not finite
 
-// Whole numbers of 16 bits with a scale for each place of the last axis, as numbers.
+// Decode integers of 16 bits with a scale for each entry of the last axis.
 function scaled(packed) {
   const whole = unpacked(packed.numbers, "i2");
   const { shape, scale } = packed;
@@ -21,7 +21,7 @@ function scaled(packed) {
   return { values, count: shape[1], width: shape[2] };
 }
 
-// The numbers of thing number `item` at a pose that may lie between two of the array.
+// The numbers of item number `item` at a pose, interpolated between two poses of the array.
 function between(array, pose, item) {
   const { values, count, width } = array;
   const poses = values.length / (count * width);
@@ -75,17 +75,17 @@ class Mechanism {
         Object.entries(line.away).map(([solver, packed]) => [solver, scaled(packed)]),
       ),
     }));
-    this.curves = curves; // of rods at rest: their shapes are curves of the run
+    this.curves = curves; // shapes of rods in an equilibrium run, which are curves of the run
     this.measure();
     this.build();
   }
 
-  // Whether the drawing has a reference and a solver beside it.
+  // Whether the drawing has both a reference and a solver.
   has(solver) {
     return Boolean(this.away[solver] || this.curves?.solvers.has(solver));
   }
 
-  // Every point of the reference at some poses, to find the scale of the drawing.
+  // Every point of the reference at some poses, from which the scale of the drawing is found.
   *everyPoint() {
     const poses = this.x.length;
     const step = Math.max(1, Math.floor(poses / 40));
@@ -177,7 +177,7 @@ class Mechanism {
     return element;
   }
 
-  // All elements once; `draw` moves them.
+  // Create all elements once; `draw` moves them.
   build() {
     this.svg.replaceChildren();
     this.svg.setAttribute("viewBox", `0 0 ${WIDTH} ${this.height.toFixed(0)}`);
@@ -235,7 +235,7 @@ class Mechanism {
     return group;
   }
 
-  // The sign of a joint about the place (0, 0); `draw` brings it where it belongs.
+  // The sign of a joint about the place (0, 0); `draw` moves it to the joint.
   sign(spot) {
     const ground = spot.kind === "guide" || spot.kind === "clamp";
     const group = this.add("g", {}, ground ? this.layer.ground : this.layer.drawn);
@@ -310,7 +310,7 @@ class Mechanism {
     return middle;
   }
 
-  // The pose that belongs to a value of the run's parameter; between two it has a fraction.
+  // The fractional number of the pose at a value of the run's parameter.
   poseAt(x) {
     const last = this.x.length - 1;
     if (last < 1 || this.curves) {
@@ -322,7 +322,7 @@ class Mechanism {
     return Math.min(Math.max(first + share, 0), last);
   }
 
-  // Whether there is a pose of the model at x: it may not come to the end of a run.
+  // Whether there is a pose of the model at x: its motion may end before the run.
   reaches(x) {
     const last = this.x[this.x.length - 1];
     const span = Math.abs(last - this.x[0]) || 1;
@@ -341,7 +341,7 @@ class Mechanism {
     return there.every(Number.isFinite) ? there : null;
   }
 
-  // Draws the pose at x of a solver; false if the solver has no such pose.
+  // Draw the pose at x of a solver; false if the solver has no such pose.
   draw(x, sample, solver, factor) {
     const pose = this.poseAt(x);
     const compared = this.has(solver);
@@ -369,12 +369,12 @@ class Mechanism {
     return there;
   }
 
-  // The names beside bodies and loops; one that would cover another is left out.
+  // Draw the names beside bodies and loops; a name that would cover another is left out.
   drawNames(pose, solver, factor) {
     const shown = [];
     for (const { text, body, middle, spot } of this.names) {
       const letters = text.textContent.length;
-      const wide = Math.max(text.getComputedTextLength(), 8 * letters); // on a phone they are large
+      const wide = Math.max(text.getComputedTextLength(), 8 * letters); // on a phone letters are larger
       const place = this.placeOf(body, pose, solver, factor) ?? [NaN, NaN, NaN];
       const [[across, up]] = [...this.moved(middle, place)];
       if (!Number.isFinite(across + up)) {
@@ -480,14 +480,14 @@ class Mechanism {
     }
   }
 
-  // Joints that stand on the end of their range at x.
+  // Joints that are at a joint limit at x.
   limitsAt(x) {
     const pose = Math.round(this.poseAt(x));
     const limits = Object.entries(this.motion.limits);
     return limits.filter(([, poses]) => poses.includes(pose)).map(([name]) => name);
   }
 
-  // The power of ten at which the largest difference of a solver is seen.
+  // The magnification, as a power of ten, at which the largest difference of a solver is visible.
   power(solver) {
     let largest = 0;
     const parts = [this.away[solver], ...this.lines.map((line) => line.away[solver])];

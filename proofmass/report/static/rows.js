@@ -1,8 +1,8 @@
 // A chart of rows in panels, each panel on an axis of its own: drawing, pointer and keyboard.
 "use strict";
 
-const ROOM = 0.06; // of the decades of an axis, left free on both sides
-const NARROW = 620; // px: charts that are no wider have fewer words on their axes
+const ROOM = 0.06; // of the decades of an axis: margin at both ends
+const NARROW = 620; // [px] charts that are narrower have fewer labels on their axes
 
 // The axis of some values: from place 0 to 100 per cent, and its ticks.
 function axisOf(values, most) {
@@ -24,9 +24,9 @@ const tickAt = (name, place) =>
   `<line class="${name}" x1="${place.toFixed(2)}%" x2="${place.toFixed(2)}%" y1="1" y2="21"/>`;
 
 class RowChart {
-  // `panels()` gives the panels: { title, head (of the values), values (for the axis), words(value), rows }; a
-  // row has id, label, value, said, css and strip(place), which draws it.  `act(row)` is what a click or Enter does,
-  // `hint(row)` says so.
+  // `panels()` returns the panels: { title, head (of the values), values (for the axis), words(value), rows }; a
+  // row has id, label, value, said, css and strip(place), which draws it.  `act(row)` is called by a click or Enter,
+  // `hint(row)` describes it.
   constructor(box, name, panels, act, hint) {
     Object.assign(this, { box, name, panels, act, hint, rows: new Map(), at: null });
     this.list = document.createElement("div");
@@ -86,7 +86,7 @@ class RowChart {
     return id === null ? null : document.getElementById(`row-${id}`);
   }
 
-  // Mark a row as chosen; `show` brings it into sight and tells it.
+  // Mark a row as chosen; with `show` it is scrolled into view and its text is shown.
   choose(id, show = true) {
     this.option(this.at)?.setAttribute("aria-selected", "false");
     this.at = id;
@@ -103,7 +103,7 @@ class RowChart {
     }
   }
 
-  // Words of a row beside it; of none, no words.
+  // Show the text of a row beside it; without a row, hide it.
   tell(id, done = "") {
     const row = this.rows.get(id);
     this.tip.hidden = !row;
@@ -127,7 +127,7 @@ class RowChart {
     if (row) {
       const words = await this.act(row);
       if (words) {
-        this.list.focus({ preventScroll: true }); // which copying may have taken
+        this.list.focus({ preventScroll: true }); // copying may have moved the focus
         this.status.textContent = words;
         this.tell(id, words);
       }
@@ -196,7 +196,7 @@ class RowChart {
   }
 }
 
-// Lead to a row of a table, which is marked until another one is.
+// Scroll to a row of a table, which is marked until another one is.
 function showTableRow(id) {
   const row = document.getElementById(id);
   for (const other of findAll("tr.led-to")) {
@@ -209,17 +209,17 @@ function showTableRow(id) {
   row.scrollIntoView({ block: "center" });
 }
 
-// Whether the filters leave the row of a table.
+// Whether the filters show the row of a table.
 const isLeft = (id) => !document.getElementById(id)?.hidden;
 
-// Fill a list of choices, the first of which is all of them.
+// Fill a list of choices; the first choice is all of them.
 function fillChoices(select, all, choices) {
   select.replaceChildren(
     ...[["", all], ...choices].map(([value, words]) => new Option(words, value)),
   );
 }
 
-// What the chart of a study is of: one of the study's parts, or all of them (""), by its list of choices and the address.
+// The subject of a study's chart: one part of the study or all of them (""), by a list of choices and the address.
 class Subject {
   constructor(key, parts) {
     Object.assign(this, { key, parts, several: parts.length > 1 });
@@ -245,13 +245,13 @@ class Subject {
     }
   }
 
-  // What the address keeps of it.
+  // The parts of the address that store it.
   get kept() {
     return { [this.key]: this.chosen === this.first ? "" : this.chosen || "all" };
   }
 }
 
-// Show a chart as the address says, and again when its subject, the filters or the address change.
+// Show a chart by the address, and again when its subject, the filters or the address change.
 function begin(chart, subject, { recall, show, keep }) {
   const recallAll = () => {
     const address = readAddress();

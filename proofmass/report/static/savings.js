@@ -1,4 +1,4 @@
-// The chart of a diet: what a step and the memory cost with each feature, and without.
+// The chart of a diet: time of a step and memory with each feature, and without it.
 "use strict";
 
 const data = JSON.parse(find("#data").textContent);
@@ -9,13 +9,13 @@ const COSTS = {
 };
 const state = { cost: "seconds" };
 
-// What is saved: of time a share, since what a step takes falls from trial to trial.
+// The saving: a share of the time, since the time of a step falls from trial to trial, or memory.
 function savedBy(row) {
   const [before, after] = row[state.cost];
   return state.cost === "seconds" ? 1 - after / before : before - after;
 }
 
-// The rows that are shown, model by model: all together first, then what goes, could go and stays.
+// The visible rows, model by model: the whole first, then removed, removable and kept features.
 function panels() {
   const shown = data.rows.filter((row) => (!subject.chosen || row.part === subject.chosen) && isLeft(row.id));
   return data.parts
@@ -36,7 +36,7 @@ function panels() {
     }));
 }
 
-// From what it costs with a feature to what it costs without, and the interval of that.
+// The strip of a row: from the cost with a feature to the cost without it, and its interval.
 function stripOf(row, place) {
   const [before, after, low, high] = row[state.cost].map(place);
   const spread = low === undefined ? "" : lineAt("spread", low, high);
@@ -44,7 +44,7 @@ function stripOf(row, place) {
   return way + spread + tickAt("theory", before) + markAt(after, row.mark, row.hollow ? "hollow" : "");
 }
 
-// A click copies the edit of an option or a flag, and leads to the row of any other.
+// Copy the edit of an option or a flag; for other edits scroll to the row of the table.
 async function act(row) {
   if (!row.edit) {
     showTableRow(row.id);

@@ -1,4 +1,4 @@
-// What the pages of studies share: buttons that copy, tables that sort, rows that can be filtered.
+// Functions of all pages of studies: buttons that copy, tables that sort, rows with filters.
 "use strict";
 
 function wireCopies(inside = document) {
@@ -22,7 +22,7 @@ function sortValue(cell) {
   return given === "" ? Number.NaN : Number(given);
 }
 
-// Numbers before words, what is none at the end, whichever way it goes.
+// Compare cells: numbers before words, and empty cells last in either direction.
 function compareValues(one, two, sign) {
   const missing = [one, two].map((value) => value === "" || Number.isNaN(value));
   if (missing[0] || missing[1]) {
@@ -59,7 +59,7 @@ function sortTable(heading) {
   body.append(...rows.map(([, row]) => row));
 }
 
-// What the address says after #: parts such as key=value, separated by semicolons.
+// The parts of the address after #, such as key=value, separated by semicolons.
 function readAddress() {
   const parts = decodeURIComponent(location.hash.slice(1)).split(";");
   const found = new Map();
@@ -83,7 +83,7 @@ function keepInAddress(values) {
   writeAddress({ ...Object.fromEntries(readAddress()), ...values });
 }
 
-// Rows with data-group are shown if no filter is against it; filters are buttons and a search.
+// Rows with data-group are shown if no filter excludes them; filters are buttons and a search.
 function wireFilters() {
   const box = find("#filters");
   if (!box) {
@@ -138,7 +138,7 @@ function wireFilters() {
   });
 }
 
-// Tables that are closed are printed as well.
+// Open closed tables for printing.
 function openForPrint() {
   let opened = [];
   addEventListener("beforeprint", () => {

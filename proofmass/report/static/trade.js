@@ -1,24 +1,24 @@
-// The page of a trade study: words of settings, pointer and keyboard, controls and address.
-// diagram.js draws.
+// The page of a trade study: texts of settings, pointer and keyboard, controls and address.
+// diagram.js draws the diagram.
 "use strict";
 
-const REACH = 28; // px from the pointer to the marker that it means
-const TINY = 6; // px: a shorter drag is a click
+const REACH = 28; // [px] largest distance of the pointer to the marker that it selects
+const TINY = 6; // [px] a shorter drag is a click
 
 // ------------------------------------------------------------------ words
 
 function rankWords(number) {
   if (front().includes(number)) {
     return state.cost === "seconds"
-      ? "on the front: nothing measured is cheaper and as close"
-      : "on the front: nothing with fewer steps is as close";
+      ? "on the front: no measured setting is cheaper with no larger error"
+      : "on the front: no setting with fewer steps has as small an error";
   }
   if (tied().includes(number)) {
-    return "tied with the front: the clock does not tell whether another is cheaper";
+    return "tied with the front: the times do not decide whether another is cheaper";
   }
   return state.cost === "seconds"
-    ? "beaten: another setting is cheaper and as close"
-    : "beaten: another setting has fewer steps and is as close";
+    ? "beaten: another setting is cheaper with no larger error"
+    : "beaten: another setting has fewer steps with no larger error";
 }
 
 function spokenSetting(number) {
@@ -40,13 +40,13 @@ function tipWords(number) {
   return `${first}<br>error ${worded(errorOf(setting))} of range<br>${escaped(setting.time)}${steps}<br>${rankWords(number)}`;
 }
 
-// All that is known of a setting, beside the diagram.
+// Show all numbers of a setting beside the diagram.
 function tellSetting(number) {
   const panel = find("#setting");
   const setting = data.settings[number];
   if (!setting) {
     panel.className = "setting";
-    panel.innerHTML = '<p class="soft">Point to a marker, or reach it with Tab and the arrow keys: its setting, its errors, its cost and what to paste stand here.</p>';
+    panel.innerHTML = '<p class="soft">Point to a marker, or reach it with Tab and the arrow keys: its setting, its errors, its cost and the lines to paste are shown here.</p>';
     return;
   }
   const series = data.series[setting.series];
@@ -275,7 +275,7 @@ function toggle(series, on) {
   change();
 }
 
-// Show everything as the state says, and keep it in the address.
+// Show the state, and store it in the address.
 function change() {
   for (const button of findAll("#kinds button")) {
     button.setAttribute("aria-pressed", String(button.dataset.kind === state.kind));

@@ -1,16 +1,16 @@
-// The trend of a case: errors of a channel over the last reports, beside what is allowed now.
+// The trend of a case: errors of a channel over the last reports, and the error allowed now.
 // The data and the looks of solvers are those of case.js.
 "use strict";
 
 const TREND = { left: 58, right: 18, top: 16, bottom: 30, height: 250, lane: 22 };
-const NO_ERROR = -32768; // of whole numbers: an error that a report does not have
-const EXACT = -32767; // an error of zero, which has no logarithm
-const FEW_DECADES = 6; // that are labelled
+const NO_ERROR = -32768; // the integer for an error that a report does not have
+const EXACT = -32767; // the integer for an error of zero, which has no logarithm
+const FEW_DECADES = 6; // largest number of decades that are labelled
 
 const trend = data.trend;
 const trendState = { at: 0, report: trend.reports.length - 1 };
 let hoveredReport = null;
-let trendPlaces = null; // across(k) of the chart that was drawn last
+let trendPlaces = null; // function across(k) of the chart that was drawn last
 
 // ---- the data, decoded once
 
@@ -27,13 +27,13 @@ const runLabel = (row) => data.runs[row.run].label;
 const comparisonNow = (row, solver) => data.runs[row.run].solvers[solver]?.comparisons[row.channel];
 const lastOf = (errors) => errors.at(-1);
 
-// What is allowed now, as a share of the range; null where nothing is judged.
+// The error allowed now, as a share of the range; null where nothing is judged.
 function allowedNow(row, solver) {
   const c = comparisonNow(row, solver);
   return judged(c) ? c.allowed_share : null;
 }
 
-// The error over what is allowed now, of the solver that is worst; null where none is judged.
+// The largest ratio of a solver's error to the error allowed now; null where none is judged.
 function worstRatio(row) {
   const ratios = Object.keys(row.solvers)
     .map((solver) => comparisonNow(row, solver))
@@ -57,7 +57,7 @@ function versionWords(k) {
   return versions.map(([name, version]) => `${name} ${version}`).join(", ");
 }
 
-// What else a report was made with than the one before it.
+// The versions of a report that differ from those of the report before it.
 function otherVersions(k) {
   if (!k || trend.reports[k].made === trend.reports[k - 1].made) {
     return "";
@@ -76,7 +76,7 @@ function solverWords(row, solver, k) {
   return `${data.solvers[solver].label} ${errorWords(error)}${share}`;
 }
 
-// A report in words, for a pointer and for those who do not see the chart.
+// A report in words, for the pointer and for screen readers.
 function toldReport(k) {
   const row = trendRow();
   const lines = Object.keys(row.solvers).map((solver) => {
@@ -109,7 +109,7 @@ function trendWords(row) {
 
 // ---- the chart
 
-// Its axis: [lowest, highest] decade of all errors and allowances, and whether any error is zero.
+// The axis: [lowest, highest] decade of all errors and allowances, and whether any error is zero.
 function trendAxis(row) {
   const errors = Object.values(row.solvers).flatMap((one) => one.errors);
   const allowed = Object.keys(row.solvers).map((solver) => allowedNow(row, solver));
@@ -165,7 +165,7 @@ function drawTrend() {
   tellReport();
 }
 
-// Days of the first and the last report, and between them as many as have room.
+// Days of the first and the last report, and as many between them as fit.
 function dayLabels(across, width) {
   const last = trend.reports.length - 1;
   const room = Math.max(1, Math.floor((width - TREND.left) / 120));
@@ -180,7 +180,7 @@ function dayLabels(across, width) {
     .join("");
 }
 
-// What is allowed now, a line for each value, with the solvers that it is for.
+// The errors allowed now: a line for each value, with its solvers.
 function allowances(row, down, right) {
   const solvers = Object.keys(row.solvers);
   const values = new Map();
@@ -205,7 +205,7 @@ function allowances(row, down, right) {
     .join("");
 }
 
-// Line and markers of a solver; filled beyond what is allowed now.
+// Line and markers of a solver; markers are filled where the error is larger than allowed now.
 function trendLine(row, solver, across, down) {
   const { css, dash, marker } = data.solvers[solver];
   const { errors } = row.solvers[solver];
@@ -226,7 +226,7 @@ function trendLine(row, solver, across, down) {
   );
 }
 
-// The report under the pointer, or the one that was chosen: its line in the chart, and its words.
+// Show the line and the text of the report under the pointer, or of the chosen one.
 function tellReport() {
   const k = hoveredReport ?? trendState.report;
   const x = trendPlaces.across(k).toFixed(1);
@@ -268,7 +268,7 @@ function drawTrendList() {
   find("#trend-count").textContent = `${items.length} curve${items.length > 1 ? "s" : ""}`;
 }
 
-// Errors as a small line, their decades from a thousandth of the largest on.
+// Errors as a small logarithmic line, from a thousandth of the largest on.
 function trendSpark(errors) {
   const most = Math.max(...errors.filter((error) => error !== null)) || 1;
   const logs = errors.map((error) => (error === null ? null : Math.log10(Math.max(error / most, 1e-3))));
@@ -295,7 +295,7 @@ function drawTrendTable() {
     `<thead><tr><th class="left-cell" scope="col">report</th>${head.join("")}</tr></thead><tbody>${lines.join("")}</tbody>`;
 }
 
-// ---- what changes it
+// ---- events
 
 function chooseTrend(k) {
   trendState.at = Math.min(Math.max(k, 0), trend.channels.length - 1);
@@ -330,7 +330,7 @@ function chooseReport(k) {
   tellReport();
 }
 
-// Keys of the list and the chart, which the rest of the page does not see.
+// Keys of the list and the chart, which are not passed on to the rest of the page.
 function trendKey(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) {
     return;
