@@ -81,9 +81,9 @@ def counting(
 ) -> Iterator[Callable[[str, int, int], None]]:
     """Show a progress bar on standard error; yields a function ``advance(label, done, total)``.
 
-    Labels are cut to `letters` characters.  Where standard error is no terminal, lines are printed
-    instead of the bar: one for each new first word of a label, which is a case, and otherwise at
-    most one every `PAUSE` seconds.
+    Labels are cut to `letters` characters.  Where standard error is no terminal, lines
+    are printed instead of the bar: one for each new first word of a label, which is a case, and
+    otherwise at most one every `PAUSE` seconds.
     """
     if not errors.is_terminal:
         yield lines()

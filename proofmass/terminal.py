@@ -230,7 +230,8 @@ def table_of(
 ) -> Table:
     """Return a table of these columns, with no word broken; a case is named in its first row.
 
-    `wide` are the least widths of the columns [characters]; with them the first column is indented.
+    `wide` are the least widths of the columns [characters]; with these the first column is
+    indented.
     """
     table = Table(box=None, header_style="bold", pad_edge=False, show_header=head)
     for k, name in enumerate(columns):
@@ -330,8 +331,8 @@ def diagnosis(
     """Yield the lines of a diagnosis.
 
     Of a cause that was printed for another run of the case, only what it explains is repeated;
-    `said` holds the printed causes.  Where no cause was found, the line names the runs of the case
-    in which one was found, those of `elsewhere`.
+    `said` holds the causes that were printed.  Where no cause was found, the line names
+    the runs of the case in which one was found, those of `elsewhere`.
     """
     first, *more = found.lines
     if elsewhere and not (found.found or found.failed or found.fault):
@@ -396,8 +397,8 @@ def own_numbers(case: Case) -> str:
 def case_table(cases: list[Case], lone: list[Path], paths: list[Path], width: int = 500) -> Table:
     """Return the table of `proofmass list`: a row for each case, with its folder below the paths.
 
-    `lone` are models without a sidecar.  Where not all columns fit the width [characters], the
-    table has only the case, its runs, and the first words of its title.
+    `lone` are models without a sidecar.  Where not all columns fit the width
+    [characters], the table has only the case, its runs, and the first words of its title.
     """
     full = [
         {

@@ -211,5 +211,5 @@ def test_items_of_a_case_in_which_nothing_is_checked_fail(models, edit, pytester
 def test_help_joins_the_lines_of_a_paragraph_and_strikes_no_unit_through():
     """At 80 columns; `[s]` would be a tag."""
     text = CliRunner().invoke(app, ["choose", "--help"], env={"COLUMNS": "80"}).output
-    assert "of its own, without proofmass, and from a shifted start, and neither error" in text
+    assert "run as a program of its own, without proofmass, and from a shifted start, and" in text
     assert "Wall time of all runs" in " ".join(text.replace("│", " ").split())

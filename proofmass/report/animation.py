@@ -69,8 +69,10 @@ LASTS = 4.0  # [s] playing time of an animation by default
 FORMATS = {".gif": "GIF", ".webp": "WEBP"}
 QUALITY = 50  # quality of WebP pictures, from 0 to 100
 COLOURS = 64  # number of colours in a GIF's palette
-WIDE, HIGH, DOTS = 350.0, 300.0, 80  # [pt] room for the mechanism, and dots per inch
-HEAD, FOOT, RIGHT = 16.0, 40.0, 8.0  # [pt] margins above, below the axis (legend), and at the right
+# [pt] room for the mechanism, and dots per inch
+WIDE, HIGH, DOTS = 350.0, 300.0, 80
+# [pt] margins above, below the axis (with the legend), and at the right
+HEAD, FOOT, RIGHT = 16.0, 40.0, 8.0
 PAD = 26.0  # [pt] around the mechanism
 STILL = 1e-9  # of the mechanism's size: a smaller displacement counts as none
 CLOSED = 1e-3  # of a curve's range: a motion with a smaller distance of its ends is closed

@@ -33,7 +33,8 @@ from proofmass.worker import isolated
 
 SECONDS = 300.0  # [s] time limit for each drawing of a case
 FIGURES = ("overlay", "paths", "difference")
-POSES, OTHER_POSES = 121, 73  # poses of the first run, and of another; the page interpolates them
+# poses of the first run, and of another; the page interpolates between them
+POSES, OTHER_POSES = 121, 73
 TRACK = 200  # number of points of a path
 
 
@@ -51,9 +52,9 @@ class Charted:
 class Drawings:
     """The figures of a case (SVG) by name.
 
-    `note` tells why the mechanism is not drawn, or not over the whole run.  `motions` are the
-    mechanism at many poses, by run; `moving` is the small drawing for the index; `papers` tells
-    whether the figures were written as PNG too.
+    The note tells why the mechanism is not drawn, or not over the whole run.  The motions are the
+    mechanism at many poses, by run; a thumbnail of the first one moves on the index.  `papers` is
+    true if the figures were written as PNG too.
     """
 
     figures: dict[str, str]
@@ -75,9 +76,9 @@ def drawn(
 ) -> Drawings:
     """Draw all figures of a case and save them as ``folder/slug-….svg``.
 
-    Names are ``mechanism``, or ``thumbnail`` where there is none, ``refine``, and ``view-1`` and so
-    on; charts are ``chart-1`` and so on.  With `papers` they are saved as ``.png`` too, and there
-    are also ``RUN-overlay``, ``RUN-paths`` and ``RUN-difference`` of each run with curves, which
+    The names of the figures are "mechanism", or "thumbnail" where there is no mechanism, "refine",
+    "view-1" and so on, and "chart-1" and so on.  With `papers` they are saved as ``.png`` too, and
+    there are also "RUN-overlay", "RUN-paths" and "RUN-difference" of each run with curves, which
     the script of the page draws itself.
     """
     if beyond_limits(runs):
@@ -110,7 +111,7 @@ def charted(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
 
 
 def draw_chart(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
-    """What `charted` does in the other process."""
+    """Compute and draw a chart, and save its figure; called in another process."""
     chart = chart_of(case, table)
     with rc_context(RC):
         svg = save(chart_figure(table.title, chart), stem, papers)
@@ -150,7 +151,10 @@ def shape_of(case: Case, motions: Mapping[str, Motion]) -> Picture | None:
 def moved_here(
     case: Case, kind: Kind, curves: Measured, count: int, keep: list[int] | None = None
 ) -> Motion:
-    """What `moving` does of a run in the other process."""
+    """Find the motion of the mechanism in one run; called in another process.
+
+    `count` is the number of poses; samples before jumps (`keep`) have poses on both sides.
+    """
     return motion(case.model_path, plan(case, kind, NATIVE), curves, count, keep or [])
 
 
@@ -188,7 +192,7 @@ def draw(
     shape: Picture | None,
     papers: bool,
 ) -> dict[str, str]:
-    """What `drawn` does in the other process."""
+    """Draw and save all figures of a case but its charts; called in another process."""
     found, asked = {}, runs
     runs = [run for run in (one.without_failed for one in runs) if run.curves]
     with rc_context(RC):

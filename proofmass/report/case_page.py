@@ -506,7 +506,7 @@ def texts(case: Case) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class CauseRow:
-    """One change that was tried as a cause; `place` is the error left by it, on the axis [%]."""
+    """One change that was tried as a cause; its place is that of the remaining error [%]."""
 
     words: str
     fitted: str

@@ -108,7 +108,7 @@ def dressed(line: ChartLine, look: Look) -> dict[str, Any]:
 
 
 def thinned(line: ChartLine) -> Array:
-    """Return about `MOST` of a line's points (n, 2) at most, with the ends of its pieces.
+    """Return at most about `MOST` points of a line (n, 2), with the ends of its pieces.
 
     >>> line = ChartLine(np.append(np.arange(3000.0), np.nan), np.ones(3001))
     >>> thinned(line).shape
@@ -181,7 +181,7 @@ FILLS = ("#cfe0f0", "#f4d9b0", "#d9d2e9", "#d5e8d4", "#f3d0d6", "#e6e6e6")
 """Colours of regions: pale, so that lines are visible on them, and of different lightness."""
 STROKES = ("", "////", "....", "xxxx", "----", "++++")
 """Hatches of regions, which distinguish them on a black-and-white print."""
-ROOM = np.array([0.28, 0.07])  # [inch] half of the width and height of a number in a region
+ROOM = np.array([0.28, 0.07])  # [inch] half of a number's width and height
 FINE = 28  # number of places across a region, and up, at which its number is tried
 
 
@@ -260,8 +260,10 @@ def widest_place(rings: list[Array]) -> tuple[Array, float]:
 
 
 WIDE = {1: 4.6, 2: 3.4, 3: 2.7, 4: 2.2}  # [inch] width of a panel, by the number in a row
-SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72  # height over width of a panel: largest, least, and otherwise
-LEFT, BELOW, ABOVE, BAR = 0.72, 0.45, 0.3, 0.95  # [inch] margins; room for a colour bar
+# height over width of a panel: largest, least, and of charts whose axes have different scales
+SLIM, SQUAT, USUAL = 1.5, 0.4, 0.72
+# [inch] margins, and room for a colour bar
+LEFT, BELOW, ABOVE, BAR = 0.72, 0.45, 0.3, 0.95
 LETTER = 0.066  # [inch] mean width of a letter
 
 
@@ -372,7 +374,8 @@ def frame(chart: Chart) -> PanelFrame:
     """Return ranges of the axes that contain all finite points.
 
     A chart of shapes (`alike`) has one scale for both axes, and the height of its panels over their
-    width is from `SQUAT` to `SLIM`.  The margin of a logarithmic axis is a share of its decades.
+    width is from `SQUAT` to `SLIM`.  The margin of a logarithmic axis is a share of
+    its decades.
     """
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])

@@ -176,7 +176,8 @@ def plotted_run(result: Result, case: Case, kind: Kind) -> PlottedRun:
     if case.refine and case.refine.run == kind:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
-    named = axis(case, kind) if curves else ("time t", "s", 1.0)  # not shown without curves
+    # without curves the parameter is not shown
+    named = axis(case, kind) if curves else ("time t", "s", 1.0)
     found = PlottedRun(case, kind, rows, curves, reference, *named, finer, verdicts, whole)
     if not curves:
         return found
@@ -332,7 +333,7 @@ def ways(x: Array, jumps: Iterable[int] = ()) -> list[tuple[slice, bool]]:
 
 
 def parted(x: Array, y: Array, jumps: Iterable[int], limit: int) -> tuple[Array, Array]:
-    """Reduce a curve as `thin` does, with NaN between its parts where it jumps after a sample.
+    """Reduce a curve as `thin` does, with NaN where it jumps after a sample.
 
     >>> parted(np.array([0.0, 1.0, 2.0]), np.array([0.0, 5.0, 6.0]), [0], 9)
     (array([ 0., nan,  1.,  2.]), array([ 0., nan,  5.,  6.]))

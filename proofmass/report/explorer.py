@@ -36,7 +36,8 @@ drawn; or an array, which is drawn as a line."""
 Build = Callable[..., Case]
 """Function of parameters by name that returns the case with a model that has them."""
 SAMPLES = 121
-WIDE, HIGH, LEFT, GAP = 880, 420, 380, 62  # [px] panel, width of the mechanism, margin of axes
+# [px] width and height of the panel, width of the mechanism, and margin of the axes
+WIDE, HIGH, LEFT, GAP = 880, 420, 380, 62
 COLOURS = (*("#0072B2", "#D55E00", "#009E73", "#CC79A7"), *MUTED)
 MISSING = "sliders need ipywidgets: pip install 'proofmass[notebooks]'"
 

@@ -139,7 +139,7 @@ class CaseRow:
     changes : list of Change
         Changes of the case since the last report.
     worse : int
-        Number of `changes` to the worse.
+        Number of changes to the worse.
     picture : Markup
         The drawing of the mechanism as SVG; empty if there is none.
     files : list of (str, str)
@@ -359,7 +359,10 @@ def remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
 
 
 def wrong(bad: Sequence[Comparison], of: int) -> str:
-    """Format what is wrong in a run of a solver by its worst channel; `of` counts all channels."""
+    """Format what is wrong in a run of a solver by its worst channel.
+
+    `of` is the number of all channels.
+    """
     c = max(bad, key=ratio)
     if c.outcome != Outcome.DIFFERS:
         return f"{c.outcome}: {c.message}"

@@ -97,7 +97,7 @@ def about() -> list[tuple[str, str]]:
 
 
 def made_with(folder: Path) -> list[tuple[str, str]]:
-    """Return the entries of `about`, the commit of the folder of a model, and the command."""
+    """Return `about`, the commit of the folder of a model, and the command."""
     given = [word if not Path(word).is_absolute() else Path(word).name for word in sys.argv[1:]]
     command = ("command", " ".join([Path(sys.argv[0]).stem, *given]))
     commit, edited = known_commit(folder)

@@ -21,7 +21,8 @@ from proofmass.units import si_unit
 from proofmass.wording import number, pretty
 
 INK = "#333333"
-WIDE, HIGH, HEAD = 2.6, 2.2, 0.42  # [inch] a panel with its labels, and the legend above
+# [inch] a panel with its labels, and the legend above
+WIDE, HIGH, HEAD = 2.6, 2.2, 0.42
 BELOW = 0.35  # of the error: top of the triangle that shows the order
 
 

@@ -54,7 +54,8 @@ SPARE = [
         strict=True,
     )
 ]
-MUTED = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")  # Tol's, for charts
+# for charts, from Tol's muted scheme
+MUTED = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")
 REFERENCE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
 
 RC: dict[Any, Any] = {

@@ -34,7 +34,7 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Group:
-    """The rows of one channel; `law` is the number that it must equal, empty for a quantity."""
+    """The rows of one channel; its law is the number that it must equal, empty for a quantity."""
 
     channel: str
     unit: str

@@ -132,7 +132,7 @@ def reduced(whole: Picture) -> Thumbnail:
 
 
 def fewer(outline: Array) -> Array:
-    """Reduce an outline (poses, points, 2) to `ROUND` points at most, evenly along it."""
+    """Reduce an outline (poses, points, 2) to at most `ROUND` points, evenly."""
     return outline[:, :: -(-outline.shape[1] // ROUND)]
 
 

@@ -170,11 +170,13 @@ THIN: list[dict[str, Any]] = [
         ("#7b4ba0", (0, (3, 1, 1, 1))),
     )
 ]
-PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")  # the lowest is darkest
+# colours of stacked quantities, the lowest one darkest
+PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")
 NEAR = 0.035  # of a panel's width: marks with a smaller distance share one text
 CASING = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # white edges of lines on areas
 WORDS = 28  # [characters] width of the legend
-HIGH, LOW, KEY = 2.75, 0.95, 2.35  # [inch] heights of panels, width of the legend beside them
+# [inch] heights of panels, width of the legend beside them
+HIGH, LOW, KEY = 2.75, 0.95, 2.35
 
 
 def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:

@@ -7,7 +7,7 @@ const LEAST_HEIGHT = 170;
 const PAD = 46; // room for names and supports
 const LEAST_POWER = 0;
 const MOST_POWER = 15;
-const VISIBLE = 0.12; // of the size: largest difference of a pose after "Make visible"
+const VISIBLE = 0.12; // of the size: the largest difference after "Make visible", within a factor of 3.3
 const NONE = -32768; // the integer that encodes a value that is not finite
 
 // Decode integers of 16 bits with a scale for each entry of the last axis.
