@@ -402,7 +402,7 @@ def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
     x : ndarray (n,)
         Places, within the range of the rows [SI].
     rows, curve : ndarray (m,)
-        Where the curve was recorded, rising, and its values [SI]; at least `ENOUGH` rows.
+        Rows of the record, rising, and the curve there [SI]; at least `ENOUGH` rows.
 
     Returns
     -------

@@ -351,8 +351,9 @@ def nearest(judged: list[Comparison]) -> str:
     largest = max(judged, key=lambda c: finite_or(c.relative_to_range, -1.0))
     limit = max(judged, key=lambda c: c.error_max / c.allowed if c.allowed > 0 else -1.0)
     return (
-        f"largest error {number(largest.relative_to_range)} of the range ({place(largest)}); "
-        f"nearest to its limit {of_allowed(limit)} of what is allowed ({place(limit)})"
+        f"largest error {number(largest.relative_to_range)} of the range "
+        f"({place(largest)}); nearest to its limit {of_allowed(limit)} of what is allowed "
+        f"({place(limit)})"
     )
 
 

@@ -374,8 +374,7 @@ def frame(chart: Chart) -> PanelFrame:
     """Return ranges of the axes that contain all finite points.
 
     A chart of shapes (`alike`) has one scale for both axes, and the height of its panels over their
-    width is from `SQUAT` to `SLIM`.  The margin of a logarithmic axis is a share of
-    its decades.
+    width is from `SQUAT` to `SLIM`.  The margin of a logarithmic axis is in decades.
     """
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])

@@ -210,8 +210,8 @@ class Explorer:
         """Return the whole panel as SVG."""
         words = escape(f"{self.case.name}: {self.caption()}")
         parts = [
-            f'<svg viewBox="0 0 {WIDE} {HIGH}" width="100%" style="max-width:{WIDE}px" role="img" '
-            f'aria-label="{words}" font-family="sans-serif" font-size="11">'
+            f'<svg viewBox="0 0 {WIDE} {HIGH}" width="100%" style="max-width:{WIDE}px" '
+            f'role="img" aria-label="{words}" font-family="sans-serif" font-size="11">'
             f'<rect width="{WIDE}" height="{HIGH}" fill="#fff"/>'
         ]
         if self.wrong:
@@ -285,8 +285,8 @@ class Explorer:
         """Return the properties of the mechanism as lines of text below it."""
         rows = self.property_texts.items()
         return "".join(
-            f'<text x="12" y="{HIGH - 8 - 14 * (len(rows) - 1 - k)}">{escape(f"{name}: {words}")}'
-            "</text>"
+            f'<text x="12" y="{HIGH - 8 - 14 * (len(rows) - 1 - k)}">'
+            f"{escape(f'{name}: {words}')}</text>"
             for k, (name, words) in enumerate(rows)
         )
 

@@ -81,8 +81,8 @@ class Thumbnail:
             state = "joint driven" if driven else "joint"
             words.append(f'<g class="{state}" transform="translate({x} {y})">{foot}{sign}</g>')
         return Markup(
-            f'<svg class="thumbnail" viewBox="0 0 {WIDE} {HIGH}" data-name="{escape(name)}" '
-            f'aria-hidden="true">{"".join(words)}</svg>'
+            f'<svg class="thumbnail" viewBox="0 0 {WIDE} {HIGH}" '
+            f'data-name="{escape(name)}" aria-hidden="true">{"".join(words)}</svg>'
         )
 
 

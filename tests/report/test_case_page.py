@@ -392,8 +392,8 @@ def test_what_no_run_notices_is_told_in_the_words_of_explain(fourbar: Case) -> N
 def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     fourbar: Case, result: Result, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert "Which numbers of the model no run notices" in page
-    assert re.search(r"<code>proofmass explain \S*fourbar\.toml</code> finds out", page)
+    assert re.search(r"<code>proofmass explain \S*fourbar\.toml</code> finds the numbers of", page)
+    assert "numbers of the model of which no run notices a change" in page
     assert "Noticed from this change on" not in page
     monkeypatch.setenv(FOLDER, str(tmp_path / "found"))
     key = key_of(fourbar)
@@ -408,7 +408,7 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     page = index.with_name("fourbar.html").read_text(encoding="utf-8")
     panel = page[page.index('id="not-checked"') : page.index('id="to-do"')]
     assert "inertia of crank: all runs that are checked are at rest" in panel
-    assert "finds out" not in panel
+    assert "finds the numbers" not in panel
     assert "Noticed from this change on" in page
     file_of(fourbar, key, None).write_text("{", encoding="utf-8")
     assert noticed(fourbar) is None  # the command says what is wrong with it
