@@ -352,8 +352,8 @@ def nearest(judged: list[Comparison]) -> str:
     limit = max(judged, key=lambda c: c.error_max / c.allowed if c.allowed > 0 else -1.0)
     return (
         f"largest error {number(largest.relative_to_range)} of the range "
-        f"({place(largest)}); nearest to its limit {of_allowed(limit)} of what is allowed "
-        f"({place(limit)})"
+        f"({place(largest)}); nearest to its limit {of_allowed(limit)} of what is "
+        f"allowed ({place(limit)})"
     )
 
 

@@ -373,8 +373,8 @@ def layout(chart: Chart, box: PanelFrame, handles: Sequence[Artist]) -> tuple[La
 def frame(chart: Chart) -> PanelFrame:
     """Return ranges of the axes that contain all finite points.
 
-    A chart of shapes (`alike`) has one scale for both axes, and the height of its panels over their
-    width is from `SQUAT` to `SLIM`.  The margin of a logarithmic axis is in decades.
+    A chart of shapes (`alike`) has one scale for both axes, and the ratio of height to width of its
+    panels is from `SQUAT` to `SLIM`.  A logarithmic axis has its margin in decades.
     """
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])

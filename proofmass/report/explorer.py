@@ -210,8 +210,9 @@ class Explorer:
         """Return the whole panel as SVG."""
         words = escape(f"{self.case.name}: {self.caption()}")
         parts = [
-            f'<svg viewBox="0 0 {WIDE} {HIGH}" width="100%" style="max-width:{WIDE}px" '
-            f'role="img" aria-label="{words}" font-family="sans-serif" font-size="11">'
+            f'<svg viewBox="0 0 {WIDE} {HIGH}" width="100%" '
+            f'style="max-width:{WIDE}px" role="img" '
+            f'aria-label="{words}" font-family="sans-serif" font-size="11">'
             f'<rect width="{WIDE}" height="{HIGH}" fill="#fff"/>'
         ]
         if self.wrong:
