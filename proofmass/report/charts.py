@@ -374,7 +374,8 @@ def frame(chart: Chart) -> PanelFrame:
     """Return ranges of the axes that contain all finite points.
 
     A chart of shapes (`alike`) has one scale for both axes, and the ratio of height to width of its
-    panels is from `SQUAT` to `SLIM`.  A logarithmic axis has its margin in decades.
+    panels is from `SQUAT` to `SLIM`.  The margin of a logarithmic axis is
+    in decades.
     """
     (across, wide), (up, high) = readable(chart.x[1]), readable(chart.y[1])
     scale = np.array([wide, high])
