@@ -2,12 +2,12 @@
 
 The ``solve`` of a reference returns a dict of arrays, one entry per curve. SI units, radians;
 angles are counter-clockwise from +x (the pendulum's from straight down) and continuous along the
-sweep, which is the last axis. Modules beside them hold what belongs to a mechanism beside its
-motion: Grashof's classes, workspaces, all poses of a platform.
+sweep, which is the last axis. Other modules of this package compute further properties of a
+mechanism: Grashof's classes, workspaces, all poses of a platform.
 
-Closed forms are formulas only, so what is left is rounding, and need no more than numpy and scipy.
-`planar` solves any planar linkage of an MJCF by iteration and integration, `spatial` integrates any
-mechanism in space whose equalities are exact.
+Closed forms consist of formulas only, so that their error is rounding, and need only numpy and
+scipy. `planar` solves any planar linkage of an MJCF by iteration and integration; `spatial`
+integrates any mechanism in space whose equalities are exact.
 """
 
 REFERENCES = {
@@ -59,4 +59,4 @@ REFERENCES = {
 }
 """Modules by the name that a sidecar gives as its ``reference``."""
 IN_SPACE = ("spatial", "refined", "spatial_rod")
-"""References of what moves or bends in space, which engines of the plane cannot run."""
+"""References of mechanisms and rods in space, which engines of the plane cannot run."""

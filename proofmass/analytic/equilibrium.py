@@ -1,19 +1,21 @@
-r"""Rest of a mechanism whose drives leave degrees of freedom to springs, weights and loads.
+r"""Static equilibria of a mechanism whose drives leave degrees of freedom to springs and loads.
 
-At rest loops, drives and stops hold what acts on the joints::
+At an equilibrium the constraint forces of loops, drives and joint limits balance the forces Q that
+springs, weights and loads exert on the joints::
 
-    Q(q) + Bᵀ s = 0,    g(q) = 0,    B = dg/dq        g: how far they are open, s: their forces
+    Q(q) + Bᵀ s = 0,    g(q) = 0,    B = dg/dq    g: constraint violations, s: constraint forces
 
-Newton's method solves both together.  Rows of B may repeat what others hold.  The stiffness, with s
-fixed so that it has the curvature of the loops in it, is made of central differences::
+Newton's method solves both equations together.  Rows of B may depend on each other.  The stiffness
+K is found by central differences; s is fixed, so that K contains the curvature of the loops::
 
     K = -d/dq (Q + Bᵀ s)
 
-A stop, the end of a joint's range, holds its joint while it pushes; one that a joint passes holds
-it from then on.  A rest is stable while K, or its symmetric part where loads follow a body, is
-positive definite on the null space of B.  The path that the drives lead through rests is followed
-in strides, from one rest to the next: a stride is halved until Newton's steps shrink fast, and the
-path ends where the rest becomes unstable.  Rates of the path follow from the same equations.
+A joint limit (stop) constrains its joint as long as it pushes, and a limit that a joint passes
+constrains the joint from then on.  An equilibrium is stable while K is positive definite on the
+null space of B; where loads follow a body, the symmetric part of K is meant.  The path of
+equilibria that belongs to the values of the drives is followed in steps of the drives, called
+strides.  A stride is halved until Newton's steps shrink fast, and the path ends where the
+equilibrium becomes unstable.  The rates along the path follow from the same equations.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,81 +30,87 @@ from proofmass.analytic.numerics import Array, CannotMove, Index, SingularHere
 from proofmass.analytic.stops import Stop
 
 NUDGE = 6e-6
-"""Step of differences [rad, or sizes]: the cube root of rounding, for an error of 1e-10."""
+"""Step of central differences [rad, or sizes]: cube root of rounding; the error is about 1e-10."""
 FINEST = 1e-8
-"""That where a rest lies so near to where a spring goes slack: still right to 1e-8."""
+"""Smallest step of differences [rad, or sizes].  The step shrinks with Newton's steps, so that an
+equilibrium near a pose in which a spring becomes slack is still right to 1e-8."""
 WIDER = 5e-4
-"""Step of differences of fourth order [rad, or sizes], for an error of 1e-12."""
+"""Step of differences of fourth order [rad, or sizes]; the error is about 1e-12."""
 KINKED = 1e-5
-"""Of the largest stiffness: differences over once and twice `WIDER` differ by more where a spring
-goes slack or a force is clipped."""
+"""Share of the largest stiffness: where a spring becomes slack or a force is clipped, differences
+with steps of once and twice `WIDER` disagree by more than this."""
 FAR = 0.3
-"""Longest stride of a joint [rad, or sizes]."""
+"""Longest move of a joint in one step [rad, or sizes]."""
 SHRINKS = 0.25
-"""A step of Newton's method to the one before at most, on the way to the next rest."""
+"""Largest ratio of a step of Newton's method to the step before it, within one stride."""
 SHORT, LONGER, KINKS = 1e-3, 30.0, 3
-"""From where the first step is as short [rad, or sizes], steps may grow to so many times that, and
-as often."""
+"""Exception to `SHRINKS`: if the first step is not longer than `SHORT` [rad, or sizes], steps may
+grow to `LONGER` times the first one, at most `KINKS` times."""
 TURNED = 0.5
-"""Of the longer one: steps ahead from a rest and back to it differ by more across a snap."""
+"""Share of the longer step: if the step ahead from an equilibrium and the step back to it differ by
+more than this, the mechanism has snapped to another branch between the two."""
 SAME = 1e-5
-"""Steps [rad, or sizes] below which the next one needs no new stiffness."""
+"""Length of a step [rad, or sizes] below which the next step uses the same stiffness."""
 EXACT = 1e-11
-"""Steps [rad, or sizes] below which a rest is found: the next one is rounding."""
+"""Length of a step [rad, or sizes] below which an equilibrium is found: the next step would be
+rounding."""
 MOST = 200
-"""Steps from the start pose to the first rest."""
+"""Largest number of steps from the start pose to the first equilibrium."""
 MANY = 32
-"""Samples whose rests are found together at most."""
+"""Largest number of samples whose equilibria are found together."""
 SHORTEST = 1e-7
-"""Of the way between two samples: a path that cannot be followed so far has ended."""
+"""Smallest stride, as a share of the way between two samples: a path that cannot be followed by
+this share has ended."""
 LIMIT = 1e-2
-"""Least to largest singular value of the rows near a limit position, at the end of a path."""
+"""Ratio of the smallest to the largest singular value of the rows: a path that ends with a smaller
+ratio ends near a limit position."""
 FLAT = 1e-9
-"""Of the largest stiffness: less cannot be distinguished from none by differences."""
+"""Share of the largest stiffness: differences cannot distinguish a smaller stiffness from zero."""
 TOUCHES = 1e-12
-"""Rounding of a joint [rad, or sizes]: beyond its range by more it is past its stop."""
+"""Rounding of a joint's value [rad, or sizes]: a joint that is further beyond its range has passed
+its stop."""
 PULLS = 1e-12
-"""Of the largest force: rounding of what a stop does."""
+"""Rounding of the force of a stop, as a share of the largest constraint force."""
 RANK = 1e-8
-"""Of the largest singular value: rows below it repeat what others hold."""
+"""Share of the largest singular value: rows with smaller singular values depend on other rows."""
 
 
 class Unstable(CannotMove):
-    """A rest that the mechanism leaves by itself."""
+    """The equilibrium is unstable, or none is found."""
 
 
 class Statics(Protocol):
-    """A mechanism, what acts on it at rest, and what its loops and drives hold."""
+    """A mechanism with the forces that act on it at rest, and with its loops and drives."""
 
     @property
     def sizes(self) -> Array:
-        """What its rates are measured in (rates,): 1 rad, or the size of the mechanism [m]."""
+        """Units of its rates (rates,): 1 rad, or the size of the mechanism [m]."""
 
     @property
     def driven(self) -> Index:
-        """Where the drives stand in the rates (drives,)."""
+        """Indices of the drives in the rates (drives,)."""
 
     @property
     def stops(self) -> Sequence[Stop]:
-        """Of the joints that the drives leave."""
+        """Stops of the joints that are not driven."""
 
     def begin(self, values: Array) -> Array:
-        """The closed pose (poses,) next to the start, with the drives at values (drives,).
+        """Find the closed pose (poses,) nearest to the start, with the drives at values (drives,).
 
         Raises
         ------
         CannotAssemble
-            There is none.
+            There is no such pose.
         """
 
     def moved(self, q: Array, way: Array) -> Array:
-        """The poses (n, poses) that ways (n, rates) [rad or m] lead to from poses q (n, poses)."""
+        """Poses (n, poses) that moves (n, rates) [rad or m] lead to from poses q (n, poses)."""
 
     def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:
         """Forces Q (n, rates) [N m or N] at poses q (n, poses), with controls (n, controls).
 
-        The rows B of loops (n, rows, rates), made free of units [per rad or m], and how far loops
-        are open (n, rows).
+        Also returned are the rows B of the loops (n, rows, rates), divided by the units of the
+        loops [per rad or m], and the violations of the loops (n, rows).
         """
 
     def values(self, q: Array) -> Array:
@@ -111,22 +119,23 @@ class Statics(Protocol):
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations of rest at n poses, in the sizes of the rates.
+    """The equilibrium equations at n poses, in the units `Statics.sizes` of the rates.
 
     Attributes
     ----------
     left : ndarray (n, rates)
-        Q + Bᵀ s, with the s that leaves least [N m].
+        Residual Q + Bᵀ s, with the s that makes it smallest [N m].
     gap : ndarray (n, rows)
-        Of loops, drives and stops [1].
+        Constraint violations of loops, drives and stops [1].
     inverse, null : ndarray (n, rates, rows), (n, rates, dof)
-        Pseudo-inverse of B, and directions that loops, drives and stops leave [1].
+        Pseudo-inverse of B, and a basis of its null space: the motions that loops, drives and
+        stops leave free [1].
     stiffness : ndarray (n, rates, rates)
         K [N m].
     forces : ndarray (n, rows)
-        s [N m].
+        Constraint forces s [N m].
     independent : bool
-        Whether drives and stops repeat nothing.
+        Whether the rows of drives and stops are independent of each other and of the loops.
     """
 
     left: Array
@@ -138,39 +147,41 @@ class Equations:
     independent: bool
 
     def solved(self, left: Array, gap: Array) -> Array:
-        """Ways (n, rates) that add `left` to the forces and `gap` to the gaps.
+        """Find moves (n, rates) that add `left` to the residual and `gap` to the violations.
 
         Raises
         ------
         SingularHere
-            The equations determine none.
+            The equations do not determine the moves.
         """
         if not self.independent:
-            raise SingularHere("a stop or a drive holds what others hold")
+            raise SingularHere("a stop or a drive constrains what others constrain already")
         across = self.null.swapaxes(1, 2)
         close = self.inverse @ gap[..., None]
         needed = across @ (left[..., None] + self.stiffness @ close)
         try:
             free = np.linalg.solve(self.own, needed)
         except np.linalg.LinAlgError:
-            raise SingularHere("nothing holds a degree of freedom that the drives leave") from None
+            raise SingularHere("a degree of freedom without a drive has no stiffness") from None
         return np.asarray((close - self.null @ free)[..., 0])
 
     @cached_property
     def own(self) -> Array:
-        """K on the degrees of freedom (n, dof, dof)."""
+        """Stiffness K projected on the degrees of freedom (n, dof, dof)."""
         return np.asarray(self.null.swapaxes(1, 2) @ self.stiffness @ self.null)
 
     @property
     def least(self) -> Array:
-        """Least stiffness of the degrees of freedom (n,), as a share of the joints' largest."""
+        """Smallest stiffness of the degrees of freedom (n,) over the largest entry of K."""
         size = np.abs(self.stiffness).max(axis=(1, 2))
         values = np.linalg.eigvalsh((self.own + self.own.swapaxes(1, 2)) / 2)
         return np.asarray(values.min(axis=1, initial=np.inf) / np.where(size > 0, size, 1.0))
 
     def descent(self) -> Array:
-        """Ways (n, rates) that close loops and drives, and go down where the stiffness is less
-        than none."""
+        """Find moves (n, rates) that close the constraints and lower the energy.
+
+        The energy falls also along degrees of freedom of negative stiffness.
+        """
         close = -(self.inverse @ self.gap[..., None])
         values, vectors = np.linalg.eigh((self.own + self.own.swapaxes(1, 2)) / 2)
         floor = FLAT * np.abs(self.stiffness).max(axis=(1, 2), keepdims=True)[..., 0]
@@ -182,11 +193,11 @@ class Equations:
 Held = tuple[Stop, ...]
 """Stops that joints rest on."""
 Inputs = tuple[Array, Array | None]
-"""Values of the drives (n, drives) and all controls (n, controls), or those of the key."""
+"""Values of the drives (n, drives) and all controls (n, controls); None: controls of the key."""
 
 
 class Resting:
-    """A mechanism at rest beside its drives, between the stops of its other joints.
+    """Finds equilibria of a mechanism with given values of its drives and stops of other joints.
 
     Parameters
     ----------
@@ -195,12 +206,12 @@ class Resting:
 
     def __init__(self, statics: Statics):
         self.statics, self.sizes = statics, statics.sizes
-        self.rank = 0  # of loops and drives
+        self.rank = 0  # number of independent rows of loops and drives
 
     def pushed(self, q: Array, ctrl: Array | None, held: Held) -> tuple[Array, Array, Array]:
         """Forces Q (n, rates) and the rows B (n, rows, rates) at poses q, in sizes.
 
-        And how far the loops are open (n, loops).
+        The third array has the violations of the loops (n, loops).
         """
         force, loops, gap = self.statics.pushed(q, ctrl)
         own = np.eye(self.sizes.size)[[*self.statics.driven, *(stop.rate for stop in held)]]
@@ -208,14 +219,14 @@ class Resting:
         return force * self.sizes, np.concatenate(rows, axis=1), gap
 
     def gap(self, q: Array, loops: Array, values: Array, held: Held) -> Array:
-        """How far loops, drives and stops are open (n, rows), with drives at values (n, drives)."""
+        """Violations of loops, drives and stops (n, rows), with drives at values (n, drives)."""
         ends = np.array([stop.value for stop in held])
         missed = (self.statics.values(q) - values) / self.sizes[self.statics.driven]
         beyond = (q[:, [stop.pose for stop in held]] - ends) / [stop.size for stop in held]
         return np.concatenate([loops, missed, beyond], axis=1)
 
     def moved(self, q: Array, way: Array) -> Array:
-        """Poses at the ends of ways (n, rates) in sizes."""
+        """Poses that moves (n, rates) in sizes lead to from poses q."""
         return self.statics.moved(q, way * self.sizes)
 
     def equations(
@@ -228,14 +239,14 @@ class Resting:
         nudge: float = NUDGE,
         fine: bool = False,
     ) -> Equations:
-        """The equations at poses q (n, poses), with drives at values (n, drives).
+        """Set up the equations at poses q (n, poses), with drives at values (n, drives).
 
-        With a stiffness that is known, or that is found here.
+        The stiffness is found by differences unless it is given.
 
         Raises
         ------
         SingularHere
-            Other rows hold at one of the poses than at another.
+            The rows have different ranks at two of the poses.
         """
         force, rows, loops = self.pushed(q, ctrl, held)
         inverse, null = factors(rows)
@@ -250,7 +261,7 @@ class Resting:
     def stiffness(
         self, q: Array, s: Array, ctrl: Array | None, held: Held, nudge: float, fine: bool
     ) -> Array:
-        """K (n, rates, rates) at poses q (n, poses) with forces s (n, rows, 1)."""
+        """Stiffness K (n, rates, rates) at poses q (n, poses) with forces s (n, rows, 1)."""
 
         def slopes(step: float) -> Array:
             (n, _), rates = q.shape, self.sizes.size
@@ -275,7 +286,7 @@ class Resting:
         return found
 
     def steps(self, q: Array, inputs: Inputs, held: Held) -> Iterator[tuple[Array, Array]]:
-        """Newton's steps (n, rates) towards rests, and the poses (n, poses) after them."""
+        """Iterate Newton's steps (n, rates) to equilibria, and the poses (n, poses) after them."""
         stiffness, nudge, last = None, NUDGE, np.inf
         while True:
             found = self.equations(q, *inputs, held, stiffness, nudge)
@@ -289,9 +300,10 @@ class Resting:
     def next(
         self, q: Array, before: Inputs, inputs: Inputs, held: Held
     ) -> tuple[Array, Held] | None:
-        """The rest (1, poses) that a stride from another leads to; None if it is too long.
+        """Find the equilibrium (1, poses) at the end of a stride; None if the stride is too long.
 
-        Where a joint comes to its stop and nothing is left free, one that was held leaves its own.
+        Where a joint comes to its stop and no degree of freedom is left, one of the joints that
+        rested on a stop leaves it.
         """
         first, waiting, seen = held, [held], set[Held]()
         while waiting and len(seen) <= 4 * self.sizes.size:
@@ -311,10 +323,10 @@ class Resting:
         return None
 
     def approach(self, q: Array, inputs: Inputs, held: Held) -> tuple[Array, Array] | None:
-        """The poses (n, poses) that Newton's method comes to, and its first steps (n, rates).
+        """Poses (n, poses) that Newton's method converges to, and its first steps (n, rates).
 
-        None if its steps do not shrink.  A short way may lead to where a spring goes slack, and the
-        stiffness is another behind it.
+        None if the steps do not shrink.  After a short first step they may grow a few times, since
+        the stiffness changes where a spring becomes slack.
         """
         ahead, first, last = np.zeros((len(q), self.sizes.size)), np.zeros(len(q)), np.inf
         kinks = np.full(len(q), KINKS)
@@ -332,9 +344,9 @@ class Resting:
         return None
 
     def together(self, q: Array, before: Inputs, inputs: Inputs, held: Held) -> Array | None:
-        """The rests (n, poses) of samples that follow a rest q (1, poses), each found from there.
+        """Find the equilibria (n, poses) of the next samples, each one from q (1, poses).
 
-        None if one is too far, or a stop is met or left before it.
+        None if one of them is too far from q, or if a joint meets or leaves a stop before it.
         """
         if (way := self.approach(np.repeat(q, len(inputs[0]), axis=0), inputs, held)) is None:
             return None
@@ -349,7 +361,10 @@ class Resting:
     def turned(
         self, poses: Array, ahead: Array, found: Equations, before: Inputs, held: Held
     ) -> bool:
-        """Whether a step back from rests is another than the one ahead (n, rates): over a snap."""
+        """Whether one of the equilibria lies beyond a snap.
+
+        Then the step back from it is not the opposite of the step `ahead` (n, rates).
+        """
         back = self.equations(poses, *before, held, found.stiffness)
         steps = np.array([ahead, back.solved(-back.left, -back.gap)])
         steps[..., self.statics.driven] = 0.0
@@ -357,9 +372,9 @@ class Resting:
         return bool(((apart > TURNED * long) & (long > SHORT)).any())
 
     def switched(self, q: Array, forces: Array, held: Held) -> Held:
-        """The stops without those that pull, and with those that a pose (poses,) is beyond.
+        """Update the stops that joints rest on, by the forces s (rows,) at a pose (poses,).
 
-        From the forces s (rows,) there.
+        Stops that would pull are left out, and stops that the pose is beyond are added.
         """
         pushes, largest = forces[forces.size - len(held) :], np.abs(forces).max()
         kept = [
@@ -371,7 +386,9 @@ class Resting:
         return in_order(kept)
 
     def first(self, values: Array, ctrl: Array | None) -> tuple[Array, Held]:
-        """The rest (1, poses) that the start pose falls to, with drives at values (1, drives).
+        """Find the equilibrium (1, poses) that the mechanism falls to from its start pose.
+
+        The drives are at values (1, drives).
 
         Raises
         ------
@@ -388,28 +405,28 @@ class Resting:
             size = float(np.abs(step).max(initial=0.0))
             q = self.moved(q, step * min(1.0, FAR / size if size else 1.0))
             others = self.switched(q[0], found.forces[0], held)
-            if size > SAME:  # what stops do is known at rest alone
+            if size > SAME:  # forces of stops are known at an equilibrium only
                 others = in_order({*held, *others})
             if size <= EXACT and others == held:
                 if not self.equations(q, values, ctrl, held).least[0] > FLAT:
-                    raise Unstable("the start pose comes to no stable rest")
+                    raise Unstable("the start pose leads to no stable equilibrium")
                 return q, held
             held = others
-        raise Unstable("nothing brings the start pose to rest")
+        raise Unstable("no equilibrium is found from the start pose")
 
     def count(self, q: Array) -> None:
-        """Count the rows of loops and drives that hold something by themselves."""
+        """Count the independent rows of loops and drives at the first of poses q."""
         self.rank = self.sizes.size - factors(self.pushed(q[:1], None, ())[1])[1].shape[2]
 
     def follow(self, values: Array, ctrl: Array | None) -> tuple[Array, list[Held]]:
-        """The rests (n, poses) along values of the drives (n, drives) and controls (n, controls).
+        """Follow equilibria (n, poses) along values (n, drives) and controls (n, controls).
 
-        And the stops that joints rest on.
+        The list has the stops that joints rest on at each of them.
 
         Raises
         ------
         Unstable
-            The rest becomes unstable on the way, or there is none from the start on.
+            The equilibrium becomes unstable on the way, or none is found from the start pose.
         SingularHere
             A limit position lies on the way.
         """
@@ -448,13 +465,13 @@ class Resting:
         return np.concatenate(poses), stops
 
     def ending(self, q: Array, values: Array, ctrl: Array | None, held: Held, k: int) -> CannotMove:
-        """Why the path ends at a rest (1, poses) ahead of sample k."""
+        """Make the error that says why the path ends at a pose (1, poses) before sample k."""
         place = ", ".join(f"{value:.6g}" for value in values[0])
         where = f"with the drives at {place}, between samples {k - 1} and {k}"
         sizes = np.linalg.svd(self.pushed(q, ctrl, held)[1][0], compute_uv=False)
         if sizes[self.rank + len(held) - 1] < LIMIT * sizes[0]:
             return SingularHere(f"a limit position lies on the way: {where}")
-        return Unstable(f"what the drives leave becomes unstable {where}")
+        return Unstable(f"the equilibrium becomes unstable {where}")
 
     def beside(
         self,
@@ -465,9 +482,10 @@ class Resting:
         ctrl: Array | None,
         ctrl_rate: Array | None,
     ) -> tuple[Array, Array]:
-        """Rates of rests (n, rates), and what stops do to the joints there (n, rates).
+        """Rates along the path (n, rates), and forces of stops on the joints (n, rates).
 
-        At rates of the drives (n, drives) and of the controls (n, controls).
+        They belong to equilibria q, rates of the drives (n, drives) and rates of the controls
+        (n, controls).
         """
         v, pushes = np.zeros((2, len(q), self.sizes.size))
         self.count(q)
@@ -492,12 +510,12 @@ class Resting:
 
 
 def factors(rows: Array) -> tuple[Array, Array]:
-    """Pseudo-inverses (n, rates, rows) of rows (n, rows, rates), and what they leave.
+    """Pseudo-inverses (n, rates, rows) of rows (n, rows, rates), and bases of their null spaces.
 
     Raises
     ------
     SingularHere
-        One leaves more than another.
+        The matrices have different ranks.
     """
     left, values, right = np.linalg.svd(rows)
     ranks = (values > RANK * values.max(axis=1, keepdims=True, initial=0.0)).sum(axis=1)
@@ -509,5 +527,5 @@ def factors(rows: Array) -> tuple[Array, Array]:
 
 
 def in_order(stops: Iterable[Stop]) -> Held:
-    """Stops in the order of their joints, so that the same ones are equal."""
+    """Sort stops by their joints, so that equal sets of stops are equal tuples."""
     return tuple(sorted(stops, key=lambda stop: (stop.rate, stop.side)))

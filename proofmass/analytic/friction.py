@@ -1,14 +1,16 @@
-"""Stick and slip: joints with dry friction on a path of rests, whoever finds the rests.
+"""Stick and slip of joints with dry friction along a path of equilibria.
+
+The equilibria themselves are found by an engine or a reference, through the protocol `Rubbing`.
 
 At rest the friction R of a joint lies between its two bounds, so that the pose depends on how it
-was reached.  A joint sticks, and holds its place with any R in between, or it slips and has the
-bound against its motion.  Between two events all joints keep their state; an event is a place
-where a stuck joint's friction reaches its bound, or where a slipping joint comes to stand.  With N
-the free motions of a pose whose loops and drives are held, P a motion of the drives, E the rows of
-the joints with friction, f the forces that the pose needs and K their slope::
+was reached.  A joint sticks, and stays where it is with any R between the bounds, or it slips, and
+R is the bound against its motion.  Between two events all joints keep their state; an event is a
+place where a stuck joint's friction reaches its bound, or where a slipping joint stops.  Let N be
+the free motions of a pose with closed loops and fixed drives, P a motion of the drives, E the rows
+of the joints with friction, f the forces that the pose needs and K their derivative::
 
-    N' f + (E N)' R = 0                        the pose is at rest
-    N' K (N y + P) + (E N)' R' = 0             it stays so while the drives move on
+    N' f + (E N)' R = 0                        the pose is an equilibrium
+    N' K (N y + P) + (E N)' R' = 0             it remains one while the drives move on
     stuck:   |R| <= bound,   E (N y + P) = 0
     slipping: R = sense bound,   sense E (N y + P) >= 0
 
@@ -25,15 +27,15 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 
 MOST_JOINTS = 6  # 3^6 combinations of stick and slip are tried at an event
-BROKEN = 1e-9  # [1] how far beyond an event a state is broken: above rounding of slopes
-SURE = 1e-5  # [1] how far a state may be off that is chosen: places of events are not exact
-YIELDS = 1e-6  # share of the bound from which a stuck joint may begin to slip
-AHEAD = 1e-3  # share of the bounds by which friction grows until a little further on
+BROKEN = 1e-9  # [1] margin beyond an event at which a state ends: more than rounding of slopes
+SURE = 1e-5  # [1] largest violation of a state that may be chosen: places of events are not exact
+YIELDS = 1e-6  # a stuck joint may begin to slip within this share of its bound
+AHEAD = 1e-3  # growth of friction, as a share of the bounds, over which its change is evaluated
 RESOLVED = 1e-13  # share of the way between two samples to which an event is located
-WEAK = 1e-6  # of the largest: a joint moves so little with the free motions only at a dead point
-ROUNDING = 1e-12  # [rad or m] of the drives' places
-DEPENDENT = 1e-9  # of the largest singular value: stuck joints that hold each other
-MOST_EVENTS = 100  # between two samples
+WEAK = 1e-6  # share of the largest motion: a joint that moves less is at a dead point
+ROUNDING = 1e-12  # [rad or m] rounding of the values of the drives
+DEPENDENT = 1e-9  # share of the largest singular value: stuck joints below it depend on each other
+MOST_EVENTS = 100  # largest number of events between two samples
 
 
 HOLDS_ALL = (
@@ -43,24 +45,24 @@ HOLDS_ALL = (
 
 
 class PathEnds(ValueError):
-    """The path of rests does not go on; the message says why."""
+    """The path of equilibria ends; the message says why."""
 
 
 @dataclass(frozen=True)
 class Rate:
-    """How a pose goes on in one state.
+    """Friction and motion of the joints in one state of sticking and slipping.
 
     Attributes
     ----------
     friction : ndarray (joints,)
-        What the rest asks of the friction of each joint, R [N m or N].
+        Friction R of each joint that equilibrium requires [N m or N].
     rate : ndarray (joints,)
-        How the joints move with the way of the drives [SI].
+        Rates of the joints by the way of the drives [SI].
     grows : float
-        The fastest growth of the friction of a stuck joint that has come to its bound, of what it
-        could be [1].
+        Fastest growth of the friction of stuck joints that have reached their bounds, over the
+        largest that is possible [1].
     residual : float
-        Share of the bounds by which the pose is not at rest in this state [1].
+        Force that is left at the pose in this state, as a share of the bounds [1].
     """
 
     friction: Array
@@ -71,7 +73,7 @@ class Rate:
 
 @dataclass(frozen=True)
 class SlipProblem:
-    """A pose at rest in coordinates of its free motions, with friction taken out.
+    """An equilibrium in coordinates of its free motions, without the forces of friction.
 
     Attributes
     ----------
@@ -80,7 +82,7 @@ class SlipProblem:
     stiffness, coupling : ndarray (free, free), (free,)
         N' K N and N' K P [SI].
     turn, lead : ndarray (joints, free), (joints,)
-        E N and E P [SI].
+        E N and E P: motion of the joints with the free motions and with the drives [SI].
     bound : ndarray (joints,)
         The largest friction of each joint [N m or N].
     """
@@ -93,7 +95,10 @@ class SlipProblem:
     bound: Array
 
     def goes(self, senses: Array) -> Rate | None:
-        """How it goes on where joints of sense 0 stick; None if they cannot, or nothing rests."""
+        """Solve for friction and motion where joints of sense 0 stick.
+
+        None if these joints cannot all stick, or if the stiffness is singular.
+        """
         stuck = senses == 0
         held, lead, free = self.turn[stuck], self.lead[stuck], self.force.size
         _, sizes, ways = np.linalg.svd(held)
@@ -125,23 +130,24 @@ class SlipProblem:
         return Rate(friction, self.lead + self.turn @ motion, grows, float(residual))
 
     def margins(self, senses: Array) -> Array:
-        """How far each joint is from the ends of its state (2, joints), below zero beyond them.
+        """Distance of each joint from the two ends of its state (2, joints), negative beyond them.
 
-        The ends of a stuck joint are its two bounds, of which these are shares; the end of a
-        slipping one is to stand, in shares of the fastest.
+        A stuck joint's state ends at its two bounds, and the distances are shares of the bound.  A
+        slipping joint's state ends where the joint stops; the distance is its rate as a share of
+        the fastest joint's.
         """
         found = self.goes(senses)
         return np.full((2, senses.size), -1.0) if found is None else self._left(senses, found)
 
     def _left(self, senses: Array, found: Rate) -> Array:
-        """`margins` of a state in which it goes on."""
+        """`margins` of a state whose friction and motion are found."""
         fastest = float(np.abs(found.rate).max(initial=0.0)) or 1.0
         share = found.friction / self.bound
         slip = senses * found.rate / fastest
         return np.where(senses == 0, [1.0 - share, 1.0 + share], [slip, slip])
 
     def broken(self, senses: Array) -> float:
-        """By how much a state does not describe the pose and how it goes on [1]."""
+        """Largest violation of the conditions of a state [1]; infinite if it has no solution."""
         found = self.goes(senses)
         if found is None:
             return np.inf
@@ -149,21 +155,21 @@ class SlipProblem:
         return float(max(-least, found.grows, found.residual))
 
     def choose(self, senses: Array, begins: bool) -> Array:
-        """The state in which the pose goes on: of those that are not broken, that of most sticking.
+        """Choose the next state: of all whose conditions are met the one with most stuck joints.
 
-        A joint does not come to stick at a dead point of its own, where its friction holds nothing.
+        A joint does not begin to stick at its dead point, where its friction has no effect.
 
         Parameters
         ----------
         senses : ndarray (joints,)
-            The state until here: senses of slipping joints, 0 of stuck ones [1].
+            The present state: senses of slipping joints, 0 of stuck ones [1].
         begins : bool
-            Whether it may go on; else it has ended.
+            Whether the present state may be chosen again; otherwise it has ended.
 
         Raises
         ------
         PathEnds
-            There is none.
+            No state meets its conditions.
         """
         options = [np.array(one) for one in product((0.0, 1.0, -1.0), repeat=senses.size)]
         weak = np.abs(self.turn).max(axis=1) < WEAK * np.abs(self.turn).max()
@@ -182,25 +188,25 @@ class SlipProblem:
 
 
 def shared(held: Array, bound: Array, needed: Array) -> Array:
-    """Friction of stuck joints that gives what is needed (joints,).
+    """Divide a force that is needed among the frictions of stuck joints (joints,).
 
-    Joints that hold each other share it so that the largest share of a bound is as small as can be:
-    only what they do together is determined.
+    Of joints that depend on each other only the total effect is determined.  They share it such
+    that the largest share of a bound is as small as possible.
 
     Parameters
     ----------
     held : ndarray (joints, free)
-        What the joints' frictions push [SI].
+        Motion of the stuck joints with the free motions [SI].
     bound : ndarray (joints,)
-        [N m or N]
+        Largest friction of each joint [N m or N].
     needed : ndarray (free,)
-        [SI]
+        Force on the free motions [SI].
     """
     if not held.size:
         return np.zeros(bound.size)
     pushes = (held * bound[:, None]).T
     least, _, rank, _ = np.linalg.lstsq(pushes, needed, rcond=DEPENDENT)
-    if rank == 1:  # all push along one way
+    if rank == 1:  # all frictions act in one direction
         along = pushes[np.abs(pushes).max(axis=1).argmax()]
         least = np.sign(along) * (along @ least / np.abs(along).sum())
     elif rank < bound.size:
@@ -209,7 +215,7 @@ def shared(held: Array, bound: Array, needed: Array) -> Array:
 
 
 def levelled(matrix: Array, shares: Array) -> Array:
-    """The shares of least maximum that push the same (joints,)."""
+    """Find shares (joints,) with the same effect as given ones, whose largest is smallest."""
     from scipy.optimize import linprog  # slow to load
 
     n, pushed = shares.size, matrix @ shares
@@ -235,14 +241,14 @@ def levelled(matrix: Array, shares: Array) -> Array:
 
 
 class Rubbing(Protocol):
-    """A mechanism at rest whose free joints have dry friction; each engine has its own.
+    """A mechanism at rest whose free joints have dry friction; each engine implements it.
 
     Attributes
     ----------
     senses : ndarray (joints,)
-        Senses in which the joints slip, 0 of those that stick [1].
+        Senses in which the joints slip; 0 for joints that stick [1].
     begins : bool
-        Whether nothing has rubbed yet: all friction is zero.
+        Whether the drives have not moved yet, so that all friction is zero.
     """
 
     senses: Array
@@ -252,28 +258,28 @@ class Rubbing(Protocol):
         """Values of the drives [rad or m]."""
 
     def kept(self) -> Any:
-        """The pose, to come back to."""
+        """Copy the present pose, for `back`."""
 
     def back(self, kept: Any) -> None:
-        """Come back to it."""
+        """Return to a pose that `kept` has copied."""
 
     def go(self, values: Array) -> None:
-        """Go to the rest at new values of the drives, without a change of state; or `PathEnds`."""
+        """Find the equilibrium at new values of the drives in the same state; or `PathEnds`."""
 
     def problem(self, way: Array) -> SlipProblem:
-        """The present rest, with the drives about to move along a way."""
+        """Set up the present equilibrium, with the drives about to move along a way."""
 
     def enter(self, senses: Array) -> None:
         """Let joints stick where they are, or slip, from now on."""
 
 
 def advance(body: Rubbing, values: Array) -> None:
-    """Follow the rest to new values of the drives, through all events on the straight way there.
+    """Follow the equilibrium to new values of the drives, through all events on the straight way.
 
     Raises
     ------
     PathEnds
-        The path of rests ends, or joints stick and slip in turn without an end.
+        The path of equilibria ends, or joints stick and slip in turn without an end.
     """
     begin = body.at()
     way = values - begin
@@ -296,9 +302,9 @@ def advance(body: Rubbing, values: Array) -> None:
 
 
 def go_on(body: Rubbing, begin: Array, way: Array, done: float, above: Array) -> float:
-    """Go to the end of a way, or to its next event; returns the share of the way.
+    """Go to the end of a way, or to its next event, and return the share of the way.
 
-    `above` are the margins where it begins.
+    `above` has the margins of the joints where the way begins.
     """
     kept, low, high, lost = body.kept(), done, 1.0, None
 
@@ -319,7 +325,7 @@ def go_on(body: Rubbing, begin: Array, way: Array, done: float, above: Array) ->
         near = bool(above[first] <= BROKEN)
         if near and low > done:
             break
-        # the secant, but the middle where it goes to one side for long: a margin may jump
+        # secant method, with a bisection after several steps to one side: a margin may jump
         secant = above[first] / (above[first] - below[first])
         share = 0.5 if near or abs(side) > 2 else float(secant)
         middle = low + (high - low) * min(max(share, 1e-3), 1.0 - 1e-3)

@@ -1,14 +1,16 @@
-r"""Rigid stops in a motion that is integrated: the ends of the ranges of joints.
+r"""Rigid joint limits (stops) in a motion that is integrated.
 
-A joint that comes to the end of its range with a rate is thrown back, the equalities held:
+A joint that reaches the end of its range with a rate is thrown back by an impact, in which the
+equalities of the mechanism stay closed:
 
     M (v' - v) = Rᵀ p,    R v' = (0, -e w)        R: equalities, stops that are rested on, stops hit
                                                   w: rates into the stops, e: restitutions
 
-A joint whose bounces have died out rests on its stop, an equality, as long as the stop pushes, and
-leaves it when its force has fallen to zero.  Which stops are rested on at first is found by leaving
-out the one that pulls most until none does.  Between the events the motion is smooth; the times of
-events are roots of the gaps, or of the forces of the stops, along it.
+A joint whose bounces have died out rests on its stop: the stop is an equality as long as it pushes,
+and the joint leaves it when the force has fallen to zero.  To find the stops on which joints rest
+at first, the stop that pulls most is left out, again and again until no stop pulls.  Between the
+events the motion is smooth; the times of the events are roots of the distances to the stops, or of
+the forces of the stops, along the motion.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,21 +23,22 @@ from proofmass.analytic.contacts import damping_ratio, restitution
 from proofmass.analytic.numerics import Array, NotCovered
 
 ON = 1e-10
-"""A joint is at a stop from this distance on [rad, or sizes]."""
+"""Distance from a stop [rad, or sizes] below which a joint is at the stop."""
 BEYOND = 1e-12
-"""Distance beyond a stop [rad, or sizes] that is not rounding."""
+"""Distance beyond a stop [rad, or sizes] above which it is not rounding."""
 FLAT = 1e-13
-"""Height of a rebound [rad, or sizes] below which it is left out: the joint rests."""
+"""Height of a rebound [rad, or sizes] below which it is left out: the joint rests on the stop."""
 STILL = 1e-12
-"""Share of the fastest impact on a stop, or of 1 rad/s or size/s, that counts as no rate."""
+"""Rate that counts as zero, as a share of the fastest impact on the stop so far, or of 1 rad/s or
+1 size/s if there was none."""
 PROBES = (0.25, 0.5, 0.75, 1.0)
-"""Shares of a step at which gaps are looked at."""
+"""Shares of a step at which the distances to stops are evaluated."""
 SOON = np.geomspace(1e-9, 0.5, 30)
-"""Shares of a step at which a joint that starts at a stop is looked for off it."""
+"""Shares of a step at which a joint that starts at a stop is tested for having left it."""
 MOST = 2000
-"""Events of a motion at most."""
+"""Largest number of events in a motion."""
 SHOWN = 4
-"""Times of impacts on a stop that are stated."""
+"""Largest number of times of impacts that are listed for a joint."""
 
 
 @dataclass(frozen=True)
@@ -46,15 +49,15 @@ class Stop:
     ----------
     joint : str
     pose, rate : int
-        Where the joint stands in a pose and in the rates.
+        Indices of the joint in a pose and in the rates.
     value : float
-        The end [rad or m].
+        Joint value at the end of the range [rad or m].
     side : float
-        1 of the upper end, -1 of the lower one [1].
+        1 for the upper end, -1 for the lower end [1].
     restitution : float
-        Rate after an impact over that before it [1].
+        Rate after an impact over the rate before it [1].
     size : float
-        What distances are measured in: 1 rad, or the size of the model [m].
+        Unit of distances: 1 rad, or the size of the model [m].
     """
 
     joint: str
@@ -70,7 +73,7 @@ class Stop:
         return float(self.side * (self.value - q[self.pose]) / self.size)
 
     def opening(self, v: Array) -> float:
-        """Rate of the gap [sizes/s]."""
+        """Time derivative of `gap` for rates v [sizes/s]."""
         return float(-self.side * v[self.rate] / self.size)
 
 
@@ -80,7 +83,7 @@ State = tuple[Array, Array, Array]
 
 @dataclass(frozen=True)
 class Step:
-    """A smooth part of a motion, from one time to another [s], and the state inside it."""
+    """A smooth part of a motion: its start and end [s], and the state as a function of time."""
 
     start: float
     end: float
@@ -89,7 +92,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Event:
-    """A time [s] at which stops are hit, or at which one is left."""
+    """A time [s] at which stops are hit, or at which the stop `left` is left."""
 
     time: float
     left: Stop | None = None
@@ -97,16 +100,17 @@ class Event:
 
 @dataclass(frozen=True)
 class Balance:
-    """What holds a mechanism in a state, stops left out.
+    """Constraints of a mechanism in a state, without its stops, and the force they must exert.
 
     Attributes
     ----------
     rows : ndarray (rows, rates)
-        How what is held changes with the rates [SI].
+        Jacobian of the constraints [SI].
     mass : ndarray (rates, rates)
         Mass matrix [SI].
     needed : ndarray (rates,)
-        What the motion asks of all that is held, as forces on the joints [N m or N].
+        Sum of the forces on the joints that constraints and stops must exert for the motion
+        [N m or N].
     """
 
     rows: Array
@@ -115,7 +119,7 @@ class Balance:
 
 
 class Stopped(Protocol):
-    """A mechanism that moves, with the stops that it has."""
+    """A moving mechanism with stops."""
 
     @property
     def stops(self) -> Sequence[Stop]:
@@ -124,26 +128,26 @@ class Stopped(Protocol):
     def steps(
         self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
     ) -> Iterator[Step]:
-        """The motion from a state on, with some joints resting on their stops."""
+        """Iterate over the motion from a state on, with joints resting on the stops `held`."""
 
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
-        """A pose and its rates with the accelerations there."""
+        """Add the accelerations to a pose and its rates."""
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
-        """What holds the mechanism in a state at a time, and what that must do."""
+        """Constraints of the mechanism in a state at a time, and the force they must exert."""
 
 
 @dataclass
 class StoppedMotion:
-    """States at samples, and what happened at stops.
+    """States of a motion at samples, and the events at stops.
 
     Attributes
     ----------
     states : list of (pose, rates, accelerations)
     forces : list of ndarray (rates,)
-        Of the stops on the joints, at the samples [N m or N].
+        Forces of the stops on the joints, at the samples [N m or N].
     impacts, releases : list of (float, str)
-        Times [s] and joints.
+        Times [s] and names of joints.
     rested : set of str
         Joints that rested on a stop for a while.
     """
@@ -160,7 +164,7 @@ class StoppedMotion:
         return q, v, a
 
     def events(self) -> str:
-        """What happened at stops, in words; nothing where nothing did."""
+        """Describe the events at stops in words; empty if there were none."""
         struck = dict.fromkeys(joint for _, joint in self.impacts)
         texts = [
             f"{joint} hits a stop at t = {', '.join(f'{t:.6g}' for t in times[:SHOWN])}"
@@ -176,7 +180,7 @@ class StoppedMotion:
 def ends(
     joint: str, limits: tuple[float, float], pose: int, rate: int, size: float
 ) -> Iterator[Stop]:
-    """The stops of a joint at those ends of its range that are finite; nothing bounces there."""
+    """Make a stop for each finite end of a joint's range, with restitution 0."""
     for side, end in zip((-1.0, 1.0), limits, strict=True):
         if np.isfinite(end):
             yield Stop(joint, pose, rate, end, side, 0.0, size)
@@ -185,14 +189,14 @@ def ends(
 def read_stops(
     model: Any, j: int, limits: tuple[float, float], pose: int, rate: int, size: float
 ) -> Iterator[Stop]:
-    """The stops of joint number j of a compiled MJCF.
+    """Read the stops of joint number j of a compiled MJCF.
 
-    The restitution is that of MuJoCo's soft limit as it becomes stiffer.
+    The restitution is the one that MuJoCo's soft limit approaches as it becomes stiffer.
 
     Raises
     ------
     NotCovered
-        The limit acts at a distance, or has no damping ratio.
+        The limit has a margin, so that it acts before it is reached, or has no damping ratio.
     """
     name, solref = model.joint(j).name, model.jnt_solref[j]
     for stop in ends(name, limits, pose, rate, size):
@@ -206,15 +210,15 @@ def read_stops(
 
 
 def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> StoppedMotion:
-    """The motion from a closed pose with its rates at rising times.
+    """Integrate the motion from a closed pose with its rates, at rising times.
 
     Parameters
     ----------
     system : Stopped
     times : ndarray (n,)
-        [s].
+        Times of the samples, rising [s].
     q, v : ndarray (poses,), (rates,)
-        At the first time [SI].
+        Pose and rates at the first time [SI].
 
     Raises
     ------
@@ -246,7 +250,8 @@ def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> Stopped
         if event is None:
             return found
         q, v, _ = step.at(step.start)
-        for part in system.steps(held, step.start, q, v, event.time):  # as closely as elsewhere
+        # integrated up to the event anew: dense output is less accurate than a step's end
+        for part in system.steps(held, step.start, q, v, event.time):
             q, v, _ = part.at(part.end)
         t = event.time
     raise NotCovered(f"stops are hit or left {MOST} times until t = {t:.6g} s")
@@ -259,7 +264,7 @@ def keep(
     times: Sequence[float],
     states: Sequence[State],
 ) -> None:
-    """Record states at times, and what stops do in them."""
+    """Record states at times, and the forces of the stops there."""
     found.states += states
     for t, (q, v, a) in zip(times, states, strict=True):
         own = np.zeros_like(v)
@@ -271,7 +276,7 @@ def keep(
 
 
 def pushes(system: Stopped, held: tuple[Stop, ...], t: float, state: State) -> Array:
-    """Forces of stops into the ranges [N m or N]; negative where one would pull."""
+    """Find the forces of stops into the ranges of their joints [N m or N]; negative: it pulls."""
     balance = system.balance(t, *state)
     rows = np.vstack([balance.rows, unit_rows(held, balance.needed.size)])
     solved = np.linalg.lstsq(rows.T, balance.needed, rcond=1e-12)[0]
@@ -280,7 +285,7 @@ def pushes(system: Stopped, held: tuple[Stop, ...], t: float, state: State) -> A
 
 
 def unit_rows(stops: Sequence[Stop], rates: int) -> Array:
-    """How joints at stops change with the rates (stops, rates)."""
+    """Jacobian of the values of the joints at some stops by the rates (stops, rates)."""
     return np.eye(rates)[[stop.rate for stop in stops]].reshape(-1, rates)
 
 
@@ -294,7 +299,7 @@ def meet(
     q: Array,
     v: Array,
 ) -> tuple[tuple[Stop, ...], Array]:
-    """Which joints rest on their stops from a state on, and the rates after impacts there."""
+    """Find the stops on which joints rest from a state on, and the rates after impacts there."""
     left = event.left if event else None
     near = [stop for stop in system.stops if stop.gap(q) <= ON and stop is not left]
     if left:
@@ -324,7 +329,7 @@ def meet(
 
 
 def too_flat(hit: Sequence[Stop], state: State, back: Sequence[float]) -> list[int]:
-    """Which rebounds are lower than `FLAT`, with the accelerations of a state."""
+    """Find rebounds (numbers of `hit`) lower than `FLAT`, with the accelerations of a state."""
     return [
         k
         for k, (stop, rate) in enumerate(zip(hit, back, strict=True))
@@ -341,7 +346,10 @@ def struck(
     hit: Sequence[Stop],
     back: Sequence[float],
 ) -> tuple[Array, tuple[Stop, ...]]:
-    """Rates after impacts on stops, thrown back by given ones, and what still rests on stops."""
+    """Find the rates after impacts, and the stops on which joints still rest.
+
+    `back` has the rates of the joints that hit the stops `hit`, after the impact.
+    """
     balance = system.balance(t, q, v, np.zeros_like(v))
     others, mass = balance.rows, balance.mass
     most = np.abs(mass).max()
@@ -359,7 +367,7 @@ def struck(
 
 
 def first_event(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | None:
-    """The first time in a step at which a stop is hit, or one does not push any more."""
+    """Find the first event of a step: a stop is hit, or the force of a stop falls to zero."""
     if not system.stops:
         return None
     free = [stop for stop in system.stops if stop not in held]
@@ -370,7 +378,7 @@ def first_event(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | 
 
 
 def hits(stops: Sequence[Stop], step: Step) -> Iterator[float]:
-    """When a step comes to the stops that it goes beyond."""
+    """Iterate over the times at which the joints reach the stops that a step goes beyond."""
     long = step.end - step.start
     states = {time: step.at(time) for time in (step.start, step.end)}
     (begin, *speeds), last = states[step.start], states[step.end]
@@ -389,13 +397,17 @@ def hits(stops: Sequence[Stop], step: Step) -> Iterator[float]:
 
 
 def come_to(stop: Stop, step: Step, gap: float, beyond: float) -> float:
-    """When a joint comes to a stop that it is beyond later; `gap` is that at the step's start."""
+    """Find the time at which a joint reaches a stop; at the time `beyond` it is beyond the stop.
+
+    `gap` is the distance to the stop at the step's start.
+    """
     from scipy.optimize import brentq  # slow to load
 
     if gap > ON:
         return float(brentq(lambda s: stop.gap(step.at(s)[0]), step.start, beyond, xtol=1e-15))
 
-    ahead = step.start + SOON * (beyond - step.start)  # it starts at the stop: the root behind that
+    # the joint starts at the stop: the root after it has left the stop is looked for
+    ahead = step.start + SOON * (beyond - step.start)
     off = (time for time in ahead.tolist() if stop.gap(step.at(time)[0]) > 0.1 * FLAT)
     if (clear := next(off, None)) is None:
         return step.start
@@ -403,7 +415,7 @@ def come_to(stop: Stop, step: Step, gap: float, beyond: float) -> float:
 
 
 def released(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | None:
-    """When the first of the stops that are rested on does not push any more."""
+    """Find the first time at which the force of a stop that is rested on falls to zero."""
     from scipy.optimize import brentq  # slow to load
 
     def push(k: int) -> Callable[[float], float]:

@@ -3,8 +3,8 @@
     sidecar:  reference = "planar"
 
 The quantities are the model's own sensors, by their channel names.  The geometry is read from the
-compiled model and moved by this package's own kinematics, so it holds the *engine* to account, not
-the drawing: a wrong length in the MJCF is wrong in both.
+compiled model and moved by this package's own kinematics.  The comparison therefore tests the
+*engine* and not the model: a wrong length in the MJCF is wrong in both.
 """
 
 import pickle
@@ -93,8 +93,9 @@ __all__ = [
 ]
 
 PART, BESIDE = 0.1, 0.382
-"""Knots begin and end at whole numbers and `BESIDE` of it [rad, or sizes].  A motion that begins or
-ends at a round number, or beside one, has the same ends."""
+"""Knots begin and end at (k + `BESIDE`) `PART` with an integer k [rad, or sizes].  Two motions that
+begin at the same round number, but for a small difference, then have the same first knot; likewise
+at their ends."""
 S, OBJ, OFF = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtDisableBit
 PLACES = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
 TURNS = {S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
@@ -102,7 +103,8 @@ LENGTHS = (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL)
 MOTORS = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
 INTERACTIONS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
 REACH = SHARE * (1 + 1e-9)
-"""Of the proven step: the next knot is `SHARE` of it ahead, but for rounding."""
+"""Share of the proven step within which a knot is used: the next knot is `SHARE` of the proven step
+ahead, up to rounding."""
 
 
 def solve(
@@ -131,21 +133,22 @@ def solve(
           /    \    \\
         --o-----o----o--
 
-    Driven joints are held at their values, the others follow by Newton's method along one branch
+    Driven joints have given values, and the others follow by Newton's method along one branch
     (`proofmass.analytic.planar.branch`); rates and accelerations are the solutions of the loop
     equations differentiated once and twice.  Moments of drives and forces in joints follow from
-    the loop equations' multipliers (`proofmass.analytic.planar.forces`): of the mechanism at rest,
-    or with `inertia` of the motion; joints with dry friction rub against their motion, or as before
-    where they stand.  Without driven joints the motion is free and `value` is time
-    (`proofmass.analytic.planar.dynamics`); where the drives leave degrees of freedom and move
-    in time, these move freely beside them, from the start pose.  Where they do not move in time,
-    springs, weights and loads hold these degrees of freedom at rest, in the stable rest that the
-    start pose falls to (`proofmass.analytic.equilibrium`).
+    the loop equations' multipliers (`proofmass.analytic.planar.forces`): those of the mechanism at
+    rest, or with `inertia` those of the motion.  Dry friction acts against the motion of a joint;
+    while a joint is at rest, it keeps its last sense.  Without driven joints the motion is free and
+    `value` is time (`proofmass.analytic.planar.dynamics`).  Degrees of freedom that the drives do
+    not determine move freely from the start pose if the drives move in time.  Otherwise springs,
+    weights and loads bring them to rest, in the stable equilibrium that the mechanism reaches from
+    the start pose (`proofmass.analytic.equilibrium`).
 
     Parameters
     ----------
     value, rate, acceleration : array_like (n,) or (drives, n)
-        Of the driven joints [rad or m, per s, per s^2]; rising times [s] without any.
+        Of the driven joints [rad or m, per s, per s^2].  Without driven joints `value` has rising
+        times [s].
     model : mujoco.MjModel
         The compiled MJCF; its sensors are the quantities.
     start : str
@@ -154,47 +157,48 @@ def solve(
         The driven joints.
     inertia : bool
         Whether moments and forces are those at the rates and accelerations of the drives, and not
-        those at rest; those of a free motion are always.
+        those at rest; in a free motion they always are.
     controls : mapping of str to array_like (n,)
-        Of actuators of joints that are not driven, at the samples [1]; left out: those of the key.
+        Controls of actuators of joints that are not driven, at the samples [1]; controls that are
+        left out are those of the key.
     control_rates : mapping of str to array_like (n,)
-        Their rates [1/s]; zero where they are left out.
+        Rates of these controls [1/s]; zero where they are left out.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
-        Times [s] of the samples, and of each drive its law: values, rates and accelerations as
-        functions of time.  Asked where the drives leave degrees of freedom, whose motion depends on
-        the whole way and not on the samples alone.
+        Times [s] of the samples, and the motion profile of each drive: values, rates and
+        accelerations as functions of time.  Needed where the drives leave degrees of freedom, whose
+        motion depends on the whole way and not on the samples alone.
     control_laws : mapping of str to callable, optional
-        Of actuators whose controls change in time, values, rates and accelerations as functions of
-        time.  Asked for a free motion, or one beside drives; `controls` follow from them.
+        For actuators whose controls change in time: values, rates and accelerations as functions of
+        time.  Used where degrees of freedom move freely; `controls` follow from them.
 
     Returns
     -------
     dict of str to ndarray (n,) [SI]
-        By channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...; and of a
-        driven linkage ``condition``, by which rounding grows in a pose.  A path of rests has rates,
-        and no accelerations: these are NaN.
+        Curves by channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...; for
+        a driven linkage also ``condition``, the factor by which rounding grows in a pose.  A path
+        of equilibria has rates but no accelerations: these are NaN.
 
     Raises
     ------
     CannotAssemble
-        The loops do not close at the start pose; says which, and by how much.
+        The loops do not close at the start pose; the message says which loop, and by how much.
     SingularHere
         A limit position lies on the way, or the drives do not determine the pose.
     Mirrored
-        The pose found is of another assembly mode; with the proven steps of this package it would
-        be a defect of it.
+        The pose found belongs to another assembly mode.  Proven steps exclude this, so it would be
+        a defect of this package.
     Overconstrained
-        A loop repeats what others hold.
+        The equations of a loop depend on those of others.
     Unstable
-        A path of rests ends on the way, where the mechanism would fall to another one.
+        A path of equilibria ends on the way, where the mechanism would fall to another equilibrium.
     ValueError
-        The model is not a planar linkage; says what in it is not.
+        The model is not a planar linkage; the message says why.
 
     Notes
     -----
-    Domain: every pose that the start pose is connected with by regular poses or change points.
+    Domain: every pose that regular poses or change points connect with the start pose.
     Accuracy: rounding times the condition of the pose, 1e-15 of the mechanism's size where the
-    transmission angle is good; free motions 1e-12 a second; rests 1e-13, their rates 1e-11.
+    transmission angle is good; free motions 1e-12 per second; equilibria 1e-13, their rates 1e-11.
 
     Examples
     --------
@@ -213,7 +217,7 @@ def solve(
     if loose and not free:
         refuse_contacts(model)
         if inertia:
-            raise NotCovered("a path of rests has no inertia: leave out inertia of the sweep")
+            raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
         values = np.atleast_2d(np.asarray(value, float))
         q, v, stopped, d = _rested(
             mechanism,
@@ -257,7 +261,7 @@ def solve(
 
 
 def refuse_limits(m: Mechanism, q: Array) -> None:
-    """Raise ValueError if a joint leaves its range beside drives that determine it."""
+    """Raise ValueError if a joint that the drives determine leaves its range."""
     for k, joint in enumerate(m.joints):
         out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
         if out.any():
@@ -268,7 +272,7 @@ def refuse_limits(m: Mechanism, q: Array) -> None:
 
 
 def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
-    """Raise NotCovered if a control changes whose motor shares the range of a joint with others."""
+    """Raise NotCovered if a changing control acts with others within a joint's range of forces."""
     controls_by_place(model, named)  # ValueError if there is no such actuator
     for name in named:
         actuator = model.actuator(name).id
@@ -291,9 +295,9 @@ def properties(
     control_laws: Mapping[str, Law] | None = None,
     **_: float,
 ) -> dict[str, str]:
-    """What happened at the stops of a mechanism that moves by itself, in words for a report.
+    """Describe the events at the stops of a mechanism that moves freely, for a report.
 
-    `motion` are the times of the run [s].
+    `motion` has the times of the run [s].
     """
     if joints:
         return {}
@@ -305,7 +309,7 @@ def properties(
 
 @lru_cache(maxsize=32)
 def leaves_dof(m: Mechanism, joints: tuple[str, ...]) -> bool:
-    """Whether joints whose values are known leave degrees of freedom."""
+    """Whether the mechanism has more degrees of freedom than driven joints."""
     return count_dof(m, nearest(m, m.start)) > len(joints)
 
 
@@ -313,7 +317,7 @@ def leaves_dof(m: Mechanism, joints: tuple[str, ...]) -> bool:
 def _swept(
     mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int], values: bytes
 ) -> tuple[Array, Drives]:
-    """Closed poses over the drives' values; kept, since a report asks for them again."""
+    """Closed poses over the drives' values; cached, since a report asks for them again."""
     inputs = np.frombuffer(values).reshape(shape).T
     if len(joints) == 1 and (found := _on_the_way(mechanism, joints, inputs)) is not None:
         return found
@@ -332,9 +336,9 @@ def _rested(
     ctrl: Array | None,
     ctrl_rate: Array | None,
 ) -> tuple[Array, Array, Array, Drives]:
-    """Rests and their rates (n, joints) over values of the drives (n, drives) and controls.
+    """Equilibria and their rates (n, joints) over values of the drives (n, drives) and controls.
 
-    And what stops do to the joints there (n, joints).
+    The third array has the forces of stops on the joints there (n, joints).
     """
     at_rest = LinkageAtRest(mechanism, Drives.of(mechanism, joints))
     q, stops = _rests(mechanism, joints, pickle.dumps((values, ctrl)))
@@ -346,7 +350,7 @@ def _rested(
 def _rests(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes
 ) -> tuple[Array, list[Held]]:
-    """Rests (n, joints) and their stops; kept, since a report asks for them again."""
+    """Equilibria (n, joints) and their stops; cached, since a report asks for them again."""
     at_rest = LinkageAtRest(mechanism, Drives.of(mechanism, joints))
     return Resting(at_rest).follow(*pickle.loads(packed))
 
@@ -354,10 +358,10 @@ def _rests(
 def _on_the_way(
     mechanism: Mechanism, joints: tuple[str, ...], inputs: Array
 ) -> tuple[Array, Drives] | None:
-    """Closed poses from knots that do not depend on where the samples are, if these reach them all.
+    """Find closed poses from knots that do not depend on the samples; None if they do not reach.
 
-    What an engine's drive really did is beside the motion that was asked for and takes the same
-    knots, so that it takes no steps of its own; and no pose depends on what was solved before.
+    The motion that an engine's drive really made differs little from the prescribed one and uses
+    the same knots, so that they are found only once; and no pose depends on earlier solutions.
     """
     (place,) = Drives.of(mechanism, joints).driven
     begin, part = mechanism.start[place], PART * mechanism.scale[place]
@@ -375,7 +379,7 @@ def _on_the_way(
 def _knots(
     mechanism: Mechanism, joints: tuple[str, ...], low: float, high: float
 ) -> tuple[Branch, Knots]:
-    """A branch at its start pose, and the knots of it between two values of its only drive."""
+    """A branch at its start pose, and its knots between two values of its only drive."""
     down, up = (Branch(mechanism, joints).walk(np.array([[end]]))[0] for end in (low, high))
     return Branch(mechanism, joints), Knots.joined([down[:0:-1], up])
 
@@ -388,7 +392,7 @@ def _moved(
     in_time: tuple[Array, Sequence[Law]] | None,
     controls: ControlsInTime | None = None,
 ) -> StoppedMotion:
-    """A motion that is free, or free beside driven joints, between the stops of the joints."""
+    """Integrate a motion with degrees of freedom that no drive determines, between stops."""
     stops = tuple(reader.stops(mechanism, joints))
     if (not joints or in_time is None) and controls is None:
         return _free(mechanism, tuple(np.asarray(value, float).tolist()), stops)
@@ -399,7 +403,7 @@ def _moved(
 
 @lru_cache(maxsize=32)
 def _free(mechanism: Mechanism, times: tuple[float, ...], stops: tuple[Stop, ...]) -> StoppedMotion:
-    """A free motion, which every solver of a case is held to."""
+    """A free motion; cached, since every solver of a case is compared with it."""
     return free_motion(mechanism, np.array(times), stops=stops)
 
 
@@ -411,7 +415,7 @@ def _in_time(
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
 ) -> StoppedMotion:
-    """A motion under laws: the same for all solvers, whatever their drives did."""
+    """A motion under motion profiles; cached where possible, since all solvers use it."""
     try:
         packed = pickle.dumps((times, laws, controls))
     except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
@@ -423,7 +427,7 @@ def _in_time(
 def _in_time_once(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes, stops: tuple[Stop, ...]
 ) -> StoppedMotion:
-    """`_in_time`, of times and laws as bytes."""
+    """`_in_time` for pickled times, motion profiles and controls, cached by these bytes."""
     times, laws, controls = pickle.loads(packed)
     return _integrated(mechanism, joints, times, laws, stops, controls)
 
@@ -447,14 +451,14 @@ _read = lru_cache(maxsize=32)(read)
 def quantities(
     reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array]
 ) -> dict[str, Array]:
-    """Curves (n,) of places, motions and energies.
+    """Curves (n,) of the sensors of positions, motions and energies.
 
-    By channel name: ``sensor``, ``sensor.x``, ``.y``, ``.z``, ``sensor.angle``.
+    Their names are those of channels: ``sensor``, ``sensor.x``, ``.y``, ``.z``, ``sensor.angle``.
 
     Parameters
     ----------
     reader : Reader
-        The compiled model, and its plane.
+        The compiled model and its plane.
     m : Mechanism
     motion : BodyMotion
     joint : three ndarray (n, joints)
@@ -483,7 +487,7 @@ def quantities(
 def stretched(
     reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array], s: int
 ) -> Array:
-    """The length of a tendon, or its rate (n,)."""
+    """Length of a tendon, or the rate of its length (n,), as sensor number s shows."""
     t, order = int(reader.model.sensor_objid[s]), LENGTHS.index(S(reader.model.sensor_type[s]))
     if is_fixed(reader.model, t):
         return np.asarray(sum(share * joint[order][:, j] for j, share in reader.fixed(t)))
@@ -493,7 +497,7 @@ def stretched(
 
 
 def level(reader: Reader) -> float:
-    """Energy of gravity across the plane [J], which does not change."""
+    """Potential energy of gravity along the plane's normal [J], which is constant."""
     model = reader.model
     places = reader.at + (reader.turn @ model.body_ipos[..., None])[..., 0]
     across = reader.unless(OFF.mjDSBL_GRAVITY, model.opt.gravity @ reader.normal)
@@ -501,7 +505,7 @@ def level(reader: Reader) -> float:
 
 
 def frame(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:
-    """The parts of a sensor that reads a frame; none if it reads it in a moving one."""
+    """Curves of a sensor of a frame by their parts; none if it has a frame of reference."""
     kind = S(reader.model.sensor_type[s])
     if reader.model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
         return {}
@@ -520,7 +524,7 @@ def frame(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:
 
 
 def seat(reader: Reader, s: int) -> tuple[int, Array, Array]:
-    """Body, place and orientation in the reference pose of the object that a sensor is on."""
+    """Body, position and axes, in the reference pose, of the object that a sensor is on."""
     model, kind = reader.model, OBJ(reader.model.sensor_objtype[s])
     i = model.sensor_objid[s]
     body, at, quaternion = {
@@ -537,7 +541,7 @@ def seat(reader: Reader, s: int) -> tuple[int, Array, Array]:
 
 
 def spread(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]:
-    """World components of what lies in the plane and along its normal."""
+    """World components of vectors with the parts `flat` in the plane and `up` along its normal."""
     return {
         part: reader.e1[k] * flat.real + reader.e2[k] * flat.imag + reader.normal[k] * up
         for k, part in enumerate("xyz")
@@ -579,9 +583,9 @@ def of_motor(
     d: Drives,
     ctrl: Array | None,
 ) -> Array:
-    """What a sensor of an actuator, or of all that act on a joint, shows (n,).
+    """Curve (n,) of the sensor of an actuator, or of all actuators on a joint.
 
-    On a driven joint that is what its drive does.
+    On a driven joint it is the moment or force of the drive.
     """
     model, i = reader.model, int(reader.model.sensor_objid[s])
     actuator = S(int(model.sensor_type[s])) == S.mjSENS_ACTUATORFRC
@@ -605,7 +609,7 @@ def of_actuator(
     joint: int,
     ctrl: Array | None,
 ) -> Array:
-    """Force of actuator number a (n,), on a joint or, where that is -1, on a site."""
+    """Force of actuator number a (n,), on joint number `joint`, or on a site if that is -1."""
     if a not in switched_on(model):
         return np.zeros(1)
     one = read_site_load(model, a).actuator if joint < 0 else read_actuator(model, a)
@@ -623,7 +627,7 @@ def interaction(
     solved: Forces,
     ctrl: Array | None,
 ) -> dict[str, Array]:
-    """Parts of the force or moment of a site's body's parent on it, in the frame of the site."""
+    """Force or moment on the body of a site from its parent, by parts in the site's frame."""
     body, at, turn = seat(reader, s)
     place = motion.point(body, reader.flat(at))
     force, moment = transmitted(m, motion, solved.loops, body, place, ctrl)
@@ -638,12 +642,12 @@ def interaction(
 
 @dataclass(frozen=True)
 class LinkageAtRest:
-    """A planar linkage at rest beside its drives.
+    """A planar linkage whose drives leave degrees of freedom, for `equilibrium.Resting`.
 
     Raises
     ------
     NotCovered
-        A joint that the drives leave has dry friction: its rest depends on how it came there.
+        A joint without a drive has dry friction: its equilibrium depends on how it was reached.
     """
 
     m: Mechanism
@@ -653,23 +657,23 @@ class LinkageAtRest:
         for joint in (self.m.joints[j] for j in self.drives.following):
             if joint.friction:
                 raise NotCovered(
-                    f"joint {joint.name!r} has friction, and the drives do not determine it: where "
-                    "it rests depends on how it came there"
+                    f"joint {joint.name!r} has friction, and the drives do not determine it: its "
+                    "equilibrium depends on how it was reached"
                 )
 
     @property
     def sizes(self) -> Array:
-        """What its joints are measured in (joints,): 1 rad, or the size of the mechanism [m]."""
+        """Units of its joint values (joints,): 1 rad, or the size of the mechanism [m]."""
         return self.m.scale
 
     @property
     def driven(self) -> Index:
-        """Where the drives stand among the joints (drives,)."""
+        """Indices of the driven joints (drives,)."""
         return self.drives.driven
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
-        """Of the joints that the drives leave."""
+        """Stops of the joints that are not driven."""
         m = self.m
         joints = ((int(j), m.joints[j]) for j in self.drives.following)
         return tuple(
@@ -679,17 +683,17 @@ class LinkageAtRest:
         )
 
     def begin(self, values: Array) -> Array:
-        """The closed pose (joints,) next to the start, with the drives at values (drives,)."""
+        """Find the closed pose (joints,) nearest to the start, drives at values (drives,)."""
         return nearest(self.m, self.m.start, self.driven, values)
 
     def moved(self, q: Array, way: Array) -> Array:
-        """The poses (n, joints) at the ends of ways (n, joints)."""
+        """Poses (n, joints) that moves (n, joints) lead to from poses q."""
         return q + way
 
     def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:
-        """Forces on the joints (n, joints) at poses q (n, joints), and the rows of the loops.
+        """Forces on the joints (n, joints) at poses q (n, joints), and the Jacobian of the loops.
 
-        And how far the loops are open (n, rows) [sizes].
+        The third array has the violations of the loops (n, rows) [sizes].
         """
         m, motion = self.m, move(self.m, q)
         force = applied(m, motion, centres(m, motion), q, 0.0, ctrl)

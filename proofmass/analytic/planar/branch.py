@@ -1,19 +1,19 @@
-r"""Following one assembly mode along the motion of the drives, with proof at every step.
+r"""Following one assembly mode along the motion of the drives, with every step proven.
 
-From a closed pose the tangent T predicts the next.  Newton's method from there converges to the
-pose on the *same branch* if the step is short: with β the norm of the inverse Jacobian and L a
-bound of how fast the Jacobian changes, the Newton-Kantorovich theorem holds all the way along the
+From a closed pose the tangent T predicts the next one.  Newton's method from the prediction
+converges to the pose on the *same branch* if the step is short.  With β the norm of the inverse
+Jacobian and L a Lipschitz bound of the Jacobian, the Newton-Kantorovich theorem holds all along the
 step if
 
     |T Δθ|  <=  1 / (2 β L).
 
-Poses of the whole way are guessed first, which proves nothing, and then held against the theorem
-all at once: the next pose must be where the tangent of the one before it leads, so that no other
-branch is near.  Where steps are too long, poses are put between.
+Poses of the whole way are guessed first, without proof, and then checked by the theorem all at
+once: each pose must be where the tangent of the pose before it leads, so that no other branch is
+near.  Where steps are too long, poses are inserted.
 
-Towards a limit position β grows and the steps shrink in proportion to what is left of the way.
-There the branch is followed step by step, and ends at its limit position, to rounding.  A change
-point, where two branches cross, is leapt over along the smooth one.
+Towards a limit position β grows, and the steps shrink in proportion to the way that remains.  There
+the branch is followed step by step and ends at its limit position, to rounding.  Over a change
+point, where two branches cross, one long step goes along the smooth branch.
 
 P. Deuflhard, Newton Methods for Nonlinear Problems, Springer 2011, theorem 2.1 and section 5.1.
 """
@@ -43,41 +43,45 @@ from proofmass.analytic.planar.mechanism import (
 )
 
 SHARE = 0.8
-"""Share of the proven step that is taken: the poses between then need fewer Newton steps."""
+"""Share of the proven step that is taken, so that poses between need fewer Newton steps."""
 NEAR = 0.4
-"""Newton ends within this share of the proven step from where it starts, by the same theorem."""
+"""Largest distance from the prediction to the pose that Newton's method finds, as a share of the
+proven step; a bound from the same theorem."""
 CREEP = 1e-5
-"""Steps along the drives that are shorter [rad, or sizes] make it look for a change point."""
+"""Length of a step of the drives [rad, or sizes] below which a change point is looked for."""
 STUCK = 1e-11
-"""Steps that are shorter are the end of the branch."""
+"""Length of a step of the drives [rad, or sizes] below which the branch has ended."""
 UNSURE = 1e-5
-"""Proven step [rad, or sizes] of a start pose below which its rounding may choose the branch."""
+"""Proven step [rad, or sizes] below which the rounding of a start pose may decide its branch."""
 KINK = 0.05
-"""Largest relative change of a velocity over a change point that still counts as smooth."""
+"""Largest relative change of the velocity over a change point that still counts as smooth."""
 STRIDE = 0.1
-"""Way of the drives [rad, or sizes] between poses that are guessed, before any is proven."""
+"""Way of the drives [rad, or sizes] between two poses that are guessed."""
 SHORTEST = 1e-3
-"""Way between two of them below which no further pose is guessed."""
+"""Smallest way between two poses that are guessed [rad, or sizes]."""
 STRAY = 0.2
-"""Share of a guessed step by which Newton may correct it: more hints at another branch."""
+"""Largest correction of a guessed pose by Newton's method, as a share of the step to it: a larger
+one suggests another branch."""
 TRIED = 5
-"""Newton steps that a guessed pose may take."""
+"""Largest number of Newton steps for a guessed pose."""
 PARTS = 8
-"""Most steps that an unproven one is divided into at once."""
+"""Largest number of steps into which an unproven step is divided at once."""
 ROUNDS = 6
-"""Times that steps are divided."""
+"""Largest number of times that unproven steps are divided."""
 MOST = 20_000
-"""Knots that are found at once; a way that asks for more is followed step by step."""
+"""Largest number of knots that are found at once; a way that needs more is followed step by
+step."""
 WINDOW = 64
-"""Inputs that are looked at for a step."""
+"""Number of inputs ahead that a single step is tested to reach."""
 
 
 @dataclass(frozen=True)
 class Knots:
-    """Closed poses, their tangents in own units, and how far these are proven.
+    """Closed poses of a branch with tangents, in units `Mechanism.scale`, and proven steps.
 
-    `orientation` is the sign of the Jacobian's determinant, which a branch keeps, and `regular` its
-    size, which falls to zero in a singular pose.  A single pose has no first axis.
+    `radius` is the length of the proven step.  `orientation` is the sign of the determinant of the
+    Jacobian, which is constant on a branch, and `regular` its absolute value, which falls to zero
+    in a singular pose.  A single pose has no first axis.
     """
 
     q: Array
@@ -94,19 +98,19 @@ class Knots:
 
     @classmethod
     def joined(cls, some: Sequence[Self]) -> Self:
-        """All of them one after the other."""
+        """Concatenate several sets of knots."""
         parts = zip(*(vars(one).values() for one in some), strict=True)
         return cls(*map(np.concatenate, parts))
 
 
 @dataclass(frozen=True)
 class Way:
-    """The polygon of the drives' values, by its length in own units.
+    """The polygon through values of the drives, with its arc length as parameter.
 
     Attributes
     ----------
     at : ndarray (n,)
-        Where each corner is, in own units (`Mechanism.scale`) [1], from 0 on.
+        Arc length at each corner, in units of `Mechanism.scale`, from 0 on [1].
     corners : ndarray (n, drives)
         Values of the drives [rad or m].
     """
@@ -116,12 +120,12 @@ class Way:
 
     @classmethod
     def through(cls, corners: Array, scale: Array) -> Self:
-        """The way through values of the drives (n, drives)."""
+        """Make the polygon through values of the drives (n, drives)."""
         sides = np.linalg.norm(np.diff(corners, axis=0) / scale, axis=1)
         return cls(np.append(0.0, np.cumsum(sides)), corners)
 
     def inputs(self, at: Array) -> Array:
-        """Values of the drives (k, drives) at places on it (k,)."""
+        """Values of the drives (k, drives) at arc lengths (k,)."""
         return np.stack([np.interp(at, self.at, values) for values in self.corners.T], axis=1)
 
 
@@ -137,7 +141,8 @@ class Branch:
     Raises
     ------
     CannotAssemble, Overconstrained, SingularHere
-        The start pose does not close, holds something twice, or leaves a degree of freedom.
+        The start pose does not close, its loops are not independent, or the drives do not
+        determine it.
     """
 
     def __init__(self, m: Mechanism, names: tuple[str, ...]):
@@ -172,11 +177,12 @@ class Branch:
         return self.close(inputs[: len(reached_by)], knots[reached_by]), failure
 
     def walk(self, inputs: Array) -> tuple[Knots, Index, CannotMove | None]:
-        """Knots on the way over inputs (n, drives), the first of them where the branch stands.
+        """Find the knots on the way over inputs (n, drives), the present knot being the first.
 
-        And for each of the inputs that the branch goes to the number of the knot that reaches it,
-        and why it ended.  Its knots are found all at once, and behind a change point again; from
-        where that cannot be proven on, one after the other.
+        For each input that the branch reaches, the index array has the number of the knot whose
+        proven step reaches it; the last value says why the branch ended, if it did.  Knots are
+        found all at once, and once more after a change point; where they cannot be proven, the
+        branch is followed knot by knot.
         """
         found, numbers, count, done = list[Knots](), list[Index](), 0, 0
         leap_at, at_once, failure = CREEP, True, None
@@ -199,9 +205,10 @@ class Branch:
         return Knots.joined(found), np.concatenate(numbers), failure
 
     def trace(self, inputs: Array) -> tuple[Knots, Index]:
-        """Knots from the present one on, and the number of the one that reaches each of the inputs.
+        """Find knots all at once from the present one on, as far as they are proven.
 
-        As far as all of them are proven; the last one is then the present knot.
+        The index array has the number of the knot that reaches each input, as far as one does.  The
+        last proven knot becomes the present one.
         """
         try:
             way = Way.through(np.vstack([self.knot.q[self.d.driven], inputs]), self.scale)
@@ -225,16 +232,17 @@ class Branch:
         return knots[: last + 1], by[: int(np.argmin(fits))]
 
     def guess(self, way: Way) -> tuple[Array, Array]:
-        """Places on the way (k,) and closed poses there (k, joints), as far as Newton finds any.
+        """Guess arc lengths on the way (k,) and closed poses there (k, joints).
 
-        In all likelihood they are on the branch: Newton hardly moves what the curvature predicts.
+        They go as far as Newton's method finds poses near the prediction by tangent and curvature,
+        which makes it likely, but does not prove, that they are on the branch.
         """
         m, d, q, room = self.m, self.d, self.knot.q[None], 4
         at = np.linspace(0.0, way.at[-1], int(np.ceil(way.at[-1] / STRIDE)) + 1)
         while (done := len(q)) < len(at):
             ahead = self.curved(q[-1], way.inputs(at[done : done + room]))
             there = ahead.copy()
-            with np.errstate(all="ignore"):  # of a pose that runs away
+            with np.errstate(all="ignore"):  # Newton's method may diverge
                 closed = approach(m, there, d, TRIED) < CLOSED
                 stray = np.linalg.norm((there - ahead) / m.scale, axis=1)
                 fine = closed & (stray <= STRAY * np.linalg.norm((ahead - q[-1]) / m.scale, axis=1))
@@ -247,7 +255,7 @@ class Branch:
         return at[: len(q)], q
 
     def curved(self, q: Array, inputs: Array) -> Array:
-        """Poses (n, joints) that tangent and curvature at a closed pose predict at inputs."""
+        """Predict poses (n, joints) at inputs by tangent and curvature at a closed pose."""
         ahead = inputs - q[self.d.driven]
         v, a = rates(self.m, np.repeat(q[None], len(ahead), axis=0), self.d, ahead, 0.0 * ahead)
         found = q + v + 0.5 * a
@@ -255,10 +263,11 @@ class Branch:
         return np.asarray(found)
 
     def parts(self, way: Way, at: Array, knots: Knots) -> tuple[Array, Index, NDArray[np.bool_]]:
-        """Into how many steps the one between each knot and the next must be divided; 1: proven.
+        """Number of steps into which the step from each knot to the next must be divided.
 
-        And of the corners of the way but the first: the number of the last knot before each, and
-        whether that one reaches it.
+        The number is 1 (or 0) where the step is proven.  For each corner of the way but the first,
+        the other two arrays have the number of the last knot before it, and whether the proven step
+        of that knot reaches it.
         """
         by = np.searchsorted(at, way.at[1:], "right") - 1
         _, moves, radius = self.beside(way.corners[1:], knots[by])
@@ -271,7 +280,7 @@ class Branch:
         return np.ceil(np.where(other, np.maximum(parts[:-1], 2.0), parts[:-1])), by, corners <= 1.0
 
     def divide(self, way: Way, at: Array, knots: Knots, parts: Array) -> tuple[Array, Array]:
-        """Places (k,) that divide steps into so many parts, and closed poses there (k, joints)."""
+        """Arc lengths (k,) that divide steps into `parts`, and closed poses there (k, joints)."""
         count = np.minimum(np.maximum(parts, 1.0), PARTS).astype(int) - 1
         step = np.repeat(np.arange(len(count)), count)
         first = np.repeat(np.cumsum(count) - count, count)
@@ -293,7 +302,7 @@ class Branch:
         return self.knot[None], np.zeros(int(np.argmin(near)), np.intp)
 
     def close(self, inputs: Array, knots: Knots) -> Array:
-        """Closed poses (n, joints) at inputs (n, drives), each from a knot that reaches it."""
+        """Find closed poses (n, joints) at inputs (n, drives), each from a knot that reaches it."""
         guess, _, proven = self.beside(inputs, knots)
         q = newton(self.m, guess, self.d)
         moved = np.linalg.norm((q - guess) / self.m.scale, axis=1)
@@ -303,9 +312,10 @@ class Branch:
         return q
 
     def beside(self, inputs: Array, knots: Knots) -> tuple[Array, Array, Array]:
-        """Poses (n, joints) that the knots' tangents predict at inputs (n, drives).
+        """Predict poses (n, joints) at inputs (n, drives) by the tangents of their knots.
 
-        And the lengths of these moves, in own units (n,), and how far each is proven (n,).
+        The other two arrays have the lengths of these moves (n,) and of the proven steps (n,), in
+        units of `Mechanism.scale`.
         """
         ahead = (inputs - knots.q[:, self.d.driven]) / self.scale
         move = np.einsum("njd,nd->nj", knots.tangent, ahead)
@@ -314,11 +324,11 @@ class Branch:
         return guess, np.linalg.norm(move, axis=1), knots.radius
 
     def at(self, q: Array) -> Knots:
-        """What is known at a closed pose (joints,)."""
+        """Make the knot of a closed pose (joints,)."""
         return self.known(q[None])[0]
 
     def known(self, q: Array) -> Knots:
-        """What is known at closed poses (n, joints).
+        """Make the knots of closed poses (n, joints).
 
         Raises
         ------
@@ -335,24 +345,27 @@ class Branch:
         tangent[:, d.driven] = np.eye(d.driven.size)
         tangent[:, d.following] = -np.linalg.solve(square, matrix[..., d.driven])
         bound = self.bound if m.hinges.all() else lipschitz(m, q)
-        with np.errstate(divide="ignore"):  # of an open chain, which every step is proven in
+        with np.errstate(divide="ignore"):  # in an open chain the bound is 0: any step is proven
             radius = 0.5 * least / bound
         sign, logarithm = np.linalg.slogdet(square)
         return Knots(q, tangent, radius, sign, np.exp(logarithm))
 
     def predict(self, inputs: Array) -> Array:
-        """Poses (n, joints) that the tangent predicts at inputs (n, drives)."""
+        """Predict poses (n, joints) at inputs (n, drives) by the tangent of the present knot."""
         ahead = (inputs - self.knot.q[self.d.driven]) / self.scale
         q = self.knot.q + (ahead @ self.knot.tangent.T) * self.m.scale
         q[:, self.d.driven] = inputs
         return np.asarray(q)
 
     def far(self, inputs: Array) -> Array:
-        """Length of the predicted moves to inputs (n, drives), in own units (n,)."""
+        """Lengths (n,) of the predicted moves to inputs (n, drives), in units `Mechanism.scale`."""
         return np.linalg.norm((self.predict(inputs) - self.knot.q) / self.m.scale, axis=1)
 
     def advance(self, inputs: Array, leap_at: float) -> float:
-        """Take one proven step towards inputs (drives,); where it is tiny, look for a leap."""
+        """Take one proven step towards inputs (drives,), or leap if it is shorter than `leap_at`.
+
+        The step length at which the next leap is tried is returned.
+        """
         here = self.knot.q[self.d.driven]
         way = float(np.linalg.norm((inputs - here) / self.scale))
         if way == 0.0:
@@ -371,7 +384,7 @@ class Branch:
         return leap_at
 
     def step(self, inputs: Array) -> None:
-        """Close the loops at inputs within the radius, and stand there."""
+        """Close the loops at inputs within the proven step, and make this the present knot."""
         knot = self.at(newton(self.m, self.predict(inputs[None]), self.d)[0])
         if knot.orientation != self.knot.orientation:
             if self.knot.radius > CREEP:
@@ -380,11 +393,11 @@ class Branch:
         self.last, self.knot = self.knot, knot
 
     def leap(self, inputs: Array, way: float) -> bool:
-        """Try to pass a change point on the way to inputs; False if the branch ends there.
+        """Try to pass a change point on the way to inputs; False if there is none.
 
-        The Jacobian's determinant passes zero at an even pace, which tells how far the change point
-        is.  A second-order step lands as far behind it; if velocities run on smoothly there, and
-        the determinant has changed its sign, it was one.
+        Near a change point the determinant of the Jacobian is linear in the way, so that the
+        distance to its zero is known.  A step of second order goes as far behind the zero.  If the
+        velocity is smooth and the determinant has changed its sign there, it was a change point.
         """
         here, before = self.knot.q[self.d.driven], self.last.q[self.d.driven]
         left = float(self.knot.regular)
@@ -411,13 +424,13 @@ class Branch:
         return True
 
     def format_drives(self, inputs: Array) -> str:
-        """The driven joints with their values."""
+        """Format the names of the driven joints with their values."""
         names = [self.m.joints[j].name for j in self.d.driven]
         return ", ".join(f"{n} = {v:.9g}" for n, v in zip(names, inputs, strict=True))
 
 
 def cubic(share: Array, begin: Array, end: Array, slope: Array, end_slope: Array) -> Array:
-    """Hermite's cubic between values, with slopes at both ends over the whole way."""
+    """Cubic Hermite interpolation between values; slopes are derivatives by `share`."""
     s, rest = share, 1.0 - share
     return np.asarray(
         rest**2 * (1 + 2 * s) * begin

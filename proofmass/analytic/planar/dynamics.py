@@ -1,19 +1,19 @@
 r"""Motion of a mechanism in time, in independent coordinates.
 
-The coordinates z are those of the tangent plane of the loop equations at a reference pose, which
-changes whenever the motion has turned away from it:
+The coordinates z are those of the tangent plane of the loop equations at a reference pose.  A new
+reference pose is taken whenever the motion has gone too far from the old one:
 
     G(q) = 0,  Nᵀ (q - q_r) = z        q̇ = V ż,   q̈ = V z̈ + γ
 
     (Vᵀ M V) z̈ = Vᵀ (Q - M γ - h)
 
-Joints whose motion is prescribed count as loops that change with time: q_d - law(t) = 0.  Joints
-that rest on a stop count as loops as well (`proofmass.analytic.stops`).
+Joints whose motion is prescribed count as loops that change with time: q_d - profile(t) = 0.
+Joints that rest on a stop count as loops as well (`proofmass.analytic.stops`).
 
-No loop drifts: every evaluation closes them.  The integrator is DOP853 at 3e-14, begun anew where
-a law of a drive or of a control has a break (`proofmass.analytic.controls`); what remains is
-an error of about 1e-13 of the motion for each swing, measured on the pendulum's closed form and on
-the energy of a four-bar.
+The loops do not drift, since every evaluation closes them.  The integrator is DOP853 at 3e-14,
+begun anew where the motion profile of a drive or of a control has a break
+(`proofmass.analytic.controls`).  An error of about 1e-13 of the motion per swing remains, measured
+on the pendulum's closed form and on the energy of a four-bar.
 
 F. Potra and W. Rheinboldt, On the numerical solution of Euler-Lagrange equations, 1991.
 """
@@ -55,13 +55,15 @@ if TYPE_CHECKING:
 ACCURACY = 3e-14
 """Relative and absolute tolerance of a step, in `Mechanism.scale`."""
 ROUNDING = 1e-15
-"""Loops that are open by less, in sizes of the mechanism: Newton's next step would be noise."""
+"""Constraint violation, in sizes of the mechanism, below which Newton's next step would be
+rounding."""
 TILT = 1.5
-"""Stretch of the map from z to q at which a new tangent plane is taken; 1 where it touches."""
+"""Norm of the derivative of q by z above which a new tangent plane is taken; it is 1 at the
+reference pose."""
 
 
 class TangentChart:
-    """The tangent plane of what is held at a closed pose q (joints,), in own units."""
+    """The tangent plane of the constraints at a closed pose q (joints,), in `Mechanism.scale`."""
 
     def __init__(
         self,
@@ -71,7 +73,7 @@ class TangentChart:
         controls: ControlsInTime | None = None,
     ):
         self.m, self.q, self.at, self.drives, self.controls = m, q, q, drives, controls
-        self.last = np.inf  # time of the smooth part of laws that is integrated over [s]
+        self.last = np.inf  # end of the smooth piece of the profiles that is integrated [s]
         self.held, self.units = m.rows + drives.rates.size, m.scale[drives.rates]
         self.driven = np.eye(len(m.joints))[drives.rates]
         rows = np.concatenate([scaled_jacobian(m, q[None])[0], self.driven])
@@ -81,14 +83,14 @@ class TangentChart:
 
     @property
     def stretch(self) -> float:
-        """How much the map from z to q stretched in the last pose asked for."""
+        """Norm of the derivative of q by z at the pose that was evaluated last."""
         return float(np.linalg.norm(self.into / self.m.scale[:, None], 2))
 
     def close(self, z: Array, t: float) -> tuple[Array, Array]:
-        """The closed pose (joints,) of coordinates z at a time, by Newton from the last one.
+        """Find the closed pose (joints,) of coordinates z at a time, by Newton from the last pose.
 
-        And there the derivatives of the joints by what is held and the coordinates (joints,
-        joints).
+        The second array has the derivatives of the joints by the values of loops, drives and
+        coordinates (joints, joints).
         """
         if not self.held:  # an open chain, where the tangent plane is the whole space
             return self.q + self.into @ z, self.into
@@ -114,12 +116,12 @@ class TangentChart:
         return q, np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
 
     def matrix(self, q: Array, motion: BodyMotion) -> Array:
-        """Jacobian of loops, drives and coordinates together (joints, joints)."""
+        """Jacobian of loops, drives and coordinates by the joints (joints, joints)."""
         loops = loop_jacobian(self.m, motion, q[None])[0]
         return np.concatenate([loops * self.m.scale / self.m.size, self.driven, self.normal])
 
     def motion(self, y: Array, t: float) -> tuple[Array, Array, Array, Array]:
-        """Pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż) at a time."""
+        """Find pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż) at a time."""
         m, half = self.m, y.size // 2
         q, inverse = self.close(y[:half], t)
         _, rate, acceleration = self.drives.law(t)
@@ -137,23 +139,24 @@ class TangentChart:
         return q, v, into @ bend + gamma, bend
 
     def state(self, v: Array) -> Array:
-        """The state y of the pose where the plane touches, at rates v (joints,)."""
+        """State y of the reference pose with rates v (joints,)."""
         return np.concatenate([np.zeros(len(self.normal)), self.normal @ (v / self.m.scale)])
 
     def slope(self, t: float, y: Array) -> Array:
-        """Rate of the state."""
+        """Time derivative of the state y."""
         return np.concatenate([y[y.size // 2 :], self.motion(y, min(t, self.last))[3]])
 
 
 SHORT = 0.1
-"""Share of the longest step of a motion below which a step is short: it may end beside a pose where
-the loops lose rank, since rounding grows there."""
+"""Share of the longest step of a motion below which a step is short: it may end near a pose in
+which the loops lose rank, since rounding grows there."""
 NEAR = 1e-2
-"""Regularity of a pose that may be near such a one."""
+"""Regularity below which a pose may be near a pose in which the loops lose rank."""
 LEAPS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 """Lengths of one step over such a pose, as shares of the longest step."""
 SMOOTH = 1e-9
-"""Distance, in own units, of two ways over such a pose that still count as one motion."""
+"""Largest difference, in `Mechanism.scale`, of the states after two steps over such a pose that
+still count as one motion."""
 
 
 def free_motion(
@@ -163,15 +166,15 @@ def free_motion(
     stops: tuple[Stop, ...] = (),
     controls: ControlsInTime | None = None,
 ) -> StoppedMotion:
-    """The motion from the start at rising times, and what happened at stops.
+    """Integrate the motion from the start at rising times, with its events at stops.
 
-    Beside joints that are driven, the others start as near to the start pose as can be.
+    Joints without a drive start as near to the start pose as the loops allow.
 
     Raises
     ------
     CannotAssemble, SingularHere, Overconstrained
-        The start pose; or the motion meets a pose where degrees of freedom appear, and does not run
-        on smoothly behind it.
+        The start pose is not regular; or the motion meets a pose in which degrees of freedom
+        appear, and is not smooth behind it.
     NotCovered
         The start is beyond a stop.
     """
@@ -184,7 +187,7 @@ def free_motion(
 
 
 class FreeMechanism:
-    """A mechanism whose joints move freely, but for those that are driven, between its stops."""
+    """A mechanism whose joints move freely between their stops, except for the driven ones."""
 
     def __init__(
         self,
@@ -200,12 +203,12 @@ class FreeMechanism:
         self.resting: dict[tuple[Stop, ...], Mechanism] = {(): m}
 
     def chart(self, held: tuple[Stop, ...], q: Array) -> TangentChart:
-        """The tangent plane at a pose, with some joints resting on their stops.
+        """Make the tangent plane at a pose, with joints resting on the stops `held`.
 
         Raises
         ------
         Overconstrained
-            One of them is held already by the others.
+            One of the stops depends on the other constraints.
         """
         if held not in self.resting:
             rests = tuple(
@@ -221,17 +224,17 @@ class FreeMechanism:
             rows = scaled_jacobian(m, q[None])[0]
             if np.linalg.matrix_rank(rows, tol=RANK) < len(rows):
                 names = ", ".join(stop.joint for stop in held)
-                raise Overconstrained(f"joints rest on stops that others hold already: {names}")
+                raise Overconstrained(f"joints rest on stops that are not independent: {names}")
             self.resting[held] = m
         return TangentChart(self.resting[held], q, self.drives, self.controls)
 
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
-        """A pose and its rates with the accelerations there."""
+        """Add the accelerations to a pose and its rates."""
         chart = self.chart(held, q)
         return chart.motion(chart.state(v), t)[:3]
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
-        """What loops and drives hold in a state, and what they and stops must do."""
+        """Constraints of loops and drives in a state, and the force they and stops must exert."""
         m, motion = self.m, move(self.m, q[None], v[None], a[None])
         centre, loops = centres(m, motion), loop_jacobian(m, motion, q[None])[0]
         ctrl = self.controls.at(t)[None] if self.controls else None
@@ -245,7 +248,7 @@ class FreeMechanism:
     def steps(
         self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
     ) -> Iterator[Step]:
-        """The motion from a state on, with some joints resting on their stops."""
+        """Iterate over the motion from a state on, with joints resting on the stops `held`."""
         for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
             chart = self.chart(held, q)
             chart.last = last
@@ -258,9 +261,9 @@ class FreeMechanism:
     def piece(
         self, chart: TangentChart, held: tuple[Stop, ...], t: float, v: Array, end: float
     ) -> Generator[Step, None, tuple[Array, Array]]:
-        """The motion over a time in which laws are smooth, from the pose of a chart on.
+        """Integrate over a time in which motion profiles are smooth, from the pose of a chart on.
 
-        It returns pose and rates at the end.
+        Pose and rates at the end are returned.
         """
         longest, q, solver = 0.0, chart.q, begin(chart, t, v, end)
         while solver.t < end:
@@ -285,18 +288,18 @@ class FreeMechanism:
 def inside(
     chart: TangentChart, between: Callable[[], Callable[[float], Array]]
 ) -> Callable[[float], State]:
-    """Poses, rates and accelerations of the states of a step."""
+    """Make the function that gives pose, rates and accelerations at a time within a step."""
     return lambda time: chart.motion(between()(time), time)[:3]
 
 
 RANK = 1e-8
-"""Singular values, in own units, below which rows of loops and stops count as dependent."""
+"""Singular values, in `Mechanism.scale`, below which rows of loops and stops count as dependent."""
 PARTS = 256
-"""Into how many parts a motion is divided in which stops and drives leave nothing free."""
+"""Number of steps of a motion in which stops and drives leave no degree of freedom."""
 
 
 def at_rest(chart: TangentChart, t: float, end: float) -> Iterator[Step]:
-    """Steps of a mechanism whose drives and stops leave no degree of freedom."""
+    """Iterate over the steps of a mechanism whose drives and stops leave no degree of freedom."""
     times = np.linspace(t, end, PARTS + 1).tolist()
     for start, last in pairwise(times):
         yield Step(start, last, inside(chart, lambda: lambda _: chart.z))
@@ -305,7 +308,7 @@ def at_rest(chart: TangentChart, t: float, end: float) -> Iterator[Step]:
 def begin(
     chart: TangentChart, t: float, v: Array, end: float, first_step: float | None = None
 ) -> "DOP853":
-    """The integrator of a motion from the pose of a chart at rates v (joints,)."""
+    """Start the integrator of a motion from the pose of a chart at rates v (joints,)."""
     from scipy.integrate import DOP853  # slow to load
 
     return DOP853(
@@ -314,7 +317,7 @@ def begin(
 
 
 def regularity(m: Mechanism, q: Array) -> float:
-    """The smallest over the largest singular value of the loops in a pose (joints,)."""
+    """Smallest over largest singular value of the loops' Jacobian in a pose (joints,)."""
     if not m.rows:
         return 1.0
     values = np.linalg.svd(scaled_jacobian(m, q[None])[0], compute_uv=False)
@@ -322,15 +325,15 @@ def regularity(m: Mechanism, q: Array) -> float:
 
 
 def leap(chart: TangentChart, t: float, y: Array, longest: float, end: float) -> "DOP853":
-    """One step over a pose where the loops lose rank, of the length whose stages stay clear of it.
+    """Take one step over a pose in which the loops lose rank.
 
-    A motion is smooth there, and only rounding grows.  The next best length must lead to the same
-    motion.
+    The motion is smooth there, and only rounding grows.  Of several lengths the one is chosen whose
+    stages stay furthest from the pose, and the second best must lead to the same motion.
 
     Raises
     ------
     SingularHere
-        It does not, or no length leads over it.
+        The two lead to different motions, or no two lengths lead over the pose.
     """
     from scipy.integrate import DOP853  # slow to load
 

@@ -1,6 +1,6 @@
-"""Forces in a mechanism: on its joints, of its drives and loops, and between its bodies.
+"""Forces on the joints of a mechanism, of its drives and loops, and between its bodies.
 
-Joint forces and masses are sums over bodies of force times Jacobian.
+Generalized forces and the mass matrix are sums over the bodies, projected by their Jacobians.
 """
 
 from dataclasses import dataclass
@@ -32,9 +32,9 @@ def applied(
     v: Array | float = 0.0,
     ctrl: Array | None = None,
 ) -> Array:
-    """Gravity, springs, dampers and actuators on the joints (n, joints) [N m, or N].
+    """Generalized forces of gravity, springs, dampers and actuators (n, joints) [N m, or N].
 
-    With controls (n, controls), by default those of the key.
+    The controls are `ctrl` (n, controls), by default those of the key.
     """
     rest, stiffness, damping, _, load = m.springs
     weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
@@ -58,23 +58,26 @@ def applied(
 def grown(
     poly: tuple[Array, Array] | tuple[float, float], way: Array | float, by: Array | float
 ) -> Array:
-    """What a stiffness or a damping that grows with `by` and its square adds, over a stretch or a
-    rate `way`."""
+    """Force of the linear and quadratic terms of a stiffness or a damping, as polynomials of `by`.
+
+    `way` is the stretch or the rate that the stiffness or damping is multiplied by.
+    """
     linear, square = poly
     return np.asarray(way * by * (linear + square * by))
 
 
 def motors(m: Mechanism, q: Array, v: Array, ctrl: Array | None = None) -> Array:
-    """What motors and servos do to the joints (n, joints) [N m or N]."""
+    """Generalized forces of motors and servos (n, joints) [N m or N]."""
     rest, _, _, _, load = m.springs
     stiffness, damping = np.array([joint.servo for joint in m.joints], float).reshape(-1, 2).T
     return np.asarray(load - stiffness * (q - rest) - damping * v + ranged(m, q, v, ctrl))
 
 
 def ranged(m: Mechanism, q: Array, v: Array | float, ctrl: Array | None) -> Array | float:
-    """What actuators with a range of forces do to the joints (n, joints) [N m or N].
+    """Generalized forces of actuators that are not in the joints' own loads (n, joints) [N m or N].
 
-    And what those without one do more than with the controls of the key.
+    These are the forces of actuators with a range of forces, and the change of the forces of the
+    others against those with the controls of the key.
     """
     if ctrl is None and not any(one.limited for one in m.actuators):
         return 0.0
@@ -103,7 +106,7 @@ def loads_of(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> tuple[Comp
 
 
 def loaded(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> Array:
-    """What the loads at points do to the joints (n, joints) [N m or N]."""
+    """Generalized forces of the loads at points (n, joints) [N m or N]."""
     bodies, points = m.loaded_points
     moves = jacobian(m, motion, bodies, motion.points(bodies, points))
     force, moment = loads_of(m, motion, ctrl)
@@ -118,11 +121,12 @@ class SpringLength:
     Attributes
     ----------
     value : ndarray (n,)
-        [m].
+        Lengths [m].
     along : ndarray (n,), complex
-        In-plane part of the unit vector from its second point to its first [1]; 0 of no length.
+        In-plane part of the unit vector from its second point to its first [1]; 0 if the length
+        is 0.
     rows : ndarray (n, joints)
-        Change of the length with the joints [m/rad or 1].
+        Derivatives of the length by the joints [m/rad or 1].
     """
 
     value: Array
@@ -154,15 +158,17 @@ def tension(spring: TendonSpring, length: Array, rate: Array | float) -> Array:
 
 
 def mass(m: Mechanism, centre: Complex) -> Array:
-    """Mass matrix of the joints, loops open (n, joints, joints)."""
+    """Mass matrix of the joints without loop constraints (n, joints, joints)."""
     weighted = np.sqrt(m.inertia.mass)[:, None] * centre
     x, y = weighted.real, weighted.imag
     return np.asarray(m.inertia.fixed + x.swapaxes(1, 2) @ x + y.swapaxes(1, 2) @ y)
 
 
 def inertial(m: Mechanism, centre: Complex, motion: BodyMotion) -> Array:
-    """What turns and guides the bodies of a motion whose joints do not accelerate, as forces on the
-    joints (n, joints)."""
+    """Generalized inertial forces (n, joints) of the centres' accelerations in a motion.
+
+    With joints that do not accelerate these are the Coriolis and centrifugal terms.
+    """
     own = m.inertia
     pull = own.mass * motion.points(own.bodies, own.centre, 2).T
     bent = pull.real[:, None] @ centre.real + pull.imag[:, None] @ centre.imag
@@ -171,7 +177,7 @@ def inertial(m: Mechanism, centre: Complex, motion: BodyMotion) -> Array:
 
 @dataclass(frozen=True)
 class Forces:
-    """What drives and loops do in n poses of a motion.
+    """Forces of drives and loops in n poses of a motion.
 
     Attributes
     ----------
@@ -194,15 +200,15 @@ def solve_forces(
     rub: Array | float = 0.0,
     ctrl: Array | None = None,
 ) -> Forces:
-    r"""Forces that a motion asks of its drives and loops, by inverse dynamics.
+    r"""Forces of drives and loops that a motion requires, by inverse dynamics.
 
     ::
 
         M(q) q'' + h(q, q') - Q(q, q') = A^T lambda + S^T tau
 
-    With A the Jacobian of the loops and S the rows of the drives.  The joints that follow give
-    lambda, then the drives' own rows tau.  At rest this is virtual work: tau is what the applied
-    forces do along the motion that the drive allows.
+    A is the Jacobian of the loops, and S has the rows of the drives.  The equations of the joints
+    that follow give lambda, then those of the driven joints give tau.  At rest this is the
+    principle of virtual work: tau balances the applied forces along the motion of the drive.
 
     Parameters
     ----------
@@ -212,9 +218,9 @@ def solve_forces(
     joint : three ndarray (n, joints)
         Joint values, rates, accelerations [rad or m, per s, per s^2].
     d : Drives
-        All joints follow in a free motion.
+        In a free motion all joints follow.
     rub : ndarray (n, joints)
-        What dry friction takes of the joints, in the sense of their motion [N m or N].
+        Dry friction of the joints, positive against a positive rate [N m or N].
     ctrl : ndarray (n, controls)
         By default those of the key [SI].
     """
@@ -226,7 +232,7 @@ def solve_forces(
     matrix = loop_jacobian(m, motion, q)
     across = matrix[..., d.following].swapaxes(1, 2)
     right = needed[:, d.following, None]
-    square = across.shape[1] == across.shape[2]  # it is higher than wide in a free motion
+    square = across.shape[1] == across.shape[2]  # in a free motion there are more rows than columns
     solved = np.linalg.solve(across, right) if square else np.linalg.pinv(across) @ right
     loops = np.asarray(solved[..., 0], float)
     drives = needed[:, d.driven] - (loops[:, None] @ matrix[..., d.driven])[:, 0]
@@ -241,10 +247,10 @@ def transmitted(
     at: Complex,
     ctrl: Array | None = None,
 ) -> tuple[Complex, Array]:
-    """Force [N] and moment about points `at` (n,) [N m] of a body's parent on it (n,).
+    """Force [N] and moment about points `at` (n,) [N m] on a body from its parent (n,).
 
-    Newton and Euler for the body and all that it carries: its inertia and weight, less what loops,
-    springs between points and loads at points do to it.
+    By Newton's and Euler's equations for the body and all bodies that it carries: their inertia and
+    weight, less the forces of loops, springs between points and loads at points on them.
 
     Parameters
     ----------
@@ -292,7 +298,7 @@ def transmitted(
 
 
 def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
-    """Energy of gravity and of springs [J] (n,)."""
+    """Potential energy of gravity and of springs [J] (n,)."""
     energy = sum(stored(j, q[:, k] - j.rest) for k, j in enumerate(m.joints))
     for k, spring in enumerate(m.point_springs):
         stretch = spring.stretch(spring_length(m, motion, k).value)
@@ -313,7 +319,7 @@ def stored(spring: PlanarJoint | TendonSpring, stretch: Array) -> Array:
 
 
 def kinetic(m: Mechanism, motion: BodyMotion, v: Array) -> Array:
-    """Energy of motion [J] (n,)."""
+    """Kinetic energy [J] (n,)."""
     energy = sum(0.5 * j.armature * v[:, k] ** 2 for k, j in enumerate(m.joints))
     for b, body in enumerate(m.bodies):
         energy = energy + 0.5 * (

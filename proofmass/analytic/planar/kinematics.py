@@ -1,11 +1,11 @@
-"""Where bodies and points are, how they move, and how the loops of a mechanism are closed.
+"""Positions and motions of bodies and points, and closure of the loops of a mechanism.
 
-A hinge at a turns by w: ``z -> a + w (z - a)``.  A slide along u moves by s: ``z -> z + s u``.  A
-body's displacement is its parent's, then its joints' in order; rates and accelerations follow by
-differentiating that product once and twice.
+A hinge at a turns by w: ``z -> a + w (z - a)``.  A slide along u moves by s: ``z -> z + s u``.  The
+displacement of a body is the product of its parent's and of its joints' in their order; rates and
+accelerations follow by differentiating that product once and twice.
 
-Newton's method closes the loops of one pose, or of many at once.  Joint values are measured in
-`Mechanism.scale` and the loops in `Mechanism.size`, so that one number is small or large for both.
+Newton's method closes the loops of one pose, or of many at once.  Joint values have the units
+`Mechanism.scale` and the loops the unit `Mechanism.size`, so that one tolerance serves for both.
 """
 
 from dataclasses import dataclass
@@ -28,11 +28,12 @@ class BodyMotion:
     Attributes
     ----------
     w, t : tuples of ndarray (bodies, n), complex
-        Turn and shift; then rate and acceleration of them, if they were asked for.
-    turn : ndarray (bodies, n)
-        Angle since the reference pose [rad]; the same for `spin` [rad/s], `spin_rate` [rad/s^2].
+        Rotation factor w [1] and shift t [m] of ``z -> w z + t``, and their first and second time
+        derivatives as far as rates and accelerations were given.
+    turn : tuple of ndarray (bodies, n)
+        Angle since the reference pose [rad], angular velocity [rad/s] and acceleration [rad/s^2].
     place : ndarray (joints, n), complex
-        Where each hinge is, or the direction of each slide.
+        Position of each hinge [m], or direction of each slide [1].
     """
 
     w: tuple[Complex, ...]
@@ -41,23 +42,23 @@ class BodyMotion:
     place: Complex
 
     def point(self, body: int, z: complex, order: int = 0) -> Complex:
-        """A point of a body, z in the reference pose; its velocity or its acceleration."""
+        """Position of a point of a body, z in the reference pose; or its derivative of an order."""
         return np.asarray(self.w[order][body] * z + self.t[order][body])
 
     def points(self, bodies: Index, z: Complex, order: int = 0) -> Complex:
-        """Points z (k, 1) of bodies (k,), in n poses (k, n)."""
+        """Positions (k, n) of points z (k, 1) of bodies (k,), or their derivatives of an order."""
         return np.asarray(self.w[order][bodies] * z + self.t[order][bodies])
 
 
 def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None) -> BodyMotion:
-    """Move a mechanism.
+    """Find the motion of all bodies from that of the joints.
 
     Parameters
     ----------
     m : Mechanism
     q, v, a : ndarray (n, joints)
-        Joint values, rates and accelerations [rad or m, per s, per s^2]; the last ones may be left
-        out.
+        Joint values, rates and accelerations [rad or m, per s, per s^2]; accelerations, or both
+        these and rates, may be left out.
 
     Returns
     -------
@@ -93,7 +94,7 @@ def jacobian(m: Mechanism, motion: BodyMotion, bodies: Index, points: Complex) -
 
 
 def residual(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
-    """How far the loops are open (n, rows): x and y of each pin [m], then the couplings."""
+    """Constraint violations of the loops (n, rows): x and y of each pin [m], then couplings."""
     return _stack(
         _apart(m, motion, 0), [_coupling(m, q, k) for k in range(len(m.couplings))], len(q)
     )
@@ -129,7 +130,7 @@ def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
 
 
 def gap(m: Mechanism, q: Array) -> tuple[float, str]:
-    """The widest open loop of one pose: by how much [m, or rad of a coupling], and its name."""
+    """Largest constraint violation of one pose [m, or rad of a coupling], and its loop's name."""
     r = residual(m, move(m, q[None]), q[None])[0]
     pins = np.hypot(r[0 : 2 * len(m.pins) : 2], r[1 : 2 * len(m.pins) : 2])
     open_by = np.append(pins, np.abs(r[2 * len(m.pins) :]))
@@ -138,11 +139,11 @@ def gap(m: Mechanism, q: Array) -> tuple[float, str]:
 
 
 def lipschitz(m: Mechanism, q: Array) -> Array:
-    """Bounds (n,) of the change of the Jacobian with the joints near poses q (n, joints).
+    """Lipschitz bounds (n,) of the Jacobian by the joints near poses q (n, joints).
 
-    In units of `Mechanism.scale`.  The second derivative of a point by two hinges is its distance
-    from the outer one, by a hinge and a slide further out 1, by two slides 0; slides may move by
-    half the mechanism's size.
+    They are in units of `Mechanism.scale`.  The second derivative of a point by two hinges is its
+    distance from the outer hinge, by a hinge and a slide further out 1, and by two slides 0.  The
+    bounds hold while slides move by at most half the mechanism's size.
     """
     total = np.zeros(len(q))
     out = q + np.where(m.hinges, 0.0, 0.5 * m.size * np.where(q < m.zeros, -1.0, 1.0))
@@ -160,7 +161,7 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
 
 
 def _apart(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
-    """From the second end of each pin to its first (pins, n), or a time derivative of it."""
+    """Vector from the second end of each pin to its first (pins, n), or a time derivative."""
     one, on_one, two, on_two = m.ends
     return motion.points(one, on_one, order) - motion.points(two, on_two, order)
 
@@ -172,12 +173,12 @@ def _coupling(m: Mechanism, q: Array, k: int) -> Array:
 
 
 def summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
-    """A sum of shares of joints (n,) of their values (n, joints)."""
+    """Weighted sum (n,) of joint values (n, joints), with weights `shares` by joint number."""
     return np.asarray(sum((share * values[:, j] for j, share in shares), np.zeros(len(values))))
 
 
 def _stack(pins: Complex, couplings: list[Array], n: int) -> Array:
-    """Rows (n, rows): x and y of each of the pins (pins, n), then the couplings."""
+    """Arrange rows (n, rows): x and y of each of the pins (pins, n), then the couplings."""
     last = 2 * len(pins)
     rows = np.empty((n, last + len(couplings)))
     rows[:, 0:last:2], rows[:, 1:last:2] = pins.T.real, pins.T.imag
@@ -189,14 +190,14 @@ def _stack(pins: Complex, couplings: list[Array], n: int) -> Array:
 RANK = 1e-9
 """Singular values below this share of the largest count as zero."""
 CLOSED = 1e-12
-"""Loops that are open by less, in sizes of the mechanism, are closed: rounding of their sums."""
+"""Constraint violation, in sizes of the mechanism, below which a loop is closed up to rounding."""
 BLOCK = 4096
-"""Poses solved at once: their arrays stay in the processor's cache."""
+"""Number of poses solved at once: their arrays stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
 class Drives:
-    """Which joints are driven and which follow."""
+    """Indices of the joints that are driven, and of those that follow."""
 
     driven: Index
     following: Index
@@ -213,21 +214,21 @@ class Drives:
 
 
 def scaled_jacobian(m: Mechanism, q: Array) -> Array:
-    """Jacobian of the loops in their own units (n, rows, joints)."""
+    """Jacobian of the loops in units `Mechanism.size` and `Mechanism.scale` (n, rows, joints)."""
     return loop_jacobian(m, move(m, q), q) * m.scale / m.size
 
 
 def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
-    """Close the loops of poses (n, joints) by moving the joints that follow; drives stay.
+    """Close the loops of poses (n, joints) by moving the joints that follow; drives stay fixed.
 
     The last step is smaller than 1e-8, so by quadratic convergence its error is rounding.
 
     Raises
     ------
     SingularHere
-        The Jacobian has lost its rank.
+        The Jacobian is singular.
     CannotAssemble
-        No convergence; says how far the loops stay open.
+        Newton's method does not converge; the message has the constraint violation.
     """
     q = q.copy()
     for k in range(0, len(q), BLOCK):
@@ -241,7 +242,7 @@ def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
 
 
 def approach(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
-    """Newton's method on poses (n, joints), in place; how far they stay open (n,), in sizes."""
+    """Apply Newton's method to poses (n, joints) in place; return violations (n,), in sizes."""
     for _ in range(steps):
         motion = move(m, q)
         matrix = (loop_jacobian(m, motion, q) * m.scale)[..., d.following]
@@ -261,7 +262,7 @@ NO_JOINTS, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
 def nearest(m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = NO_VALUES) -> Array:
     """Close the loops of one pose (joints,) with the least change of its joints [rad, m].
 
-    Some joints may have values that they are given.
+    The joints with numbers `joints` get the given `values`.
     """
     q, units = q.copy(), np.eye(len(q))[joints]
     q[joints] = values
@@ -288,9 +289,9 @@ def nearest(m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = N
 def fitting(
     m: Mechanism, q: Array, v: Array, joints: Index = NO_JOINTS, rates: Array = NO_VALUES
 ) -> Array:
-    """Rates (joints,) that keep the loops of a closed pose closed, with the least change of v.
+    """Find the rates (joints,) nearest to v that keep the loops of a closed pose closed.
 
-    Some joints may have rates that they are given.
+    The joints with numbers `joints` get the given `rates`.
     """
     matrix = loop_jacobian(m, move(m, q[None]), q[None])[0]
     rows = np.concatenate([matrix, np.eye(len(q))[joints]])
@@ -299,14 +300,14 @@ def fitting(
 
 
 def count_dof(m: Mechanism, q: Array) -> int:
-    """Mobility of a closed pose (joints,): joints less independent loop equations.
+    """Degrees of freedom at a closed pose (joints,): joints less independent loop equations.
 
-    The rank is low at a singular pose too, so a neighbour that the mechanism can reach decides.
+    Since a singular pose has a lower rank too, the rank is then taken at a closed pose near it.
 
     Raises
     ------
     Overconstrained
-        The loops hold a direction twice.
+        The loop equations are not independent.
     """
     for _ in range(3):
         matrix = scaled_jacobian(m, q[None])[0]
@@ -325,12 +326,12 @@ def count_dof(m: Mechanism, q: Array) -> int:
 def rates(
     m: Mechanism, q: Array, d: Drives, rate: Array, acceleration: Array
 ) -> tuple[Array, Array]:
-    """Rates and accelerations of all joints (n, joints) in closed poses, from the drives' own.
+    """Rates and accelerations of all joints (n, joints) in closed poses, from those of the drives.
 
     Raises
     ------
     SingularHere
-        At one of the poses the drives do not determine them.
+        The drives do not determine them at one of the poses.
     """
     v, a = np.zeros_like(q), np.zeros_like(q)
     v[:, d.driven], a[:, d.driven] = rate, acceleration
@@ -352,7 +353,7 @@ def _rates(m: Mechanism, d: Drives, q: Array, v: Array, a: Array) -> None:
 
 
 def condition(m: Mechanism, q: Array, d: Drives) -> Array:
-    """Condition of closed poses (n,): how much rounding grows in them; infinite where singular."""
+    """Condition numbers of closed poses (n,), by which rounding grows; infinite where singular."""
     if not d.following.size:
         return np.ones(len(q))
     return np.asarray(np.linalg.cond(scaled_jacobian(m, q)[..., d.following]))

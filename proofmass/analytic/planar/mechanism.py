@@ -1,7 +1,7 @@
-"""A planar mechanism as numbers: bodies in a tree of joints, and the loops that close it.
+"""Data of a planar mechanism: bodies in a tree of joints, and the loops that close it.
 
-The plane is the complex plane.  Everything is written down in the *reference pose*, in which every
-joint has its zero value; a pose displaces each body from there by ``z -> w z + t``, |w| = 1.
+The plane is the complex plane.  All points are given in the *reference pose*, in which every joint
+has its zero value; a pose displaces each body from there by ``z -> w z + t``, |w| = 1.
 
 `read` makes a `Mechanism` from the numbers of a compiled MJCF; MuJoCo's kinematics is not used.
 """
@@ -33,18 +33,19 @@ class Mirrored(CannotMove):
 
 
 class Overconstrained(CannotMove):
-    """The loops hold a direction that is held already."""
+    """The loop equations are not independent of each other."""
 
 
 @dataclass(frozen=True)
 class PlanarJoint:
     """A hinge about `place`, or a slide along the unit vector `place`, in the reference pose.
 
-    `sign` is +1 when the hinge's axis is the plane's normal, -1 when it is against it.  `load` is a
-    constant moment or force that acts on it, `friction` what dry friction takes of its motion, and
-    `servo` stiffness and damping of actuators that follow it, which store no energy.  The stiffness
-    grows with the stretch and with its square by `stiffness_poly`, the damping with the speed and
-    with its square by `damping_poly`.
+    `sign` is +1 when the hinge's axis is the plane's normal, -1 when it is opposite.  `zero` is the
+    value in the reference pose, and `rest` the value at which the spring is slack.  `load` is a
+    constant moment or force on the joint, `friction` the largest dry friction, and `servo` has the
+    stiffness and damping of actuators with feedback, which store no energy.  `stiffness_poly` has
+    the coefficients of the stiffness for the stretch and its square, `damping_poly` those of the
+    damping for the speed and its square.
     """
 
     name: str
@@ -89,9 +90,10 @@ class Pin:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A sum of joints is a polynomial of another sum, all of them from their zeros.
+    """Equation between joints: the sum `one` is a polynomial of the sum `two`.
 
-    A sum has numbers of joints and their shares; without any it is 0, and the first is constant.
+    A sum consists of numbers of joints and their weights; joint values count from their zeros.  An
+    empty sum is 0; if `two` is empty, `one` is constant.
     """
 
     name: str
@@ -101,10 +103,10 @@ class Coupling:
 
 
 class TendonSpring:
-    """A spring and a damper of a tendon, by the length of that.
+    """The spring and the damper of a tendon, which act on its length.
 
     The spring is slack at lengths from `slack[0]` to `slack[1]`.  `stiffness_poly` and
-    `damping_poly` are as in a joint.
+    `damping_poly` are as in `PlanarJoint`.
     """
 
     stiffness: float
@@ -115,22 +117,22 @@ class TendonSpring:
 
     @property
     def damps(self) -> bool:
-        """Whether it pulls by its rate."""
+        """Whether it has any damping."""
         return any((self.damping, *self.damping_poly))
 
     @property
     def acts(self) -> bool:
-        """Whether it does more than measure a length."""
+        """Whether it has a spring or a damper, and does not only measure a length."""
         return self.damps or any((self.stiffness, *self.stiffness_poly))
 
     def stretch(self, length: Array) -> Array:
-        """How far lengths [m or rad] are from those at which the spring is slack."""
+        """Stretch of the spring at lengths [m or rad]: their distance from the slack range."""
         return np.asarray(length - np.clip(length, *self.slack))
 
 
 @dataclass(frozen=True)
 class SumSpring(TendonSpring):
-    """A spring and a damper whose length is a sum of shares of joints, by their numbers."""
+    """A spring and a damper whose length is a weighted sum of joint values (number, weight)."""
 
     name: str
     joints: tuple[tuple[int, float], ...]
@@ -145,7 +147,7 @@ class SumSpring(TendonSpring):
 class PointSpring(TendonSpring):
     """A spring and a damper between a point of one body and a point of another.
 
-    `offset` is how far one point is from the other along the plane's normal.
+    `offset` is the distance of the two points along the plane's normal.
     """
 
     name: str
@@ -163,9 +165,10 @@ class PointSpring(TendonSpring):
 
 @dataclass(frozen=True)
 class PointLoad:
-    """A load at a point of a body: force and moment for a unit of an actuator's force [1, m].
+    """A load at a point of a body: force and moment per unit of an actuator's force [1, m].
 
-    It turns with the body from the reference pose on if it `follows`; otherwise it is a dead load.
+    If it `follows`, it is fixed to the body and given in the reference pose; otherwise it is a dead
+    load, fixed to the ground.
     """
 
     actuator: AffineActuator
@@ -183,22 +186,22 @@ class Mechanism:
     Attributes
     ----------
     bodies, joints, pins, couplings
-        What it is made of.
+        Its bodies, joints and loop equations.
     gravity : complex
-        In the plane [m/s^2].
+        Gravity in the plane [m/s^2].
     start, start_rate : ndarray (joints,)
         Joint values and rates of the start pose [rad or m, per s].
     point_springs : tuple of PointSpring
-        Also those that only measure a length.
+        All springs between points, with those that only measure a length.
     actuators : tuple of AffineActuator
-        Of the joints.  What those without a range of forces do with the controls of the key is
-        part of the joints' own loads and servos.
+        Actuators of the joints.  The forces of those without a range of forces, at the controls of
+        the key, are part of `load` and `servo` of the joints.
     ctrl : ndarray (controls,)
         Controls of the key [SI].
     point_loads : tuple of PointLoad
-        Of the actuators on sites.
+        Loads of the actuators on sites.
     sum_springs : tuple of SumSpring
-        Of the fixed tendons that have one.
+        Springs and dampers of the fixed tendons that have any.
     """
 
     bodies: tuple[Body, ...]
@@ -216,7 +219,7 @@ class Mechanism:
 
     @cached_property
     def moved_by(self) -> NDArray[np.bool_]:
-        """Which joints move which body (bodies, joints)."""
+        """Whether each body is moved by each joint (bodies, joints)."""
         moved = np.zeros((len(self.bodies), len(self.joints)), bool)
         for b, body in enumerate(self.bodies[1:], 1):
             moved[b] = moved[body.parent]
@@ -225,7 +228,7 @@ class Mechanism:
 
     @cached_property
     def hinges(self) -> NDArray[np.bool_]:
-        """Which joints are hinges (joints,)."""
+        """Whether each joint is a hinge (joints,)."""
         return np.array([j.hinge for j in self.joints], bool)
 
     @cached_property
@@ -240,7 +243,7 @@ class Mechanism:
 
     @cached_property
     def size(self) -> float:
-        """A length of the mechanism [m]: the longest way round a loop, or to a centre."""
+        """Size of the mechanism [m]: the longest way round a loop, or from ground to a centre."""
         ways = [self.reach(p.one, p.on_one)[0] + self.reach(p.two, p.on_two)[0] for p in self.pins]
         ways += [self.reach(b, body.centre)[0] for b, body in enumerate(self.bodies)]
         return max(ways, default=0.0) or 1.0
@@ -252,7 +255,7 @@ class Mechanism:
 
     @cached_property
     def frames(self) -> "Frames":
-        """What of the kinematics is the same in all poses."""
+        """The part of the kinematics that is the same in all poses."""
         return Frames.of(self)
 
     @cached_property
@@ -274,9 +277,9 @@ class Mechanism:
 
     @cached_property
     def springs(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Of the joints (joints,): rest, stiffness, damping, armature, constant load.
+        """Rest value, stiffness, damping, armature and constant load of the joints (joints,).
 
-        Stiffness and damping with those of actuators that follow the joints.
+        Stiffness and damping include those of `servo`.
         """
         rest, stiffness, damping, armature, load = (
             np.array([getattr(j, key) for j in self.joints], float)
@@ -287,7 +290,7 @@ class Mechanism:
 
     @cached_property
     def polynomials(self) -> tuple[tuple[Array, Array], tuple[Array, Array]] | None:
-        """What stiffness and damping of the joints (joints,) grow by; None if none does."""
+        """Polynomial coefficients of the joints' stiffness and damping (joints,), or None."""
         stiffer, damped = (
             np.array([getattr(j, key) for j in self.joints], float).reshape(-1, 2).T
             for key in ("stiffness_poly", "damping_poly")
@@ -303,7 +306,7 @@ class Mechanism:
 
     @cached_property
     def inertia(self) -> "Inertia":
-        """Of the bodies that have any."""
+        """Inertia of the bodies that have any."""
         return Inertia.of(self)
 
     @property
@@ -317,7 +320,7 @@ class Mechanism:
         return 2 * len(self.pins) + len(self.couplings)
 
     def chain(self, body: int) -> list[int]:
-        """Joints from the ground to a body, in order."""
+        """Numbers of the joints from the ground to a body, in order."""
         order: list[int] = []
         while body:
             order = [*self.bodies[body].joints, *order]
@@ -327,8 +330,8 @@ class Mechanism:
     def reach(self, body: int, point: complex, q: Array | None = None) -> Array:
         """Longest distance from each joint of a body's chain to a point on it [m] (..., chain + 1).
 
-        The sum of the lengths between, with slides as far out as in q (..., joints), by default
-        the start; the last is 0.
+        It is the sum of the lengths between them, with slides as far out as in q (..., joints), by
+        default as in the start pose; the last value is 0.
         """
         chain, q = np.array(self.chain(body), np.intp), self.start if q is None else q
         hinge = self.hinges[chain]
@@ -343,28 +346,28 @@ class Mechanism:
 class Frames:
     """The tree of a mechanism as matrices.
 
-    Frame 0 is the ground, frame 1 + j what joint j carries.  A frame turns by the sum of the
-    hinges on its chain, and its shift is linear in the turns of all frames and in the slides:
-    a hinge at a leaves the point a where the frame before it has it.
+    Frame 0 is the ground, and frame 1 + j is moved by joint j.  A frame turns by the sum of the
+    hinges on its chain, and its shift is linear in the rotation factors of all frames and in the
+    slides: a hinge at the point a leaves a where the frame before the joint has it.
 
     Attributes
     ----------
     body : ndarray (bodies,)
         The frame that each body is fixed to.
     turning : ndarray (frames, joints)
-        Turn of each frame by each joint: the sign of a hinge, 0 of a slide [1].
+        Derivative of each frame's angle by each joint: the sign of a hinge, 0 for a slide [1].
     shift : ndarray (frames, frames), complex
-        Shift of each frame by the turn of each frame [m].
+        Coefficients of each frame's shift for the rotation factor of each frame [m].
     slides : ndarray (slides,)
-        The joints that slide.
+        Numbers of the joints that are slides.
     directions : ndarray (slides, frames), complex
-        Direction of each slide by the turn of each frame [1].
+        Coefficients of each slide's direction for the rotation factor of each frame [1].
     sliding : ndarray (frames, slides)
         1 where a slide moves a frame, else 0 [1].
     before : ndarray (joints,)
         The frame before each joint.
     places : ndarray (joints, 1), complex
-        Where each hinge is [m], and the direction of each slide [1], in the reference pose.
+        Position of each hinge [m] and direction of each slide [1], in the reference pose.
     """
 
     body: Index
@@ -378,7 +381,7 @@ class Frames:
 
     @classmethod
     def of(cls, m: Mechanism) -> Self:
-        """Read off the tree."""
+        """Make the matrices of a mechanism."""
         n = len(m.joints)
         body, before = np.zeros(len(m.bodies), np.intp), np.zeros(n, np.intp)
         turning, shift = np.zeros((n + 1, n)), np.zeros((n + 1, n + 1), complex)
@@ -412,6 +415,7 @@ class Inertia:
     Attributes
     ----------
     bodies : ndarray (k,)
+        Numbers of the bodies.
     mass : ndarray (k,)
         Masses [kg].
     centre : ndarray (k, 1), complex
@@ -419,10 +423,10 @@ class Inertia:
     moment : ndarray (k,)
         Moments of inertia about the centres [kg m^2].
     turning : ndarray (k, joints)
-        Turn of each body by each joint [1].
+        Derivative of each body's angle by each joint [1].
     fixed : ndarray (joints, joints)
-        What of the mass matrix is the same in all poses, armatures and moments of inertia
-        [kg m^2 or kg].
+        The part of the mass matrix that is the same in all poses, of armatures and moments of
+        inertia [kg m^2 or kg].
     """
 
     bodies: Index
@@ -434,7 +438,7 @@ class Inertia:
 
     @classmethod
     def of(cls, m: Mechanism) -> Self:
-        """Take them from the bodies."""
+        """Collect the inertia of the bodies of a mechanism."""
         bodies = np.array(
             [b for b, body in enumerate(m.bodies) if b and (body.mass or body.moment)], np.intp
         )
@@ -459,10 +463,11 @@ class Reader:
     Attributes
     ----------
     at, turn : ndarray (bodies, 3), (bodies, 3, 3)
-        Body frames of the reference pose.
+        Origins and axes of the bodies in the reference pose.
     e1, e2, normal : ndarray (3,)
-        The plane: e1 is the world's x (its y if x is the normal), the normal the first hinge's
-        axis, or without hinges normal to the slides.
+        The plane.  The normal is the first hinge's axis, or without hinges it is perpendicular to
+        the slides.  e1 is the world's x axis projected on the plane (the y axis if x is the
+        normal).
     """
 
     def __init__(self, model: Any):
@@ -486,7 +491,7 @@ class Reader:
         along = np.linalg.norm(np.cross(self.axes[0], self.axes), axis=1).max() <= PARALLEL
         pinned = mujoco.mjtEq.mjEQ_CONNECT in self.model.eq_type[self.model.eq_active0 > 0]
         if not hinge.any() and along and pinned:
-            raise NotCovered("a pin between slides along one line holds nothing across it")
+            raise NotCovered("a pin between slides along one line constrains nothing across it")
         normal = (
             np.asarray(self.axes[hinge][0])
             if hinge.any()
@@ -499,15 +504,15 @@ class Reader:
         return normal
 
     def flat(self, vector: Array) -> complex:
-        """A vector's part in the plane, as a complex number."""
+        """Part of a vector in the plane, as a complex number."""
         return complex(vector @ self.e1, vector @ self.e2)
 
     def point(self, body: int, local: Array) -> complex:
-        """A point of a body, in the reference pose."""
+        """Position of a point of a body in the reference pose, given in the body's axes."""
         return self.flat(self.at[body] + self.turn[body] @ local)
 
     def joint(self, j: int, ctrl: Array) -> PlanarJoint:
-        """Joint number j, with the constant loads that motors give it."""
+        """Read joint number j, with the constant load of its motors at controls `ctrl`."""
         model, dof, adr = self.model, self.model.jnt_dofadr[j], self.model.jnt_qposadr[j]
         hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
         place = (
@@ -536,22 +541,23 @@ class Reader:
         )
 
     def stops(self, m: "Mechanism", driven: tuple[str, ...] = ()) -> Iterator[Stop]:
-        """The ends of the ranges of the joints that are not driven.
+        """Read the stops of the joints that are not driven.
 
         Raises
         ------
         NotCovered
-            A limit acts at a distance, or has no damping ratio.
+            A limit has a margin, or has no damping ratio.
         """
         for j, joint in enumerate(m.joints):
             if joint.name not in driven:
                 yield from read_stops(self.model, j, joint.range, j, j, float(m.scale[j]))
 
     def constant(self, j: int) -> list[int]:
-        """The actuators of joint number j that are part of its own load and servo.
+        """Actuators of joint number j whose forces are part of its `load` and `servo`.
 
-        All but those whose force has a range, be it of a joint that they alone act on; of several
-        on a joint with a range of actuator forces, which no servo has, all.
+        These are the actuators whose own force has no range.  On a joint with a range of actuator
+        forces (on which no servo is allowed) they are all actuators if there are several, and none
+        if there is only one.
         """
         there = acting(self.model, j)
         if self.model.jnt_actfrclimited[j]:
@@ -559,7 +565,7 @@ class Reader:
         return [a for a in there if not self.model.actuator_forcelimited[a]]
 
     def actuators(self) -> Iterator[AffineActuator]:
-        """All actuators of joints; only those that the joints' own loads leave out have a range."""
+        """Read all actuators of joints; those in the joints' own loads are read without a range."""
         for j in range(self.model.njnt):
             constant = self.constant(j)
             for a in acting(self.model, j):
@@ -574,12 +580,12 @@ class Reader:
                     yield one
 
     def point_load(self, a: int) -> PointLoad:
-        """The load of actuator number a on a site.
+        """Read the load of actuator number a on a site.
 
         Raises
         ------
         NotCovered
-            It leaves the plane of motion.
+            The load leaves the plane of motion.
         """
         one = read_site_load(self.model, a)
         force, moment = one.force, one.moment
@@ -600,7 +606,7 @@ class Reader:
         )
 
     def servo(self, j: int) -> tuple[float, float]:
-        """Stiffness and damping that actuators without a range of forces give joint number j."""
+        """Stiffness and damping of joint number j by actuators without a range of forces."""
         model, found = self.model, np.zeros(2)
         for a in self.constant(j):
             if is_affine(model, a):
@@ -609,9 +615,9 @@ class Reader:
         return float(found[0]), float(found[1])
 
     def load(self, j: int, ctrl: Array) -> float:
-        """What the motors on joint number j do, as far as its range of forces lets them.
+        """Constant moment or force of the actuators of joint number j, within its range of forces.
 
-        Of servos what they do where the spring of the joint is slack, and without a rate.
+        For servos it is that at the rest value of the joint's spring, without a rate.
         """
         model, constant = self.model, self.constant(j)
         load = sum(self.motor(a, ctrl) for a in constant)
@@ -620,7 +626,7 @@ class Reader:
         return float(np.clip(load, *model.jnt_actfrcrange[j]) if limited else load)
 
     def motor(self, a: int, ctrl: Array) -> float:
-        """Moment or force of motor number a, with its control and its force in their ranges."""
+        """Moment or force of motor number a, with control and force clipped to their ranges."""
         model, control = self.model, ctrl[self.model.actuator_ctrladr[a]]
         if model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL):
             control = np.clip(control, *model.actuator_ctrlrange[a])
@@ -631,16 +637,16 @@ class Reader:
         return float(model.actuator_gear[model.actuator_outadr[a], 0] * force)
 
     def unless(self, flag: int, value: float) -> float:
-        """A number, or zero if the model disables what it stands for."""
+        """The value, or zero if the model sets the disable flag."""
         return 0.0 if disabled(self.model, flag) else float(value)
 
     def grows(self, flag: int, values: Array) -> tuple[float, float]:
-        """What a stiffness or a damping grows by, or zeros if the model disables it."""
+        """Polynomial coefficients of a stiffness or a damping; zeros if the model disables it."""
         one, two = (self.unless(flag, value) for value in values)
         return one, two
 
     def body(self, b: int) -> Body:
-        """Body number b."""
+        """Read body number b."""
         model = self.model
         frame = self.turn[b] @ rotation(model.body_iquat[b])
         moment = float((self.normal @ frame) ** 2 @ model.body_inertia[b])
@@ -656,7 +662,7 @@ class Reader:
         )
 
     def pin(self, e: int) -> Pin:
-        """Connect equality number e."""
+        """Read connect equality number e."""
         model = self.model
         one, two = model.eq_obj1id[e], model.eq_obj2id[e]
         places = model.eq_data[e, :3], model.eq_data[e, 3:6]
@@ -672,7 +678,7 @@ class Reader:
         )
 
     def point_spring(self, t: int) -> PointSpring:
-        """Tendon number t, from site to site."""
+        """Read tendon number t, which goes from site to site."""
         model, first = self.model, self.model.tendon_adr[t]
         one, two = model.wrap_objid[first : first + 2]
         bodies = [int(model.site_bodyid[site]) for site in (one, two)]
@@ -691,13 +697,13 @@ class Reader:
         )
 
     def sum_springs(self) -> Iterator[SumSpring]:
-        """All fixed tendons."""
+        """Read all fixed tendons."""
         for t in range(self.model.ntendon):
             if is_fixed(self.model, t):
                 yield SumSpring(self.model.tendon(t).name, self.fixed(t), **self.tendon(t))
 
     def tendon(self, t: int) -> dict[str, Any]:
-        """The spring and the damper of tendon number t."""
+        """Read the spring and the damper of tendon number t."""
         model = self.model
         return {
             "stiffness": self.unless(OFF.mjDSBL_SPRING, model.tendon_stiffness[t]),
@@ -708,7 +714,7 @@ class Reader:
         }
 
     def coupling(self, e: int) -> Coupling:
-        """Equality number e of joints or of fixed tendons."""
+        """Read equality number e of joints or of fixed tendons."""
         model = self.model
         tendons = model.eq_type[e] == mujoco.mjtEq.mjEQ_TENDON
 
@@ -725,14 +731,14 @@ class Reader:
         )
 
     def fixed(self, t: int) -> tuple[tuple[int, float], ...]:
-        """The joints of fixed tendon number t, and their shares."""
+        """Joints of fixed tendon number t, and their weights."""
         model, first = self.model, int(self.model.tendon_adr[t])
         wraps = range(first, first + int(model.tendon_num[t]))
         return tuple((int(model.wrap_objid[w]), float(model.wrap_prm[w])) for w in wraps)
 
 
 def read_actuator(model: Any, a: int) -> AffineActuator:
-    """Actuator number a of a compiled model, on a joint or a tendon."""
+    """Read actuator number a of a compiled model, on a joint or a tendon."""
     target, on_joint = int(model.actuator_trnid[a, 0]), joined(model, a)
     bias = model.actuator_biasprm[a, :3] * is_affine(model, a)
     clamped = model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL)
@@ -753,7 +759,7 @@ def read_actuator(model: Any, a: int) -> AffineActuator:
 
 
 def read_site_load(model: Any, a: int) -> SiteLoad:
-    """The load of actuator number a of a compiled model, which acts on a site."""
+    """Read the load of actuator number a of a compiled model, which acts on a site."""
     site, frame = map(int, model.actuator_trnid[a])
     turn = rotation(model.site_quat[site if frame < 0 else frame])
     over = 0 if frame < 0 else int(model.site_bodyid[frame])
@@ -771,22 +777,22 @@ def read_site_load(model: Any, a: int) -> SiteLoad:
 
 
 def ends(values: Array, limited: bool) -> tuple[float, float]:
-    """The ends of a range, infinite where there is none."""
+    """Ends of a range; infinite if there is none."""
     return (float(values[0]), float(values[1])) if limited else (-np.inf, np.inf)
 
 
 def disabled(model: Any, *flags: int) -> bool:
-    """Whether a model sets one of these disable flags."""
+    """Whether a model sets one of some disable flags."""
     return any(model.opt.disableflags & int(flag) for flag in flags)
 
 
 def acting(model: Any, j: int) -> list[int]:
-    """The actuators that act on joint number j."""
+    """Numbers of the actuators that act on joint number j."""
     return [a for a in switched_on(model) if model.actuator_trnid[a, 0] == j and joined(model, a)]
 
 
 def switched_on(model: Any) -> list[int]:
-    """The actuators that a model does not switch off."""
+    """Numbers of the actuators that a model does not disable."""
     if disabled(model, OFF.mjDSBL_ACTUATION):
         return []
     return [
@@ -797,7 +803,7 @@ def switched_on(model: Any) -> list[int]:
 
 
 def loads_site(model: Any, a: int) -> bool:
-    """Whether actuator number a loads a site, in directions of its body or of the ground."""
+    """Whether actuator number a is a motor on a site, in directions of its body or the ground."""
     if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_SITE or is_affine(model, a):
         return False
     frame = int(model.actuator_trnid[a, 1])
@@ -813,7 +819,7 @@ def joined(model: Any, a: int) -> bool:
 
 
 def carried_by(parents: Sequence[int], body: int) -> set[int]:
-    """A body and all that hang on it in a tree, by the parents of its bodies.
+    """Numbers of a body and of all bodies that it carries, by the parents of all bodies.
 
     >>> carried_by([0, 0, 1, 0, 2], 1)
     {1, 2, 4}
@@ -840,7 +846,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
     model : mujoco.MjModel
         Compiled; only its numbers are read.
     start : str
-        Name of the key with the start pose; of no meaning in a model without keys.
+        Name of the key with the start pose; not used in a model without keys.
 
     Returns
     -------
@@ -849,8 +855,8 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
     Raises
     ------
     ValueError
-        What is not a planar mechanism of hinges, slides, connects, joint equalities and springs
-        between two sites; by name.
+        The model is not a planar mechanism of hinges, slides, equalities of kinds ``connect``,
+        ``joint`` and fixed tendons, and springs between two sites; the message names the element.
     """
     refuse(model)
     reader = Reader(model)
@@ -883,7 +889,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
 
 
 def refuse(model: Any) -> None:
-    """Raise NotCovered, by name, for what a planar mechanism here does not have."""
+    """Raise NotCovered, with the name, for elements that this solver does not cover."""
     for j in range(model.njnt):
         if mujoco.mjtJoint(model.jnt_type[j]) not in (
             mujoco.mjtJoint.mjJNT_HINGE,
@@ -924,9 +930,9 @@ def refuse(model: Any) -> None:
 
 
 def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
-    """Raise NotCovered, by name, for what actuators have that is not covered.
+    """Raise NotCovered, with the name, for features of actuators that are not covered.
 
-    Those of driven joints do not act, whatever they have.
+    Actuators of driven joints are not examined, since they do not act.
     """
     for a in range(model.nactuator):
         joint = int(model.actuator_trnid[a, 0]) if joined(model, a) else -1
@@ -944,7 +950,10 @@ def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
 
 
 def beside_force(model: Any, a: int) -> dict[str, Any]:
-    """What actuator number a may have beside its force, and whether it does."""
+    """Features of actuator number a in addition to its force that are not covered.
+
+    The values are true where the actuator has the feature.
+    """
     resisting = model.actuator_armature, model.actuator_damping, model.actuator_dampingpoly
     return {
         "has armature or damping": any(part[a].any() for part in resisting),
@@ -953,17 +962,20 @@ def beside_force(model: Any, a: int) -> dict[str, Any]:
 
 
 def is_affine(model: Any, a: int) -> bool:
-    """Whether the force of actuator number a is linear in length and rate of what it acts on."""
+    """Whether the force of actuator number a depends linearly on its length and rate."""
     return bool(model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE)
 
 
 def is_fixed(model: Any, t: int) -> bool:
-    """Whether tendon number t is a sum of joints."""
+    """Whether tendon number t is fixed: a weighted sum of joint values."""
     return bool(model.wrap_type[model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT)
 
 
 def beside_springs(model: Any, t: int) -> dict[str, Any]:
-    """What tendon number t may have beside springs and dampers, and whether it does."""
+    """Features of tendon number t in addition to spring and damper that are not covered.
+
+    The values are true where the tendon has the feature.
+    """
     return {
         "has a range": model.tendon_limited[t]
         and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT),
@@ -975,9 +987,9 @@ def beside_springs(model: Any, t: int) -> dict[str, Any]:
 
 
 def refuse_tendons(model: Any) -> None:
-    """Raise NotCovered, by name, for tendons that are not covered.
+    """Raise NotCovered, with the name, for tendons that are not covered.
 
-    Covered are springs and dampers between two sites, and those of fixed tendons.
+    Springs and dampers between two sites, and those of fixed tendons, are covered.
     """
     for t in range(model.ntendon):
         first = int(model.tendon_adr[t])
@@ -993,7 +1005,7 @@ def refuse_tendons(model: Any) -> None:
 
 
 def refuse_contacts(model: Any) -> None:
-    """Raise NotCovered if bodies of the model may touch, which a free motion does not cover."""
+    """Raise NotCovered if bodies of the model may touch: contacts are not covered."""
     touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
     if not disabled(model, OFF.mjDSBL_CONTACT, OFF.mjDSBL_CONSTRAINT) and (
         np.unique(touchable).size > 1 or model.npair
