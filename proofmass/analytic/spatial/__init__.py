@@ -3,8 +3,8 @@
     sidecar:  reference = "spatial"
 
 The quantities are the model's own sensors, by their channel names.  The numbers are read from the
-compiled model, so it holds the *engine* to account, not the drawing: a wrong length in the MJCF is
-wrong in both.
+compiled model.  The comparison therefore tests the *engine* and not the model: a wrong length in
+the MJCF is wrong in both.
 """
 
 import pickle
@@ -54,21 +54,21 @@ __all__ = ["properties", "solve"]
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 PARTS = {3: "xyz", 4: "wxyz"}
-"""Names of the parts of vectors, and of quaternions."""
+"""Names of the components of vectors and of quaternions, by their number."""
 IN_TIME, DRIVEN, AT_REST = "in time", "driven", "at rest"
 HOW = {
     IN_TIME: "integrated with DOP853 at 3e-14",
     DRIVEN: "at the drives' values",
     AT_REST: "at rest beside the drives",
 }
-"""Ways of motion, and how the equations are used there."""
+"""Descriptions of how the equations are solved, by the way of motion."""
 ACTUATORS = {S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC, S.mjSENS_TENDONACTFRC}
 """Sensors of the forces of actuators."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """A motion, its bodies, what its witness found, and its controls if they change."""
+    """A solved motion with that of its bodies, the check of its terms, and changing controls."""
 
     way: str
     held: HeldMotion
@@ -92,7 +92,7 @@ def solve(
     in_time: tuple[Array, Sequence[Law]] | None = None,
     control_laws: Mapping[str, Law] | None = None,
 ) -> dict[str, Array]:
-    r"""Motion of any tree of hinges, slides, balls and free joints with equalities held exactly.
+    r"""Motion of any tree of hinges, slides, balls and free joints with exact equalities.
 
     ::
 
@@ -102,65 +102,66 @@ def solve(
         --+-------+--      φ: connect, weld, joint, tendon
 
     Springs and dampers of joints and tendons may be polynomials, tendons fixed or straight from
-    site to site, actuators affine with the control of the key or one that follows a law.  DOP853
-    with a projection of pose and rates after every step (`proofmass.analytic.spatial.motion`),
-    begun anew where a law has a break; the terms come from `terms`,
-    and at 50 poses of the motion those of this package must agree with them to 1e-12
-    (`proofmass.analytic.spatial.witness`).  Driven joints are held at their values.  Degrees of
-    freedom that they leave move beside them in time, from the start pose; where the drives do not
-    move in time, springs, weights and loads hold them at rest, in the stable rest that the start
-    pose falls to (`proofmass.analytic.equilibrium`).
+    site to site, and actuators affine, with the control of the key or one that follows a profile.
+    The motion is integrated by DOP853 with a projection of pose and rates after every step
+    (`proofmass.analytic.spatial.motion`), begun anew where a profile has a break.  The terms come
+    from `terms`, and at 50 poses of the motion those of this package must agree with them to 1e-12
+    (`proofmass.analytic.spatial.witness`).  Driven joints have given values.  Degrees of freedom
+    that the drives do not determine move freely from the start pose if the drives move in time.
+    Otherwise springs, weights and loads bring them to rest, in the stable equilibrium that the
+    mechanism reaches from the start pose (`proofmass.analytic.equilibrium`).
 
     Parameters
     ----------
     value, rate, acceleration : array_like (n,) or (drives, n)
-        Of the driven joints [rad or m, per s, per s^2]; rising times [s] without any.
+        Of the driven joints [rad or m, per s, per s^2].  Without driven joints `value` has rising
+        times [s].
     model : mujoco.MjModel
         The compiled MJCF; its sensors are the quantities.
     start : str
         Key with the start pose, the rates there, and the controls.
     joints : tuple of str
-        The driven joints, which determine all others.
+        The driven joints.
     inertia : bool
         Whether moments of drives are those of the motion, and not those at rest.
-    terms : Source, optional
-        Where the terms of the equations of motion come from, by default this package.
+    terms : TermSource, optional
+        Source of the terms of the equations of motion, by default this package.
     controls : mapping of str to array_like (n,)
-        Of actuators at the samples of a driven motion [1]; left out: those of the key.
+        Controls of actuators at the samples [1]; controls that are left out are those of the key.
     control_rates : mapping of str to array_like (n,)
-        Their rates [1/s]; zero where they are left out.
+        Rates of these controls [1/s]; zero where they are left out.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
-        Times [s] of the samples, and of each drive its law: values, rates and accelerations as
-        functions of time.  Asked where the drives leave degrees of freedom, whose motion depends on
-        the whole way and not on the samples alone.
+        Times [s] of the samples, and the motion profile of each drive: values, rates and
+        accelerations as functions of time.  Needed where the drives leave degrees of freedom, whose
+        motion depends on the whole way and not on the samples alone.
     control_laws : mapping of str to callable, optional
-        Of actuators whose controls change in time, values, rates and accelerations as functions of
-        time; of a free motion, or one beside drives.
+        For actuators whose controls change in time: values, rates and accelerations as functions of
+        time.  Used where degrees of freedom move freely.
 
     Returns
     -------
     dict of str to ndarray (n,) [SI]
-        By channel name, as in a sidecar: ``top.x``, ``turn.w``, ``spin.z``, ...; quaternions begin
-        with their largest part positive and do not jump.  A path of rests has rates, and no
-        accelerations: these are NaN.
+        Curves by channel name, as in a sidecar: ``top.x``, ``turn.w``, ``spin.z``, ...; quaternions
+        begin with their largest part positive and do not jump.  A path of equilibria has rates but
+        no accelerations: these are NaN.
 
     Raises
     ------
     NotCovered
-        The model holds what is not covered; by its name in the MJCF.
+        The model has an element that is not covered; the message has its name in the MJCF.
     CannotAssemble, SingularHere
-        The start pose is open; or the equalities lose rank on the way, and where.
+        The equalities are open at the start pose; or they lose rank on the way, the message says
+        where.
     Unstable
-        A path of rests ends on the way, where the mechanism would fall to another one.
+        A path of equilibria ends on the way, where the mechanism would fall to another equilibrium.
     TermsDiffer
         Two formulations of the equations of motion disagree.
 
     Notes
     -----
-    Domain: regular motions, whose equalities hold the same number of directions throughout.
-    Accuracy: the tolerance of a step is 3e-14; what remains grows with the motion's own
-    sensitivity, 1e-10 after 20 s of a body that flips over four times; rests 1e-13, their rates
-    1e-11.
+    Domain: regular motions, whose equalities have the same rank throughout.
+    Accuracy: the tolerance of a step is 3e-14; the error grows with the motion's own sensitivity,
+    to 1e-10 after 20 s of a body that flips over four times; equilibria 1e-13, their rates 1e-11.
 
     Examples
     --------
@@ -175,7 +176,7 @@ def solve(
     changing = Changing(controls, control_rates, control_laws)
     followed = follow(model, tree, source, joints, motion, in_time, changing)
     if followed.way == AT_REST and inertia:
-        raise NotCovered("a path of rests has no inertia: leave out inertia of the sweep")
+        raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
     if followed.way == DRIVEN:
         refuse_limits(tree, followed.held.q)
     inertia = inertia or followed.way == IN_TIME
@@ -195,10 +196,10 @@ def properties(
     control_laws: Mapping[str, Law] | None = None,
     **_: float,
 ) -> dict[str, str]:
-    """What is known of a motion as a whole, in words for a report.
+    """Describe properties of a motion as a whole, in words for a report.
 
-    `motion` are the times of the run [s], or values, rates and accelerations of its drives; the
-    rest is that of `solve`.
+    `motion` has the times of the run [s], or values, rates and accelerations of its drives; the
+    other parameters are those of `solve`.
     """
     tree, source = sources(model, start, terms)
     changing = Changing(controls, control_rates, control_laws)
@@ -224,7 +225,7 @@ def properties(
 
 
 def conserved(tree: Tree, followed: Followed) -> str:
-    """How well energy is kept, in words; nothing where something takes or gives some."""
+    """Describe how well energy is conserved; empty where actuators or dampers change it."""
     if (
         tree.actuators
         or tree.site_loads
@@ -240,7 +241,7 @@ def conserved(tree: Tree, followed: Followed) -> str:
 
 
 def sources(model: Any, start: str, terms: TermSource | None) -> tuple[Tree, TermSource]:
-    """The tree of a model, and where its terms come from."""
+    """The tree of a model, and the source of its terms."""
     tree = _read(model, start)
     return tree, _own(tree) if terms is None else terms
 
@@ -251,7 +252,7 @@ _own = lru_cache(maxsize=32)(OwnTerms)
 
 @dataclass(frozen=True)
 class Changing:
-    """Controls that change, by the names of their actuators: at the samples, or as laws of time."""
+    """Controls that change, by the names of actuators: at the samples, or as functions of time."""
 
     controls: Mapping[str, ArrayLike] | None
     rates: Mapping[str, ArrayLike] | None
@@ -267,9 +268,9 @@ def follow(
     in_time: tuple[Array, Sequence[Law]] | None,
     changing: Changing,
 ) -> Followed:
-    """The motion that is asked for, once for all who ask for it.
+    """Find the motion by the way that its drives allow; results are cached.
 
-    `motion` are times, or values, rates and accelerations of the drives.
+    `motion` has times, or values, rates and accelerations of the drives.
     """
     loose = not joints or leaves_dof(tree, joints)
     if loose and (not joints or in_time is not None):
@@ -293,7 +294,7 @@ def follow(
 
 @lru_cache(maxsize=32)
 def leaves_dof(tree: Tree, joints: tuple[str, ...]) -> bool:
-    """Whether joints whose values are known leave degrees of freedom at the start pose."""
+    """Whether the tree has more degrees of freedom than driven joints at the start pose."""
     return count_dof(tree, _own(tree)) > len(joints)
 
 
@@ -306,7 +307,7 @@ def moved_in_time(
     laws: Sequence[Law],
     changing: ControlsInTime | None,
 ) -> Followed:
-    """A motion in time, free or beside drives that follow laws."""
+    """Integrate a motion in time, free or with drives that follow motion profiles."""
     drives = UNDRIVEN
     if joints:
         drives = Prescribed.of(*tree.places(joints), laws)
@@ -319,20 +320,20 @@ def moved_in_time(
 def in_time_once(
     tree: Tree, source: TermSource, joints: tuple[str, ...], stops: tuple[Stop, ...], packed: bytes
 ) -> Followed:
-    """`moved_in_time`, of times, laws of drives and controls as bytes."""
+    """`moved_in_time` for pickled times, motion profiles and controls, cached by these bytes."""
     return moved_in_time(tree, source, joints, stops, *pickle.loads(packed))
 
 
 @lru_cache(maxsize=8)
 def driven_once(tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes) -> Followed:
-    """A motion whose drives determine it, of their states and all controls as bytes."""
+    """Find a motion that its drives determine; states and controls are pickled, for the cache."""
     state, ctrl = pickle.loads(packed)
     return witnessed(tree, source, DRIVEN, driven_motion(tree, source, joints, *state), None, ctrl)
 
 
 @lru_cache(maxsize=8)
 def rests_once(tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes) -> Followed:
-    """A path of rests beside drives, of their states, all controls and their rates as bytes."""
+    """Follow equilibria over values of the drives; the arguments are pickled, for the cache."""
     (values, rates, _), ctrl, ctrl_rates = pickle.loads(packed)
     at_rest = TreeAtRest(tree, joints)
     resting = Resting(at_rest)
@@ -351,7 +352,7 @@ def witnessed(
     times: Array | None,
     ctrl: Array | None,
 ) -> Followed:
-    """A motion that its witness has seen; of one without times the samples are counted."""
+    """Check the terms of a motion and move its bodies; without times the samples are counted."""
     at, unit = (np.arange(float(len(held.q))), "sample") if times is None else (times, "t")
     seen = bear_witness(tree, source, at, held.q, held.v, unit, ctrl)
     return Followed(way, held, move_tree(tree, held.q, held.v, held.a), seen, ctrl)
@@ -360,9 +361,10 @@ def witnessed(
 def forces(
     model: Any, tree: Tree, followed: Followed, joints: tuple[str, ...], inertia: bool
 ) -> dict[str, Array]:
-    """What sensors of drives, and of forces and moments between bodies, show.
+    """Curves of sensors of actuators and drives, and of forces and moments between bodies.
 
-    Of the motion with `inertia`, else at rest.  Nothing where the motion does not determine it.
+    They are those of the motion with `inertia`, otherwise those at rest.  Forces between bodies are
+    left out where the motion does not determine them.
     """
     kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}
     sensors = [s for s, kind in kinds.items() if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE)]
@@ -388,7 +390,7 @@ def forces(
 def shown_forces(
     model: Any, tree: Tree, motion: TreeMotion, state: PoseStates, ctrl: Array | None
 ) -> dict[str, Array]:
-    """Forces of actuators by their sensors, and of all on a joint or a tendon."""
+    """Curves of the sensors of actuators, and of all actuators on a joint or a tendon."""
     kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}
     if not ACTUATORS & set(kinds.values()):
         return {}
@@ -415,7 +417,7 @@ def shown_forces(
 
 
 def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
-    """The moments of drives by the sensors of their actuators and joints."""
+    """Curves of the sensors of driven joints and their actuators, from the drives' moments."""
     found: dict[str, Array] = {}
     for s in range(model.nsensor):
         kind, number = S(int(model.sensor_type[s])), int(model.sensor_objid[s])
@@ -432,7 +434,7 @@ def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[s
 
 
 def stops_of(model: Any, tree: Tree) -> Iterator[Stop]:
-    """The ends of the ranges of the joints."""
+    """Read the stops of all joints."""
     for j, joint in enumerate(tree.joints):
         if joint.kind in ("hinge", "slide"):
             size = float(tree.sizes[joint.rate])
@@ -440,7 +442,7 @@ def stops_of(model: Any, tree: Tree) -> Iterator[Stop]:
 
 
 def refuse_limits(tree: Tree, q: Array) -> None:
-    """Raise ValueError if a joint leaves its range, which drives do not."""
+    """Raise ValueError if a joint of a driven motion leaves its range."""
     for joint in tree.joints:
         if joint.kind in ("hinge", "slide"):
             out = (q[:, joint.pose] < joint.range[0]) | (q[:, joint.pose] > joint.range[1])
@@ -472,7 +474,7 @@ def quantities(model: Any, tree: Tree, followed: Followed) -> dict[str, Array]:
 def of_whole(
     model: Any, tree: Tree, followed: Followed, kind: mujoco.mjtSensor, s: int
 ) -> Array | None:
-    """What a sensor of a joint, of a tendon or of the whole model shows; None of another."""
+    """Curve of a sensor of a joint, a tendon or the whole model; None for another sensor."""
     held, number = followed.held, int(model.sensor_objid[s])
     if kind == S.mjSENS_E_POTENTIAL:
         return potential(tree, followed)
@@ -500,7 +502,7 @@ def of_whole(
 
 @dataclass(frozen=True)
 class Seat:
-    """The frame of a sensor: a place and axes of a body."""
+    """The frame of a sensor: a point and axes that are fixed to a body."""
 
     motion: TreeMotion
     body: int
@@ -510,7 +512,7 @@ class Seat:
 
     @classmethod
     def of(cls, model: Any, tree: Tree, motion: TreeMotion, s: int) -> "Seat":
-        """That of sensor number s."""
+        """Read the frame of sensor number s."""
         kind, i = OBJ(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
         body, place, quaternion = {
             OBJ.mjOBJ_SITE: lambda: (model.site_bodyid[i], model.site_pos[i], model.site_quat[i]),
@@ -521,27 +523,27 @@ class Seat:
         return cls(motion, int(body), np.array(place), np.array(quaternion), tree.gravity)
 
     def at(self) -> Array:
-        """Its place (n, 3) [m]."""
+        """Position of the frame (n, 3) [m]."""
         return self.motion.point(self.body, self.place)
 
     def velocity(self) -> Array:
-        """Its velocity (n, 3) [m/s]."""
+        """Velocity of the frame (n, 3) [m/s]."""
         return self.motion.point_velocity(self.body, self.place)
 
     def acceleration(self) -> Array:
-        """Its acceleration (n, 3) [m/s^2]."""
+        """Acceleration of the frame (n, 3) [m/s^2]."""
         return self.motion.point_acceleration(self.body, self.place)
 
     def turn(self) -> Array:
-        """The quaternion of its axes (n, 4) [1]."""
+        """Quaternion of the frame's axes (n, 4) [1]."""
         return unwrapped_quaternion(product(self.motion.quaternion[:, self.body], self.quaternion))
 
     def axis(self, k: int) -> Array:
-        """One of its axes in the world (n, 3) [1]."""
+        """Axis number k in the world (n, 3) [1]."""
         return np.asarray(self.motion.turn[:, self.body] @ rotation(self.quaternion)[:, k])
 
     def inside(self, vectors: Array) -> Array:
-        """Vectors (n, 3) in its axes."""
+        """Components (n, 3) of vectors of the world in the frame's axes."""
         axes = self.motion.turn[:, self.body] @ rotation(self.quaternion)
         return np.asarray(np.einsum("nji,nj->ni", axes, vectors))
 
@@ -560,11 +562,11 @@ FRAMES: Mapping[mujoco.mjtSensor, Callable[[Seat], Array]] = {
     S.mjSENS_VELOCIMETER: lambda seat: seat.inside(seat.velocity()),
     S.mjSENS_ACCELEROMETER: lambda seat: seat.inside(seat.acceleration() - seat.gravity),
 }
-"""What sensors of frames show."""
+"""Curves of the sensors of frames, by kind of sensor."""
 
 
 def kinetic(tree: Tree, followed: Followed) -> Array:
-    """Kinetic energy (n,), with that of armatures [J]."""
+    """Kinetic energy (n,), including that of armatures [J]."""
     motion, rates = followed.motion, followed.held.v
     found = 0.5 * rates**2 @ tree.armature
     for b, body in enumerate(tree.bodies):
@@ -576,7 +578,7 @@ def kinetic(tree: Tree, followed: Followed) -> Array:
 
 
 def potential(tree: Tree, followed: Followed) -> Array:
-    """Potential energy (n,) of weights and springs, as MuJoCo counts it [J]."""
+    """Potential energy (n,) of weights and springs, with the same zero as in MuJoCo [J]."""
     motion, held = followed.motion, followed.held
     found = np.zeros(len(held.q))
     for b, body in enumerate(tree.bodies):

@@ -1,4 +1,4 @@
-"""What `proofmass.analytic.equilibrium` asks of a tree in space that its drives leave loose."""
+"""Equilibrium equations of a tree in space, for `proofmass.analytic.equilibrium`."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +15,7 @@ from proofmass.analytic.stops import Stop, ends
 
 @dataclass(frozen=True)
 class TreeAtRest:
-    """A tree at rest beside its drives.
+    """A tree whose drives leave degrees of freedom, for `equilibrium.Resting`.
 
     Attributes
     ----------
@@ -29,22 +29,22 @@ class TreeAtRest:
 
     @property
     def sizes(self) -> Array:
-        """What its rates are measured in (rates,): 1 rad, or the size of the model [m]."""
+        """Units of its rates (rates,): 1 rad, or the size of the model [m]."""
         return self.tree.sizes
 
     @cached_property
     def places(self) -> tuple[Index, Index]:
-        """Where the drives stand in a pose and in the rates (drives,)."""
+        """Indices of the drives in a pose and in the rates (drives,)."""
         return self.tree.places(self.joints)
 
     @property
     def driven(self) -> Index:
-        """Where the drives stand in the rates (drives,)."""
+        """Indices of the drives in the rates (drives,)."""
         return self.places[1]
 
     @cached_property
     def stops(self) -> tuple[Stop, ...]:
-        """Of the joints that the drives leave."""
+        """Stops of the joints that are not driven."""
         return tuple(
             stop
             for joint in self.tree.joints
@@ -56,7 +56,7 @@ class TreeAtRest:
 
     @cached_property
     def row_sizes(self) -> Array:
-        """What the gaps of the equalities are measured in (rows,) [rad or m]."""
+        """Units of the violations of the equalities (rows,) [rad or m]."""
         tree = self.tree
         ties = [
             tree.size if tie.tendons else float(self.sizes[tree.joints[tie.one].rate])
@@ -66,12 +66,12 @@ class TreeAtRest:
 
     @cached_property
     def closed(self) -> tuple[Array, float]:
-        """The start pose (poses,) with its equalities closed, and how far they were open."""
+        """The start pose (poses,) with closed equalities, and their largest violation before."""
         q, _, gap = Holder(self.tree, OwnTerms(self.tree)).start()
         return q, gap
 
     def begin(self, values: Array) -> Array:
-        """The closed pose (poses,) next to the start, with the drives at values (drives,).
+        """Find the closed pose (poses,) nearest to the start, with the drives at values (drives,).
 
         Raises
         ------
@@ -94,7 +94,7 @@ class TreeAtRest:
         )
 
     def moved(self, q: Array, way: Array) -> Array:
-        """The poses (n, poses) at the ends of ways (n, rates), in which balls turn evenly."""
+        """Poses (n, poses) that moves (n, rates) lead to; balls turn about constant axes."""
         found, (places, rates) = q.copy(), self.tree.scalars
         found[:, places] += way[:, rates]
         for at, dof in self.tree.quaternions:
@@ -106,9 +106,9 @@ class TreeAtRest:
         return found
 
     def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:
-        """Forces on the rates (n, rates) at poses q (n, poses), and the rows of the equalities.
+        """Generalized forces (n, rates) at poses q (n, poses), and the equalities' Jacobian.
 
-        And how far these are open (n, rows) [rad, or sizes].
+        The third array has the violations of the equalities (n, rows) [rad, or sizes].
         """
         found = own_terms(self.tree, q, np.zeros((len(q), self.sizes.size)), ctrl)
         rows = found.jacobian / self.row_sizes[:, None]

@@ -1,6 +1,6 @@
-"""Places, turns and their two time derivatives of all bodies of a tree, by the chain of its joints.
+"""Positions and orientations of all bodies of a tree, with their first two time derivatives.
 
-Everything has the poses along its first axis. Vectors are in the axes of the world.
+All arrays have the poses along their first axis. Vectors are in the axes of the world.
 """
 
 from dataclasses import dataclass, replace
@@ -25,13 +25,13 @@ class TreeMotion:
     Attributes
     ----------
     at, velocity, acceleration : ndarray (n, bodies, 3)
-        Of the origins of the bodies [m, m/s, m/s^2].
+        Position, velocity and acceleration of the origins of the bodies [m, m/s, m/s^2].
     quaternion, turn : ndarray (n, bodies, 4), (n, bodies, 3, 3)
-        The axes of the bodies [1].
+        Orientation of the bodies, as quaternion and as rotation matrix [1].
     spin, spin_rate : ndarray (n, bodies, 3)
         Angular velocity and acceleration [rad/s, rad/s^2].
     axes, anchors : ndarray (n, rates, 3)
-        Direction of each rate [1], and a point of the axis of each angular one [m].
+        Direction of each rate [1], and a point on the axis of each angular rate [m].
     """
 
     at: Array
@@ -45,16 +45,16 @@ class TreeMotion:
     anchors: Array
 
     def point(self, body: int, local: Array) -> Array:
-        """Place of a point of a body (n, 3) [m]."""
+        """Position of a point of a body (n, 3) [m]."""
         return np.asarray(self.at[:, body] + self.turn[:, body] @ local)
 
     def point_velocity(self, body: int, local: Array) -> Array:
-        """Its velocity (n, 3) [m/s]."""
+        """Velocity of a point of a body (n, 3) [m/s]."""
         arm = self.turn[:, body] @ local
         return np.asarray(self.velocity[:, body] + cross3(self.spin[:, body], arm))
 
     def point_acceleration(self, body: int, local: Array) -> Array:
-        """Its acceleration (n, 3) [m/s^2]."""
+        """Acceleration of a point of a body (n, 3) [m/s^2]."""
         arm, spin = self.turn[:, body] @ local, self.spin[:, body]
         return np.asarray(
             self.acceleration[:, body]
@@ -65,7 +65,7 @@ class TreeMotion:
 
 @dataclass
 class Frame:
-    """The frame that a chain of joints has moved so far: `n` poses of one body."""
+    """The frame of one body at n poses, while the joints of its chain move it one by one."""
 
     at: Array
     velocity: Array
@@ -86,7 +86,7 @@ class Frame:
         )
 
     def slid(self, axis: Array, value: Array, rate: Array, acceleration: Array) -> None:
-        """Move it along an axis that is fixed in the frame (n, 3)."""
+        """Move the frame along an axis that is fixed in it (n, 3)."""
         value, rate, acceleration = (part[:, None] for part in (value, rate, acceleration))
         self.carried(axis * value)
         self.velocity = self.velocity + axis * rate
@@ -95,7 +95,10 @@ class Frame:
         )
 
     def turned(self, quaternion: Array, rate: Array, acceleration: Array) -> None:
-        """Turn it by a quaternion; `rate`, `acceleration` (n, 3) are those against it, in space."""
+        """Turn the frame by a quaternion.
+
+        `rate` and `acceleration` (n, 3) are relative to the frame, in the axes of the world.
+        """
         self.quaternion = product(self.quaternion, quaternion)
         self.turn = matrices(self.quaternion)
         self.spin_rate = self.spin_rate + cross3(self.spin, rate) + acceleration
@@ -103,7 +106,7 @@ class Frame:
 
 
 NEXT, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""Axes after and before each."""
+"""For each axis the next one, and the one before it, in cyclic order."""
 
 
 def cross3(one: Array, two: Array) -> Array:
@@ -126,13 +129,13 @@ def matrices(quaternion: Array) -> Array:
 
 
 def turn_about(axis: Array, angle: Array) -> Array:
-    """Quaternions (n, 4) [1] of turns by angles (n,) about an axis (3,)."""
+    """Quaternions (n, 4) [1] of rotations by angles (n,) about an axis (3,)."""
     half = 0.5 * angle[:, None]
     return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
 
 
 def turn_vector(quaternion: Array) -> Array:
-    """Axis times angle (n, 3) [rad] of quaternions, the angle at most pi."""
+    """Rotation vectors (axis times angle) (n, 3) [rad] of quaternions; the angle is at most pi."""
     sign = np.where(quaternion[:, :1] < 0, -1.0, 1.0)
     scalar, vector = sign * quaternion[:, :1], sign * quaternion[:, 1:]
     sine = np.linalg.norm(vector, axis=1, keepdims=True)
@@ -141,12 +144,12 @@ def turn_vector(quaternion: Array) -> Array:
 
 
 def unit(quaternion: Array) -> Array:
-    """Quaternions of length 1 (..., 4)."""
+    """Scale quaternions (..., 4) to length 1."""
     return np.asarray(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))
 
 
 def move_tree(tree: Tree, q: Array, v: Array, a: Array) -> TreeMotion:
-    """All bodies in the motion of poses q (n, poses), rates v and accelerations a (n, rates)."""
+    """Find the motion of all bodies at poses q (n, poses), with rates v and accelerations a."""
     n = len(q)
     axes, anchors = np.zeros((n, v.shape[1], 3)), np.zeros((n, v.shape[1], 3))
     still, upright = np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
@@ -167,7 +170,7 @@ def move_tree(tree: Tree, q: Array, v: Array, a: Array) -> TreeMotion:
 def pass_joint(
     joint: TreeJoint, frame: Frame, q: Array, v: Array, a: Array, axes: Array, anchors: Array
 ) -> None:
-    """Move a frame by one joint, and note the directions of the joint's rates."""
+    """Move a frame by one joint, and write the joint's directions into `axes` and `anchors`."""
     at, dof = joint.pose, joint.rate
     if joint.kind == "slide":
         axis = frame.turn @ joint.axis
@@ -203,7 +206,7 @@ def pass_joint(
 
 
 def advance(tree: Tree, q: Array, step: Array) -> Array:
-    """The pose (poses,) that is reached from q by rates that act for a unit of time (rates,)."""
+    """Pose (poses,) that a step (rates,) leads to from q: rates acting for a unit of time."""
     found = q.copy()
     places, rates = tree.scalars
     found[places] += step[rates]
@@ -219,7 +222,7 @@ def advance(tree: Tree, q: Array, step: Array) -> Array:
 
 
 def pose_rate(tree: Tree, q: Array, v: Array) -> Array:
-    """Time derivative (poses,) of a pose."""
+    """Time derivative (poses,) of a pose q with rates v (rates,)."""
     found = np.empty(q.size)
     places, rates = tree.scalars
     found[places] = v[rates]

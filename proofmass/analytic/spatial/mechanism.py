@@ -1,9 +1,9 @@
-"""A spatial mechanism as numbers: rigid bodies in a tree of joints, and what acts between them.
+"""Data of a spatial mechanism: rigid bodies in a tree of joints, equalities, and forces.
 
 `read_tree` makes a `Tree` from the numbers of a compiled MJCF; MuJoCo's kinematics is not used. A
-pose is a row as in ``qpos``, and rates are a row as in ``qvel``: of a ball the angular velocity in
-the axes of its body, of a free joint the velocity of its body's origin in the world and then the
-angular velocity in the axes of the body.
+pose is a row as in ``qpos``, and rates are a row as in ``qvel``: for a ball joint the angular
+velocity in the axes of its body; for a free joint the velocity of its body's origin in the world,
+and then the angular velocity in the axes of the body.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ KINDS = {
     mujoco.mjtJoint.mjJNT_FREE: "free",
 }
 WIDTHS = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
-"""Numbers of a joint in a pose, and in its rates."""
+"""How many numbers a joint has in a pose and in the rates, by its kind."""
 NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -51,19 +51,20 @@ class TreeJoint:
     name, kind : str
         Kind is hinge, slide, ball or free.
     pose, rate : int
-        Where its numbers begin in a pose and in the rates.
+        First index of its numbers in a pose and in the rates.
     place, axis : ndarray (3,)
-        Where it is [m], and its direction [1].
+        Its position [m] and direction [1].
     zero : float
-        Value of a hinge or slide at which the body is as the MJCF places it [rad or m].
+        Value of a hinge or slide in the reference pose, in which the MJCF gives the bodies
+        [rad or m].
     stiffness : tuple of float
-        Coefficients of the spring, lowest first [SI].
+        Coefficients of the spring's stiffness, lowest power first [SI].
     rest : ndarray
-        The pose's numbers of the joint at which the spring is slack [SI].
+        Numbers of the joint in a pose at which the spring is slack [SI].
     range : tuple of float
         Smallest and largest value of a hinge or slide [rad or m].
     actuated : tuple of float
-        Smallest and largest force of all actuators together on a hinge or slide [N m or N].
+        Smallest and largest total force of the actuators on a hinge or slide [N m or N].
     """
 
     name: str
@@ -88,15 +89,15 @@ class TreeBody:
     name : str
     parent : int
     place, turn : ndarray (3,), (4,)
-        In the parent's frame [m], and the quaternion of its axes there [1].
+        Position [m] and orientation as a quaternion [1] in the parent's frame.
     joints : tuple of int
-        The joints between the two, in their order.
+        Numbers of the joints between body and parent, in their order.
     mass : float
-        [kg].
+        Mass [kg].
     centre : ndarray (3,)
-        Centre of mass in its own frame [m].
+        Centre of mass in the body's frame [m].
     inertia : ndarray (3, 3)
-        About the centre, in its own axes [kg m^2].
+        Moments of inertia about the centre, in the body's axes [kg m^2].
     """
 
     name: str
@@ -117,15 +118,15 @@ class Tendon:
     ----------
     name : str
     terms : tuple of (int, int, float)
-        Of a fixed tendon: place in a pose, place in the rates, coefficient [1].
+        For each joint of a fixed tendon: index in a pose, index in the rates, coefficient [1].
     points : tuple of (int, ndarray)
-        Of a straight one: bodies, and points in their frames [m].
+        For each site of a straight tendon: body, and point in its frame [m].
     zero : float
         Length in the reference pose [m or rad].
     slack : tuple of float
-        Shortest and longest length without a force of the spring [m or rad].
+        Shortest and longest length at which the spring is slack [m or rad].
     stiffness, damping : tuple of float
-        Coefficients, lowest first [SI].
+        Coefficients, lowest power first [SI].
     """
 
     name: str
@@ -139,7 +140,7 @@ class Tendon:
 
 @dataclass(frozen=True)
 class PointLoop:
-    """A point of one body that stays on a point of another; `weld` holds their axes as well.
+    """A ``connect`` or ``weld``: a point of one body that coincides with a point of another.
 
     Attributes
     ----------
@@ -147,11 +148,12 @@ class PointLoop:
     one, on_one : int, ndarray (3,)
         The first body, and the point in its frame [m].
     two, on_two : int, ndarray (3,)
-        The second.  The point is in its frame as well [m].
+        The second body, and the point in its frame [m].
     turns : ndarray (2, 4), optional
-        Quaternions [1], in bodies one and two, of axes that are held parallel as well.
+        For a weld: quaternions, in bodies one and two, of axes that are constrained to be parallel
+        [1].
     scale : float
-        Factor of the rows of the axes [1].
+        Factor of the rows of these axes [1].
     """
 
     name: str
@@ -165,7 +167,9 @@ class PointLoop:
 
 @dataclass(frozen=True)
 class Tie:
-    """A joint or tendon whose value is a polynomial of that of another, both from their zeros.
+    """An equality: the value of a joint or tendon is a polynomial of that of another one.
+
+    Both values count from their zeros.
 
     Attributes
     ----------
@@ -173,9 +177,9 @@ class Tie:
     tendons : bool
         Whether `one` and `two` are tendons, not joints.
     one, two : int
-        Two is -1 where the polynomial is its constant.
+        Numbers of the joints or tendons; `two` is -1 if `one` is constant.
     polynomial : ndarray (5,)
-        Coefficients, lowest first [SI].
+        Coefficients, lowest power first [SI].
     """
 
     name: str
@@ -187,18 +191,19 @@ class Tie:
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Bodies, joints, what acts on them, and the equalities that are held; body 0 is the ground.
+    """A spatial mechanism: bodies, joints, forces and equalities; body 0 is the ground.
 
     Attributes
     ----------
     bodies, joints, tendons, actuators, loops, ties
-        What it is made of.  Actuators are those of joints and tendons.
+        Its parts; `actuators` are those of joints and tendons, and `loops` and `ties` are its
+        equalities.
     damping : ndarray (rates, 3)
-        Of all rates, coefficients of 1, of the speed and of its square [SI].
+        Damping of all rates: coefficients of 1, of the speed and of its square [SI].
     armature : ndarray (rates,)
-        [kg or kg m^2].
+        Armature of all rates [kg or kg m^2].
     gravity : ndarray (3,)
-        [m/s^2].
+        Acceleration of gravity [m/s^2].
     start, start_rate : ndarray (poses,), (rates,)
         The start pose, and the rates there [SI].
     extent : float
@@ -206,7 +211,7 @@ class Tree:
     ctrl : ndarray (controls,)
         Controls of the key [SI].
     site_loads : tuple of SiteLoad
-        Of the actuators on sites.
+        Loads of the actuators on sites.
     """
 
     bodies: tuple[TreeBody, ...]
@@ -237,7 +242,7 @@ class Tree:
 
     @cached_property
     def masses(self) -> tuple[Array, Array, Array]:
-        """Of the bodies: masses [kg], centres of mass [m], inertias about them [kg m^2]."""
+        """Masses [kg], centres of mass [m] and inertias about them [kg m^2] of all bodies."""
         return (
             np.array([body.mass for body in self.bodies]),
             np.array([body.centre for body in self.bodies]),
@@ -255,21 +260,21 @@ class Tree:
 
     @property
     def size(self) -> float:
-        """What lengths are measured in: the extent, if there is any [m]."""
+        """Unit of lengths: the extent, or a tiny length if that is 0 [m]."""
         return max(self.extent, 1e-300)
 
     @cached_property
     def sizes(self) -> Array:
-        """What rates are measured in (rates,): 1 rad, or the size of the model [m]."""
+        """Units of the rates (rates,): 1 rad, or the size of the model [m]."""
         return np.where(self.turns > 0, 1.0, self.size)
 
     def places(self, joints: tuple[str, ...]) -> tuple[Index, Index]:
-        """Where driven joints stand in a pose and in the rates (drives,), by their names.
+        """Find the indices (drives,) of driven joints in a pose and in the rates, by their names.
 
         Raises
         ------
         NotCovered
-            One is no hinge or slide.
+            One of the joints is neither a hinge nor a slide.
         """
         found = [next(joint for joint in self.joints if joint.name == name) for name in joints]
         for joint in found:
@@ -280,7 +285,7 @@ class Tree:
 
     @cached_property
     def quaternions(self) -> tuple[tuple[int, int], ...]:
-        """Where quaternions begin in a pose, and where their angular velocities do in the rates."""
+        """First indices of quaternions in a pose, and of their angular velocities in the rates."""
         return tuple(
             (joint.pose + 3, joint.rate + 3) if joint.kind == "free" else (joint.pose, joint.rate)
             for joint in self.joints
@@ -289,7 +294,7 @@ class Tree:
 
     @cached_property
     def scalars(self) -> tuple[Index, Index]:
-        """Where all other numbers stand in a pose, and in the rates."""
+        """Indices of all numbers that belong to no quaternion, in a pose and in the rates."""
         turning = [q + k for q, _ in self.quaternions for k in range(4)]
         spinning = [v + k for _, v in self.quaternions for k in range(3)]
         return (
@@ -311,7 +316,7 @@ def read_tree(model: Any, start: str) -> Tree:
     model : mujoco.MjModel
         Compiled; only its numbers are read.
     start : str
-        Name of the key with the start pose; of no meaning in a model without keys.
+        Name of the key with the start pose; not used in a model without keys.
 
     Returns
     -------
@@ -320,7 +325,7 @@ def read_tree(model: Any, start: str) -> Tree:
     Raises
     ------
     NotCovered
-        The model holds what is not covered here; by its name in the MJCF.
+        The model has an element that is not covered; the message has its name in the MJCF.
     ValueError
         There is no such key.
     """
@@ -365,7 +370,7 @@ def read_tree(model: Any, start: str) -> Tree:
 
 
 def read_body(model: Any, b: int) -> TreeBody:
-    """Body number b."""
+    """Read body number b."""
     first, axes = int(model.body_jntadr[b]), rotation(model.body_iquat[b])
     return TreeBody(
         model.body(b).name,
@@ -380,7 +385,7 @@ def read_body(model: Any, b: int) -> TreeBody:
 
 
 def read_joint(model: Any, j: int) -> TreeJoint:
-    """Joint number j."""
+    """Read joint number j."""
     kind, pose = KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))], int(model.jnt_qposadr[j])
     sprung = not disabled(model, OFF.mjDSBL_SPRING)
     bounded = model.jnt_limited[j] and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
@@ -400,7 +405,7 @@ def read_joint(model: Any, j: int) -> TreeJoint:
 
 
 def read_tendon(model: Any, t: int) -> Tendon:
-    """Tendon number t."""
+    """Read tendon number t."""
     first = int(model.tendon_adr[t])
     wraps = range(first, first + int(model.tendon_num[t]))
     terms, points = list[tuple[int, int, float]](), list[tuple[int, Array]]()
@@ -425,7 +430,7 @@ def read_tendon(model: Any, t: int) -> Tendon:
 
 
 def read_loop(model: Any, e: int) -> PointLoop:
-    """Connect or weld number e."""
+    """Read equality number e, a connect or a weld."""
     one, two, data = int(model.eq_obj1id[e]), int(model.eq_obj2id[e]), model.eq_data[e]
     weld = model.eq_type[e] == EQ.mjEQ_WELD
     places = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
@@ -447,7 +452,7 @@ def read_loop(model: Any, e: int) -> PointLoop:
 
 
 def read_tie(model: Any, e: int) -> Tie:
-    """Joint or tendon equality number e."""
+    """Read equality number e, of joints or tendons."""
     return Tie(
         model.equality(e).name,
         model.eq_type[e] == EQ.mjEQ_TENDON,
@@ -464,7 +469,7 @@ def product(one: Array, two: Array) -> Array:
 
 
 def parts_of_product(one: Sequence[Any], two: Sequence[Any]) -> tuple[Any, Any, Any, Any]:
-    """The four parts of the product of quaternions [1]; of plain numbers it is much faster."""
+    """The four parts of the product of quaternions [1]; much faster for single numbers."""
     w, x, y, z = one
     a, b, c, d = two
     return (
@@ -476,15 +481,15 @@ def parts_of_product(one: Sequence[Any], two: Sequence[Any]) -> tuple[Any, Any, 
 
 
 def conjugate(quaternion: Array) -> Array:
-    """The opposite turn (..., 4) [1]."""
+    """Conjugate quaternion (..., 4), that of the opposite rotation [1]."""
     return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def refuse_all(model: Any) -> None:
-    """Raise NotCovered, by its name in the MJCF, for what a spatial mechanism here does not have.
+    """Raise NotCovered, with the name in the MJCF, for elements that this solver does not cover.
 
-    What MuJoCo computes softly or by rules of its own, such as contacts, limits and muscles, has no
-    exact motion to be held to.
+    Elements that MuJoCo computes as soft constraints or by rules of its own, such as contacts and
+    muscles, have no exact motion to compare with.
     """
     refuse_contacts(model)
     refuse_joints(model)
@@ -509,7 +514,7 @@ def refuse_all(model: Any) -> None:
 
 
 def refuse_joints(model: Any) -> None:
-    """Raise NotCovered for what joints have that is not covered."""
+    """Raise NotCovered for features of joints that are not covered."""
     rubs = not disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
     for j in range(model.njnt):
         name, kind = model.joint(j).name, KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))]
@@ -528,7 +533,7 @@ def refuse_joints(model: Any) -> None:
 
 
 def refuse_tendons(model: Any) -> None:
-    """Raise NotCovered for what tendons have that is not covered."""
+    """Raise NotCovered for features of tendons that are not covered."""
     straight = [int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)]
     for t in range(model.ntendon):
         first = int(model.tendon_adr[t])
@@ -543,7 +548,7 @@ def refuse_tendons(model: Any) -> None:
 
 
 def refuse_actuators(model: Any) -> None:
-    """Raise NotCovered for actuators that are not affine, or act on what is not covered."""
+    """Raise NotCovered for actuators that are not affine, or that act on an uncovered element."""
     for a in range(model.nactuator):
         joint = int(model.actuator_trnid[a, 0])
         wide = joined(model, a) and WIDTHS[KINDS[mujoco.mjtJoint(int(model.jnt_type[joint]))]] != (

@@ -1,11 +1,12 @@
-r"""The motion of a tree whose equalities are held exactly.
+r"""The motion of a tree with exact equalities.
 
     M v̇ = Q - h + Jᵀ λ,   J v̇ = γ        with M = L Lᵀ, W = J L⁻ᵀ:
     v̇ = a + L⁻ᵀ W⁺ (γ - J a),   a = M⁻¹ (Q - h)
 
 The pseudo-inverse W⁺ leaves out singular values below `RANK` of the largest, so that rows may
-repeat what others hold. The integrator is DOP853; after every step the pose is put back on φ(q) = 0
-and the rates on J v = 0 by the least change in the metric of M, and quaternions get length 1.
+depend on each other. The integrator is DOP853. After every step the pose is projected on φ(q) = 0
+and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are scaled to
+length 1.
 """
 
 from collections.abc import Callable, Iterator
@@ -34,36 +35,36 @@ if TYPE_CHECKING:
     from scipy.integrate import DOP853
 
 ACCURACY = 3e-14
-"""Relative tolerance of a step, and absolute in m, rad and per s."""
+"""Relative tolerance of a step, and absolute one in m, rad and per s."""
 RANK = 1e-8
 """Singular values of the equalities below this share of the largest count as zero."""
 CLOSED = 1e-13
-"""Gaps below this share of the extent are left to rounding."""
+"""Largest violation of closed equalities, as a share of the extent (at least of 1 m or rad)."""
 APART = 1e-3
-"""Share of the extent, or rad, by which the start pose may be open."""
+"""Largest violation of a start pose, as a share of the extent (at least of 1 m or rad)."""
 ROUNDS = 20
-"""Newton steps at most to close the equalities."""
+"""Largest number of Newton steps to close the equalities."""
 SHORT, IN_TURN = 1e-8, 10
-"""Share of the longest step, and how many steps one after the other are shorter beside a pose in
-which the equalities lose rank: accelerations are rounding there, and the integrator stops."""
+"""The integration ends after `IN_TURN` steps in turn that are shorter than the share `SHORT` of the
+longest one: near a pose in which the equalities lose rank, accelerations are rounding."""
 
 
 @dataclass(frozen=True)
 class HeldMotion:
-    """Poses along a motion.
+    """Poses, rates and accelerations along a motion with closed equalities.
 
     Attributes
     ----------
     q, v, a : ndarray (n, poses), (n, rates), (n, rates)
-        [SI].
+        Poses, rates and accelerations [SI].
     open_by : float
-        How far the equalities of the start pose were open in the MJCF [m or rad].
+        Largest constraint violation of the start pose in the MJCF [m or rad].
     rank : int
-        Rows that hold.
+        Number of independent rows of the equalities.
     evaluations : int
-        Of the equations of motion.
+        Number of evaluations of the equations of motion.
     stopped : StoppedMotion
-        What happened at stops.
+        Events and forces at stops.
     """
 
     q: Array
@@ -76,7 +77,7 @@ class HeldMotion:
 
 
 class Holder:
-    """Holds the equalities of a tree, and joints on their stops, with the terms of a source."""
+    """Motion of a tree under its equalities, stops and drives, with the terms of a source."""
 
     def __init__(
         self,
@@ -88,22 +89,22 @@ class Holder:
     ):
         self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
         self.drives, self.evaluations, self.rank = drives, 0, 0
-        self.last = np.inf  # time of the smooth part of laws that is integrated over [s]
+        self.last = np.inf  # end of the smooth piece of the profiles that is integrated [s]
         self.on_joints = np.vstack(
             [np.eye(tree.armature.size)[drives.rates], unit_rows(stops, tree.armature.size)]
         )
 
     @property
     def rows(self) -> int:
-        """Number of rows that are held."""
+        """Number of rows of equalities, drives and stops."""
         return self.tree.rows + len(self.on_joints)
 
     def ctrl(self, t: float) -> Array | None:
-        """All controls at a time; None for those of the key."""
+        """All controls at a time; None if they are those of the key."""
         return self.controls.at(t) if self.controls else None
 
     def terms(self, t: float, q: Array, v: Array) -> Terms:
-        """All terms at a time, in a pose with its rates, with a row for each drive and stop."""
+        """All terms at a time, for a pose with its rates; drives and stops add a row each."""
         t = min(t, self.last)
         found = self.source.terms(q, v, self.ctrl(t))
         if not self.on_joints.size:
@@ -118,12 +119,12 @@ class Holder:
         )
 
     def row_rates(self, t: float) -> Array:
-        """Rates of all rows (rows,) at a time: none but those of drives."""
+        """Prescribed rates of all rows (rows,) at a time: zero except for the drives."""
         rate = self.drives.law(min(t, self.last))[1]
         return np.concatenate([np.zeros(self.tree.rows), rate, np.zeros(len(self.stops))])
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Accelerations (rates,) at a time, in a pose with its rates [SI]."""
+        """Accelerations (rates,) at a time, for a pose with its rates [SI]."""
         self.evaluations += 1
         if not self.rows:
             return self.source.acceleration(q, v, self.ctrl(min(t, self.last)))
@@ -133,12 +134,12 @@ class Holder:
         return np.asarray(free + closing @ (terms.drift - terms.jacobian @ free))
 
     def factors(self, terms: Terms) -> tuple[Array, Array]:
-        """L⁻¹ of the mass matrix L Lᵀ, and what closes the rows with the least change.
+        """L⁻¹ of the mass matrix L Lᵀ, and the matrix that closes the rows by the least change.
 
         Raises
         ------
         SingularHere
-            Other rows hold than at the start.
+            The rows have another rank than at the start.
         """
         root = np.linalg.inv(np.linalg.cholesky(terms.mass))
         left, values, right = np.linalg.svd(root @ terms.jacobian.T, full_matrices=False)
@@ -152,9 +153,9 @@ class Holder:
         return np.asarray(root), np.asarray(root.T @ closing)
 
     def close(self, t: float, q: Array, v: Array, plain: bool = False) -> tuple[Array, Array]:
-        """The nearest closed pose at a time, and the nearest rates that keep it so.
+        """Find the nearest closed pose at a time, and the nearest rates that keep it closed.
 
-        Near is meant in the metric of the mass matrix, or if `plain` in that of the rates.
+        Distances are in the metric of the mass matrix, or if `plain` in that of the rates.
 
         Raises
         ------
@@ -173,26 +174,26 @@ class Holder:
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
 
     def closing(self, terms: Terms, plain: bool) -> Array:
-        """What closes the rows with the least change (rates, rows)."""
+        """Matrix that closes the rows by the least change (rates, rows)."""
         if plain:
             return np.asarray(np.linalg.pinv(terms.jacobian, rcond=RANK))
         return self.factors(terms)[1]
 
     def slope(self, t: float, y: Array) -> Array:
-        """Rate of the state."""
+        """Time derivative of the state y = (q, v)."""
         q, v = y[: self.tree.start.size], y[self.tree.start.size :]
         bend = self.acceleration(t, q, v)
         return np.concatenate([pose_rate(self.tree, q, v), bend])
 
     def start(self, t: float = 0.0) -> tuple[Array, Array, float]:
-        """Closed pose and rates at a time, nearest to those of the start.
+        """Find the closed pose and rates at a time that are nearest to those of the start.
 
-        And how far that is open [m or rad].
+        The third value is the constraint violation of the start pose [m or rad].
 
         Raises
         ------
         CannotAssemble
-            It is open by more than `APART`.
+            This violation is more than `APART`.
         """
         tree = self.tree
         gap = 0.0
@@ -209,7 +210,7 @@ class Holder:
 
 
 def name_of_row(tree: Tree, row: int) -> str:
-    """The equality that a row belongs to."""
+    """Name of the equality that a row belongs to."""
     names = [loop.name for loop in tree.loops for _ in range(3 if loop.turns is None else 6)]
     return [*names, *(tie.name for tie in tree.ties)][row]
 
@@ -220,7 +221,7 @@ def count_dof(tree: Tree, source: TermSource) -> int:
     Raises
     ------
     CannotAssemble
-        That is open.
+        The equalities of the start pose are open.
     """
     q, _, _ = Holder(tree, source).start()
     return tree.armature.size - int(
@@ -236,12 +237,12 @@ def held_motion(
     controls: ControlsInTime | None = None,
     drives: Prescribed = UNDRIVEN,
 ) -> HeldMotion:
-    """Poses, rates and accelerations of the motion from the start at rising times.
+    """Integrate the motion from the start at rising times.
 
     Raises
     ------
     CannotAssemble, SingularHere
-        The start pose is open; or the motion comes to a pose where the equalities lose rank.
+        The start pose is open; or the motion comes to a pose in which the equalities lose rank.
     NotCovered
         The start is beyond a stop.
     """
@@ -256,7 +257,7 @@ def held_motion(
 
 
 class FreeTree:
-    """A tree that moves between its stops beside its drives, its equalities held."""
+    """A tree that moves freely between its stops, except for its driven joints."""
 
     def __init__(
         self,
@@ -273,24 +274,24 @@ class FreeTree:
         self.holders: dict[tuple[Stop, ...], Holder] = {}
 
     def holder(self, held: tuple[Stop, ...]) -> Holder:
-        """What holds the equalities and some joints on their stops."""
+        """The motion under the equalities, the drives and the stops `held`; cached."""
         if held not in self.holders:
             self.holders[held] = Holder(self.tree, self.source, held, self.controls, self.drives)
         return self.holders[held]
 
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
-        """A pose and its rates with the accelerations there."""
+        """Add the accelerations to a pose and its rates."""
         return q, v, self.holder(held).acceleration(t, q, v)
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
-        """What equalities hold in a state, and what they and stops must do."""
+        """Constraints of equalities and drives in a state, and the force they and stops exert."""
         terms = self.holder(()).terms(t, q, v)
         return Balance(terms.jacobian, terms.mass, terms.mass @ a + terms.bias - terms.force)
 
     def steps(
         self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
     ) -> Iterator[Step]:
-        """The motion from a state on, with some joints resting on their stops."""
+        """Iterate over the motion from a state on, with joints resting on the stops `held`."""
         holder, size = self.holder(held), q.size
         for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
             holder.last = last
@@ -318,8 +319,9 @@ class FreeTree:
 
 
 def inside(holder: Holder, solver: "DOP853", size: int) -> Callable[[float], State]:
-    """Poses, rates and accelerations within the last step of an integrator."""
-    between, last = cache(solver.dense_output), (solver.t, solver.y)  # it costs evaluations
+    """Make the function that gives the state at a time within the last step of an integrator."""
+    # dense output costs evaluations: only where a time inside the step is asked for
+    between, last = cache(solver.dense_output), (solver.t, solver.y)
 
     def at(time: float) -> State:
         y = last[1] if time == last[0] else between()(time)
@@ -330,23 +332,24 @@ def inside(holder: Holder, solver: "DOP853", size: int) -> Callable[[float], Sta
 
 
 STRIDE = 0.05
-"""How far drives move at once [rad, or shares of the extent]."""
+"""Longest move of the drives in one stride [rad, or shares of the extent]."""
 ASTRAY = 0.5
-"""Share of a stride by which Newton's method may move beside the tangent before it is halved."""
+"""Largest change of the motion by the tangent over a stride, as a share of the motion; with a
+larger change the stride is halved."""
 CLEAR = 1e5
-"""Ratio of singular values up to which the product of a matrix with itself has an inverse that is
-right to 1e-6 of itself; one step of Newton's method squares that."""
+"""Ratio of singular values of A up to which the inverse of A'A is right to 1e-6; one step of
+Newton's method squares this error."""
 SHORTEST = 1e-6
-"""Share of a stride below which it is not halved any more."""
+"""Share of `STRIDE` below which a stride is not halved any more."""
 
 
 class Driver:
-    """A tree whose driven joints have given values, and that these determine.
+    """A tree whose pose is determined by the given values of its driven joints.
 
     Parameters
     ----------
     tree : Tree
-    source : Source
+    source : TermSource
     joints : tuple of str
         The driven joints.
     """
@@ -359,7 +362,7 @@ class Driver:
         self.still = np.zeros(tree.armature.size)
 
     def inverse(self, jacobian: Array) -> Array:
-        """What the equalities and drives make of their values (rates, rows + drives).
+        """Derivatives of the rates by the values of equalities and drives (rates, rows + drives).
 
         Raises
         ------
@@ -377,12 +380,12 @@ class Driver:
         return np.asarray(self.sizes[:, None] * found)
 
     def placed(self, q: Array, values: Array) -> tuple[Array, Array]:
-        """The closed pose with the drives at some values, and the inverse of the rows there.
+        """Find the closed pose near q with the drives at given values, and the inverse there.
 
         Raises
         ------
         CannotAssemble
-            It does not close.
+            The equalities stay open.
         """
         size = max(1.0, self.tree.extent)
         for _ in range(ROUNDS):
@@ -395,11 +398,11 @@ class Driver:
         raise CannotAssemble(f"the equalities stay open by {np.abs(gap).max():.3g}")
 
     def tangent(self, inverse: Array) -> Array:
-        """The motion of all rates for a unit rate of each drive (rates, drives)."""
+        """Rates of all joints for a unit rate of each drive (rates, drives)."""
         return inverse[:, inverse.shape[1] - self.dofs.size :]
 
     def moved(self, q: Array, inverse: Array, values: Array) -> tuple[Array, Array]:
-        """The closed pose at new values of the drives, in strides along the branch; the inverse."""
+        """Follow the branch in strides to new values of the drives: closed pose and inverse."""
         share, done, tangent = 1.0, q[self.places], self.tangent(inverse)
         while (left := np.abs((values - done) / self.sizes[self.dofs]).max()) > 0:
             part = min(1.0, share * STRIDE / left)
@@ -425,17 +428,18 @@ class Driver:
     def rates(
         self, q: Array, inverse: Array, rate: Array, acceleration: Array
     ) -> tuple[Array, Array]:
-        """Rates and accelerations at a closed pose with its inverse."""
+        """Rates and accelerations of all joints at a closed pose with its inverse."""
         v = self.tangent(inverse) @ rate
         return v, inverse @ np.concatenate([self.source.terms(q, v).drift, acceleration])
 
 
 def inverse_of_full(rows: Array) -> Array | None:
-    """The pseudo-inverse of a matrix A without small singular values; None where there may be some.
+    """The pseudo-inverse of a matrix A, or None if A may have small singular values.
 
     X = (A'A)^-1 A', improved by X <- 2X - XAX.  The product of the Frobenius norms of A'A and its
-    inverse is at least the square of the ratio of the singular values, and large where A'A is
-    singular but for rounding, as X need not be; where it is below `CLEAR`^2, X is right to 1e-11.
+    inverse is at least the square of the ratio of the singular values of A, and it is large where
+    A'A is singular up to rounding, although X need not be large there.  Where the product is below
+    `CLEAR`^2, X is right to 1e-11.
 
     >>> inverse_of_full(np.array([[2.0, 0.0], [0.0, 4.0]]))
     array([[0.5 , 0.  ],
@@ -461,12 +465,13 @@ def driven_motion(
     rates: Array,
     accelerations: Array,
 ) -> HeldMotion:
-    """The motion at given values, rates and accelerations of the drives, (n, drives) each.
+    """Find the motion at given values, rates and accelerations of the drives, (n, drives) each.
 
     Raises
     ------
     CannotAssemble, SingularHere, NotCovered
-        The start pose is open; or the drives do not determine the motion, or lead no further.
+        The start pose is open; or the drives do not determine the motion; or a limit position lies
+        on the way; or a driven joint is neither a hinge nor a slide.
     """
     q, _, gap = Holder(tree, source).start()
     driver, poses, inverses = Driver(tree, source, joints), list[Array](), list[Array]()
@@ -481,7 +486,7 @@ def driven_motion(
 
 
 def begin(holder: Holder, t: float, q: Array, v: Array, end: float) -> "DOP853":
-    """The integrator of a motion from a pose with its rates."""
+    """Start the integrator of a motion from a pose with its rates."""
     from scipy.integrate import DOP853  # slow to load
 
     return DOP853(holder.slope, t, np.concatenate([q, v]), end, rtol=ACCURACY, atol=ACCURACY)

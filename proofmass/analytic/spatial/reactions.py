@@ -1,12 +1,12 @@
-"""Forces and moments between the bodies of a spatial mechanism, by Newton's and Euler's balances.
+"""Forces and moments between the bodies of a spatial mechanism, by Newton's and Euler's equations.
 
-What a body gets from its parent is what its own inertia and weight need, and those of all that it
-carries, less what loops and loads on sites do to them.  The forces of the loops follow from the
-equations of motion::
+The force on a body from its parent is the sum of the inertial forces and weights of the body and of
+all bodies that it carries, less the forces of loops and of loads on sites on them.  The forces of
+the loops follow from the equations of motion::
 
     J' s = M a + h - Q        J: rows of the equalities and of the drives, s: their forces
 
-They are determined where no row depends on the others, and tendons pull nowhere.
+They are determined if all rows are independent and no tendon exerts a force.
 """
 
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ from proofmass.analytic.spatial.terms import (
 )
 
 RANK = 1e-8
-"""Of the largest singular value: rows of loops and drives below it say nothing new."""
+"""Share of the largest singular value below which rows of loops and drives count as dependent."""
 
 
 PoseStates = tuple[Array, Array, Array]
@@ -37,9 +37,10 @@ PoseStates = tuple[Array, Array, Array]
 def asked(
     tree: Tree, state: PoseStates, joints: tuple[str, ...], ctrl: Array | None
 ) -> tuple[Array, Array]:
-    """What a motion asks of all that is held, as forces on the joints (n, rates) [N m or N].
+    """Sum of the generalized constraint forces that a motion requires (n, rates) [N m or N].
 
-    And the rows of the equalities (n, rows, rates).  Actuators of the driven joints do not act.
+    The second array has the rows of the equalities (n, rows, rates).  Actuators of the driven
+    joints do not act.
     """
     q, v, a = state
     _, dofs = tree.places(joints)
@@ -50,14 +51,14 @@ def asked(
 
 
 def determined(tree: Tree) -> bool:
-    """Whether no tendon pulls, on a spring or damper of its own, in an actuator or an equality."""
+    """Whether no tendon exerts a force, by a spring, damper, actuator or equality."""
     pulling = any(any(one.stiffness) or any(one.damping) for one in tree.tendons)
     actuated = any(one.tendon >= 0 for one in tree.actuators)
     return not (pulling or actuated or any(tie.tendons for tie in tree.ties))
 
 
 class Reactions:
-    """What the bodies of a tree get from their parents in n poses.
+    """Forces and moments on the bodies of a tree from their parents in n poses.
 
     Parameters
     ----------
@@ -69,16 +70,16 @@ class Reactions:
     joints : tuple of str
         The driven joints, whose actuators do not act.
     pushes : ndarray (n, rates)
-        What stops do to the joints [N m or N].
+        Forces of stops on the joints [N m or N].
     ctrl : ndarray (n, controls), optional
         By default those of the key [SI].
 
     Attributes
     ----------
     drives : ndarray (n, drives)
-        What the drives must do, without the actuators of their joints [N m or N].
+        Moments or forces of the drives, without the actuators of their joints [N m or N].
     unique : bool
-        Whether the motion determines what bodies get from their parents.
+        Whether the motion determines the forces between the bodies.
     """
 
     def __init__(
@@ -104,14 +105,14 @@ class Reactions:
 
     @cached_property
     def balances(self) -> tuple[Array, Array]:
-        """What the motion of the bodies asks for, see `proofmass.analytic.spatial.terms`."""
+        """Inertial forces less weights, and moments: see `proofmass.analytic.spatial.terms`."""
         turn = self.motion.turn
         return balances(
             self.tree, self.motion, turn @ self.tree.masses[2] @ np.swapaxes(turn, -1, -2)
         )
 
     def on(self, body: int, at: Array) -> tuple[Array, Array]:
-        """Force [N] and moment about points `at` [N m] (n, 3) of a body's parent on it."""
+        """Force [N] and moment about points `at` [N m] (n, 3) on a body from its parent."""
         carried = carried_by([one.parent for one in self.tree.bodies], body)
         force, moment = np.zeros(at.shape), np.zeros(at.shape)
         for b in carried:
@@ -124,7 +125,7 @@ class Reactions:
         return force, moment
 
     def outside(self) -> Iterator[tuple[int, Array, Array, Array]]:
-        """Forces of loops and of loads on sites: body, place, force and moment (n, 3)."""
+        """Iterate over loops and loads on sites: body, point, force and moment (n, 3) each."""
         first = 0
         for loop in self.tree.loops:
             width = 3 if loop.turns is None else 6
@@ -136,7 +137,7 @@ class Reactions:
             yield load.body, self.motion.point(load.body, load.at), push, twist
 
     def twist(self, loop: PointLoop, forces: Array) -> Array:
-        """The moment of a weld on its first body (n, 3); none of a connect."""
+        """Moment of a weld on its first body (n, 3); zero for a connect."""
         if loop.turns is None:
             return np.zeros((len(self.forces), 3))
         return loop.scale * np.einsum("nik,ni->nk", weld_slope(self.motion, loop), forces)

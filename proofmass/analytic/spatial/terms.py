@@ -1,14 +1,14 @@
-r"""The equations of motion of a tree, term by term:
+r"""The terms of the equations of motion of a tree:
 
     M(q) v̇ + h(q, v) = Q(q, v) + Jᵀ λ,      φ(q) = 0,   J v̇ = γ(q, v)
 
-M and h are sums over the bodies of the balances of Newton at the centre of mass and of Euler about
-it, projected on the directions in which the joints move them (Kane's equations):
+M and h are sums over the bodies of Newton's equations for the centre of mass and Euler's equations
+about it, projected on the directions in which the joints move the body (Kane's equations):
 
     M = Σ m J_cᵀ J_c + J_ωᵀ I J_ω        h = Σ J_cᵀ m (a_c - g) + J_ωᵀ (I α + ω × I ω)
 
-with the accelerations a_c and α at v̇ = 0.  γ is what φ's second derivative leaves at v̇ = 0, with
-the sign turned.
+with the accelerations a_c and α at v̇ = 0.  γ is the negative of φ's second time derivative at
+v̇ = 0.
 """
 
 from collections.abc import Iterator
@@ -43,16 +43,16 @@ class Terms:
     Attributes
     ----------
     mass : ndarray (..., rates, rates)
-        [SI].
+        Mass matrix M [SI].
     bias, force : ndarray (..., rates)
-        What inertia and gravity ask for without accelerations, and what springs, dampers and
-        actuators give [N or N m].
+        Force h of inertia and gravity without accelerations, and force Q of springs, dampers and
+        actuators [N or N m].
     gap : ndarray (..., rows)
-        φ [m or rad].
+        Constraint violations φ of the equalities [m or rad].
     jacobian : ndarray (..., rows, rates)
-        [SI].
+        Jacobian J of the equalities [SI].
     drift : ndarray (..., rows)
-        γ [m/s^2 or rad/s^2].
+        Right-hand side γ [m/s^2 or rad/s^2].
     """
 
     mass: Array
@@ -71,18 +71,18 @@ NAMES = {
     "jacobian": "Jacobian of the equalities",
     "drift": "J-dot-v of the equalities",
 }
-"""Names of the terms."""
+"""Names of the terms, for messages."""
 
 
 class TermSource(Protocol):
-    """Where the terms at one pose come from."""
+    """A source of the terms at one pose."""
 
     @property
     def name(self) -> str:
-        """Who computes them."""
+        """Name of the program that computes the terms."""
 
     def __hash__(self) -> int:
-        """So that a motion can be kept."""
+        """Hash value, so that motions can be cached."""
 
     def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
         """All terms at a pose (poses,) with rates (rates,), and controls other than the key's."""
@@ -96,7 +96,7 @@ class TermSource(Protocol):
 
 @dataclass(frozen=True)
 class OwnTerms:
-    """The formulation of this package as the source of the terms."""
+    """This package's own formulation as the source of the terms."""
 
     tree: Tree
     name: str = "proofmass"
@@ -118,9 +118,9 @@ class OwnTerms:
 
 
 def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
-    """All terms at poses q (n, poses) with rates v (n, rates).
+    """Compute all terms at poses q (n, poses) with rates v (n, rates).
 
-    And with controls (n, controls), by default those of the key.
+    The controls are `ctrl` (n, controls), by default those of the key.
     """
     motion = move_tree(tree, q, v, np.zeros_like(v))
     mass, bias = inertial_terms(tree, motion)
@@ -131,7 +131,7 @@ def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Term
 
 
 def centre_rows(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
-    """How centres of mass move, and bodies turn, with the rates: (n, bodies, 3, rates) each."""
+    """Jacobians of centres of mass and of the bodies' rotations (n, bodies, 3, rates) each."""
     centres = motion.at + (motion.turn @ tree.masses[1][..., None])[..., 0]
     axes, turning = motion.axes[:, None], tree.turns[:, None]
     moves = turning * cross3(axes, centres[:, :, None] - motion.anchors[:, None])
@@ -141,7 +141,7 @@ def centre_rows(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
 
 
 def point_rows(tree: Tree, motion: TreeMotion, body: int, place: Array) -> Array:
-    """How a point of a body at a place (n, 3) moves with the rates (n, 3, rates)."""
+    """Jacobian (n, 3, rates) of a point of a body at positions `place` (n, 3)."""
     arms = np.asarray(place)[:, None] - motion.anchors
     turning = tree.turns[:, None]
     rows = turning * cross3(motion.axes, arms) + (1.0 - turning) * motion.axes
@@ -149,7 +149,7 @@ def point_rows(tree: Tree, motion: TreeMotion, body: int, place: Array) -> Array
 
 
 def turn_rows(tree: Tree, motion: TreeMotion, body: int) -> Array:
-    """How a body turns with the rates (n, 3, rates)."""
+    """Jacobian (n, 3, rates) of a body's rotation."""
     return np.swapaxes(motion.axes * (tree.turns * tree.moved[body])[:, None], 1, 2)
 
 
@@ -168,9 +168,9 @@ def inertial_terms(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
 
 
 def balances(tree: Tree, motion: TreeMotion, inertia: Array) -> tuple[Array, Array]:
-    """What the motion of the bodies asks for: forces at the centres, moments about them.
+    """Forces at the centres and moments about them that the motion of the bodies requires.
 
-    Both are (n, bodies, 3); gravity is taken off.
+    Both are (n, bodies, 3); weights are subtracted from the forces.
     """
     arms = (motion.turn @ tree.masses[1][..., None])[..., 0]
     acceleration = motion.acceleration + cross3(motion.spin_rate, arms)
@@ -187,11 +187,11 @@ class Length:
     Attributes
     ----------
     value, rate : ndarray (n,)
-        [m or rad, m/s or rad/s].
+        Lengths and their rates [m or rad, m/s or rad/s].
     rows : ndarray (n, rates)
-        Change with the rates [SI].
+        Jacobian of the lengths [SI].
     drift : ndarray (n,)
-        Second time derivative without accelerations [m/s^2 or rad/s^2].
+        Second time derivative at zero accelerations of the joints [m/s^2 or rad/s^2].
     """
 
     value: Array
@@ -201,7 +201,7 @@ class Length:
 
 
 def lengthened(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: Tendon) -> Length:
-    """The lengths of a tendon."""
+    """Lengths of a tendon with their derivatives."""
     n = len(q)
     value, rate, drift, rows = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros_like(v)
     for at, dof, share in tendon.terms:
@@ -227,12 +227,12 @@ def lengthened(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: Tendo
 
 
 def powers(coefficients: tuple[float, ...], x: Array) -> Array:
-    """Polynomial (n,) of x (n,), lowest coefficient first."""
+    """Values (n,) of a polynomial of x (n,), coefficient of the lowest power first."""
     return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
 
 
 def sprung(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
-    """What springs and dampers do to the joints (n, rates)."""
+    """Generalized forces of springs and dampers (n, rates)."""
     speed = np.abs(v)
     force = -v * (tree.damping[:, 0] + speed * (tree.damping[:, 1] + speed * tree.damping[:, 2]))
     for joint in tree.joints:
@@ -253,7 +253,7 @@ def sprung(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
 def actuator_forces(
     tree: Tree, lengths: list[Length], q: Array, v: Array, ctrl: Array | None
 ) -> Iterator[tuple[AffineActuator, Array]]:
-    """Forces (n,) of the actuators on joints and tendons [N or N m]."""
+    """Iterate over the actuators on joints and tendons with their forces (n,) [N or N m]."""
     controls = tree.ctrl[None] if ctrl is None else ctrl
     for one in tree.actuators:
         if one.tendon < 0:
@@ -271,7 +271,7 @@ def actuated(
     v: Array,
     ctrl: Array | None = None,
 ) -> Array:
-    """What actuators do to the joints (n, rates), those on sites as well, within their ranges."""
+    """Generalized forces of all actuators (n, rates), those on sites too, within their ranges."""
     found = loaded(tree, motion, ctrl)
     for one, force in actuator_forces(tree, lengths, q, v, ctrl):
         if one.tendon < 0:
@@ -287,7 +287,7 @@ def actuated(
 def loads_of(
     tree: Tree, motion: TreeMotion, ctrl: Array | None
 ) -> Iterator[tuple[SiteLoad, Array, Array]]:
-    """Forces [N] and moments [N m] of the loads on sites (n, 3), in the world."""
+    """Iterate over loads on sites with forces [N] and moments [N m] (n, 3), in world axes."""
     controls = tree.ctrl[None] if ctrl is None else ctrl
     for load in tree.site_loads:
         size = load.actuator.force(controls[:, load.actuator.place])[:, None]
@@ -301,7 +301,7 @@ def loads_of(
 
 
 def loaded(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array:
-    """What loads on sites do to the joints (n, rates)."""
+    """Generalized forces of the loads on sites (n, rates)."""
     found = np.zeros(motion.axes.shape[:2])
     for load, push, twist in loads_of(tree, motion, ctrl):
         rows = point_rows(tree, motion, load.body, motion.point(load.body, load.at))
@@ -311,7 +311,7 @@ def loaded(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array:
 
 
 def stretched(kind: str, rest: Array, own: Array) -> Array:
-    """How far a joint is from the rest of its spring (n, rates of the joint) [m, rad]."""
+    """Stretch of a joint's spring (n, rates of the joint) [m, rad]."""
     if kind in ("hinge", "slide"):
         return np.asarray(own[:, :1] - rest)
     turn = turn_vector(product(conjugate(rest[-4:]), unit(own[:, rest.size - 4 : rest.size])))
@@ -321,7 +321,7 @@ def stretched(kind: str, rest: Array, own: Array) -> Array:
 
 
 def over_slack(tendon: Tendon, length: Array) -> Array:
-    """How far a tendon is from the lengths at which its spring is slack (n,) [m or rad]."""
+    """Stretch of a tendon's spring (n,): distance of lengths from the slack range [m or rad]."""
     low, high = tendon.slack
     return np.asarray(np.where(length > high, length - high, np.minimum(length - low, 0.0)))
 
@@ -329,7 +329,7 @@ def over_slack(tendon: Tendon, length: Array) -> Array:
 def held_terms(
     tree: Tree, motion: TreeMotion, lengths: list[Length], q: Array, v: Array
 ) -> tuple[Array, Array, Array]:
-    """Gaps, Jacobian and drifts of all equalities; loops first, then ties."""
+    """Violations, Jacobian and drifts of all equalities: loops first, then ties."""
     found = [loop_terms(tree, motion, loop) for loop in tree.loops]
     found += [tie_terms(tree, lengths, tie, q, v) for tie in tree.ties]
     n, rates = v.shape
@@ -340,7 +340,7 @@ def held_terms(
 
 
 def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array, Array]:
-    """Rows of a connect or a weld: (n, k), (n, k, rates), (n, k)."""
+    """Violations (n, k), Jacobian (n, k, rates) and drifts (n, k) of a connect or a weld."""
     one, two = loop.one, loop.two
     places = motion.point(one, loop.on_one), motion.point(two, loop.on_two)
     rows = point_rows(tree, motion, one, places[0]) - point_rows(tree, motion, two, places[1])
@@ -369,14 +369,14 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
 
 
 def weld_turns(motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array]:
-    """Quaternions (n, 4) of a weld: on its first body, and on its second, conjugate."""
+    """Quaternions (n, 4) of a weld's axes: on the first body, and conjugate on the second."""
     assert loop.turns is not None
     first = product(motion.quaternion[:, loop.one], loop.turns[0])
     return first, conjugate(product(motion.quaternion[:, loop.two], loop.turns[1]))
 
 
 def weld_slope(motion: TreeMotion, loop: PointLoop) -> Array:
-    """How the gap of a weld's turns grows with turns of its first body in the world (n, 3, 3)."""
+    """Derivatives (n, 3, 3) of a weld's violation of axes by rotations of its first body."""
     first, second = weld_turns(motion, loop)
     columns = [
         product(second, product(pure(np.tile(axis, (len(first), 1))), first))[:, 1:]
@@ -386,14 +386,14 @@ def weld_slope(motion: TreeMotion, loop: PointLoop) -> Array:
 
 
 def pure(vectors: Array) -> Array:
-    """Vectors (n, 3) as quaternions (n, 4)."""
+    """Vectors (n, 3) as quaternions (n, 4) with scalar part 0."""
     return np.concatenate([np.zeros((len(vectors), 1)), vectors], axis=1)
 
 
 def tie_terms(
     tree: Tree, lengths: list[Length], tie: Tie, q: Array, v: Array
 ) -> tuple[Array, Array, Array]:
-    """The row of a joint or tendon equality: (n, 1), (n, 1, rates), (n, 1)."""
+    """Violation (n, 1), Jacobian (n, 1, rates) and drift (n, 1) of a joint or tendon equality."""
 
     def value(number: int) -> tuple[Length, float]:
         if tie.tendons:

@@ -1,7 +1,7 @@
-"""A second formulation of the terms along a motion: how far the two are apart.
+"""Comparison of the terms of a motion with those of a second, independent formulation.
 
-The terms that a motion was integrated with come from a source such as MuJoCo. At some of its poses
-this package computes every term of its own accord; a defect in either would show there.
+The terms with which a motion was integrated come from a source such as MuJoCo. At some of its poses
+this package computes every term by its own formulation; a defect in either would show there.
 """
 
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import NAMES, Terms, TermSource, own_terms
 
 STATES = 50
-"""Poses of a motion at which the terms are computed a second time."""
+"""Number of poses of a motion at which the terms are computed a second time."""
 AGREED = 1e-12
-"""How far apart they may be, as a share of the largest of their kind in the motion [1]."""
+"""Largest difference of a term, as a share of the largest of its kind in the motion [1]."""
 
 
 class TermsDiffer(ValueError):
@@ -24,16 +24,16 @@ class TermsDiffer(ValueError):
 
 @dataclass(frozen=True)
 class Witnessed:
-    """How far two formulations are apart.
+    """Difference of two formulations along a motion.
 
     Attributes
     ----------
     states : int
-        Poses that were looked at.
+        Number of poses at which they were compared.
     difference : float
         The largest difference of a term, as a share of the largest of its kind [1].
     term : str
-        The term that has it.
+        The term with this difference.
     """
 
     states: int
@@ -50,19 +50,19 @@ def bear_witness(
     when: str = "t",
     ctrl: Array | None = None,
 ) -> Witnessed:
-    """Compute the terms a second time at `STATES` poses of a motion.
+    """Compare the terms of a motion with own ones at `STATES` of its poses.
 
     Parameters
     ----------
     tree : Tree
-    source : Source
-        What the motion was integrated with.
+    source : TermSource
+        Source of the terms with which the motion was integrated.
     times : ndarray (n,)
-        [s].
+        Times of the samples [s].
     q, v : ndarray (n, poses), (n, rates)
         The motion [SI].
     when : str
-        What `times` are called in a complaint.
+        Name of `times` in the error message.
     ctrl : ndarray (n, controls), optional
         By default the controls of the key [SI].
 
@@ -73,7 +73,7 @@ def bear_witness(
     Raises
     ------
     TermsDiffer
-        By more than `AGREED`; names the term and when.
+        The difference is more than `AGREED`; the message has the term and the time.
     """
     some = np.unique(np.linspace(0, len(q) - 1, STATES).round().astype(int))
     controls = None if ctrl is None else ctrl[some]
@@ -100,10 +100,11 @@ def bear_witness(
 
 
 def scales(terms: Terms, v: Array) -> dict[str, float]:
-    """The largest of each kind of term in a motion; gaps are in m and rad, of order 1.
+    """Find the scale of each kind of term in a motion, by which differences are divided.
 
-    Drifts are held against accelerations as well, of the order of forces over masses: of bodies at
-    rest they are rounding.
+    It is the largest value of the kind; for gaps, in m and rad, it is 1.  The scale of drifts is at
+    least that of accelerations, of the order of forces over masses, since the drifts of bodies at
+    rest are rounding.
     """
 
     def largest(*parts: Array) -> float:
