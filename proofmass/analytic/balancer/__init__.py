@@ -1,4 +1,4 @@
-"""Torsion-spring balancer of an inverted pendulum: three or four segments, stops, preloads."""
+"""Torsion-spring balancer of a pendulum: a chain of three or four segments, stops, preloads."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from proofmass.analytic.balancer.path import (
 from proofmass.analytic.numerics import Array, cross, in_frame, not_negative, senses
 
 MODES = (1, -1)
-MARGIN = 1e-9  # [rad] beyond the largest angle asked for, so that rounding does not end the path
+MARGIN = 1e-9  # [rad] path beyond the largest angle, so that rounding does not end it before
 
 __all__ = [
     "MODES",
@@ -89,30 +89,32 @@ def solve(
             P1 \_| l1     mode +1: elbow up, theta_n > theta_(n-1); -1: elbow down
                  O
 
-    Windings from rest are e1 = theta1 - theta10 and ei = (theta_i - theta_(i-1)) - (the same at
-    rest).  A spring gives M = k (e + e*) + A (e + e*)^2, wound up by e* to its preload.  Joints may
-    have stops, low <= e <= high; a preload needs the stop that holds it.  The chain rests where
+    Deflections from rest are e1 = theta1 - theta10 and ei = (theta_i - theta_(i-1)) - (the same at
+    rest).  A spring wound up by e* to its preload has the moment M = k (e + e*) + A (e + e*)^2.
+    Joints may have stops, low <= e <= high; a preload needs a stop that carries it at rest.  The
+    chain is in equilibrium where
 
         V(alpha, theta) = sum V_i(e_i)
 
-    is stationary under the loop and the stops; that equilibrium is followed from the rest posture,
-    with stops left and met at their exact angles.  The moment that holds the pendulum is then
+    is stationary under the loop and the stops.  This equilibrium is followed from the rest posture,
+    and stops are left and met at their exact angles.  The moment on the pendulum that keeps it in
+    equilibrium is then
 
         dV*/dalpha = M1,     less the weight's, weight r sin(alpha)
 
-    since turning everything about O winds spring 1 alone.  A pendulum that extends as it leans, as
-    a human back does, has r = pendulum + extension1 alpha + extension2 alpha^2.  The chain's force
-    f along it then does work as well, and balances
+    since a rotation of all segments about O winds spring 1 alone.  A pendulum that extends as it
+    leans, as a human back does, has r = pendulum + extension1 alpha + extension2 alpha^2.  The
+    chain's force f along it then does work as well, and the chain balances
 
         dV*/dalpha = M1 - f dr/dalpha
 
     of the weight's  weight (r sin(alpha) - dr/dalpha cos(alpha)).
 
-    With dry friction the order of the angles matters: joints stick, or slip with their friction
-    against the motion, from a rest without friction at the first angle on
+    With dry friction the order of the angles matters: from an equilibrium without friction at the
+    first angle on, joints stick, or slip with their friction against the motion
     (`proofmass.analytic.balancer.friction`). To first order in the friction, with the rates de_i of
-    the frictionless path, the moment is then off by +-(friction1 |de1/dalpha| + friction2 ...),
-    with the sense of the motion: the width of the loop is the friction's work per angle.
+    the frictionless path, the moment differs by +-(friction1 |de1/dalpha| + friction2 ...), with
+    the sense of the motion: the width of the hysteresis loop is the friction's work per angle.
 
     Parameters
     ----------
@@ -125,53 +127,54 @@ def solve(
     quadratic1, quadratic2, quadratic3, quadratic4 : A [N m/rad^2]
     preload2, preload3, preload4 : moment [N m] of the spring at rest
     low2, low3, low4, high2, high3, high4 : stops of deflections from rest [rad], low <= 0 <= high
-    pendulum : r [m], at rest if it extends
-    extension1, extension2 : how it extends with alpha [m/rad, m/rad^2]
+    pendulum : length r [m]; at rest if it extends
+    extension1, extension2 : coefficients of its extension by alpha [m/rad, m/rad^2]
     rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
     weight : force at the tip, down along the upright [N]
     mode : +1 elbow up, -1 elbow down, of the last two segments at rest
     friction1, friction2, friction3, friction4 : dry friction of the joints with springs [N m]
     pendulum_friction : dry friction of the pendulum's own bearing [N m]
-    target, target_moment : what the balancing moment is designed for: a name of
-        `proofmass.analytic.balancer.measures`, or weight, that of a mass on the pendulum as it
-        extends, and the moment m g r [N m] that it is multiplied by
-    expected : name of a curve of `proofmass.analytic.balancer.measures.EXPECTED` that a measurement
-        was held against
+    target, target_moment : the moment curve for which the balancer is designed, by its name in
+        `proofmass.analytic.balancer.measures` or ``weight``, the moment of a mass on the pendulum
+        as it extends; and the moment m g r [N m] that the curve is multiplied by
+    expected : name of a curve of `proofmass.analytic.balancer.measures.EXPECTED`, with which a
+        measurement was compared
 
     Returns
     -------
     dict of (...) arrays: theta1.., deflection1.. [rad], theta1_rate.., deflection1_rate.. [rad/s],
-    node2_x, node2_y, .. [m] of the joints at the ends of segment 1 and on, y up,
-    moment1.. [N m] of the springs, balancing_moment [N m], holding_moment [N m] about O of what
-    turns the pendulum, extension_force [N] of what extends it, energy1.. [J] of the springs,
-    weight_energy (zero at the height of O), energy of springs and weight,
-    friction1.. [N m] against the deflections, frictionless_moment [N m], what holding_moment is
+    node2_x, node2_y, .. [m] of the joints from the end of segment 1 on, y up,
+    moment1.. [N m] of the springs, balancing_moment [N m], holding_moment [N m] about O of the
+    drive that turns the pendulum, extension_force [N] of the drive that extends it,
+    energy1.. [J] of the springs, weight_energy (zero at the height of O), energy of springs and
+    weight,
+    friction1.. [N m] against the deflections, frictionless_moment [N m], the holding_moment
     without friction,
     force_x, force_y [N] of the chain on the tip, x to the side of growing alpha, y up (every pin
-    carries the same force, the segments having no weight); node1_force_x, node1_force_y, .. the
-    same force, as each segment gets it from the one before or from the ground, along that segment
-    and across it, to the left; node1_load, .. [N m] the moment that it gets beside, which is the
-    spring's and that of a stop, against the deflection.  With a target also target [N m],
-    residual = balancing_moment - target, and target_energy [J], the energy of what is balanced.
-    With an expected curve also expected_moment [N m], and expected_measurement [N m], which is it
-    with the friction's loop to first order.
+    carries the same force, since the segments have no weight); node1_force_x, node1_force_y, ..,
+    the same force on each segment from the one before or from the ground, along that segment and
+    across it, to the left; node1_load, .. [N m], the moment on it there, of the spring and of a
+    stop, against the deflection.  With a target also target [N m],
+    residual = balancing_moment - target, and target_energy [J], the energy of the balanced mass.
+    With an expected curve also expected_moment [N m], and expected_measurement [N m], the same
+    moment with the friction's hysteresis loop to first order.
 
     Raises
     ------
     ValueError
-        A parameter out of its domain; lengths that cannot reach the tip; a rest posture that is
-        unstable; a path that ends at a fold before `angle`, where the chain would jump; friction
-        beside stops, or friction that holds the whole chain.
+        A parameter is out of its domain; lengths cannot reach the tip; the rest posture is
+        unstable; the path ends at a fold before `angle`, where the chain would jump; friction is
+        combined with stops, or no joint can slip against the friction.
 
     Notes
     -----
-    Newton's method to rounding at every angle: 1e-12 of the moments.  The path is physical: it may
-    straighten an arm and pass into the other elbow, and it does not visit the lower minima that
-    a search over all postures finds.  Source: S. van Nes, The use of a rigid linkage balancer with
-    torsion springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074,
-    eq. 4-17.  The thesis takes the lowest energy on a grid of postures instead of following it
-    (`tests.independent.balancer.grid`) and lets a released joint of three segments pass back
-    through its stop.
+    Accuracy: Newton's method to rounding at every angle, 1e-12 of the moments.  The path is the
+    physical one: an arm may straighten and pass into the other elbow, and lower minima that a
+    search over all postures finds are not visited.  Source: S. van Nes, The use of a rigid linkage
+    balancer with torsion springs to realize nonlinear moment-angle characteristics, MSc thesis TU
+    Delft 2022.074, eq. 4-17.  The thesis does not follow the path: it takes the lowest energy on a
+    grid of postures (`tests.independent.balancer.grid`), and lets a released joint of three
+    segments pass back through its stop.
 
     Examples
     --------
@@ -230,7 +233,7 @@ def flexing(
     to: float = np.pi / 2,
     period: float = 2.0,
 ) -> tuple[Array, Array, Array]:
-    """A pendulum that leans and extends: its angle [rad] and its extension [m], to and fro.
+    """Motion profiles of a pendulum that leans and extends to and fro: angle [rad], extension [m].
 
     ::
 
@@ -255,14 +258,14 @@ def flexing(
 
 
 def check_friction(rubs: dict[str, float], joints: int) -> None:
-    """ValueError for the first friction that is negative, not finite, or of no joint."""
+    """Raise ValueError for a friction that is negative, not finite, or of a missing joint."""
     not_negative("N m", **rubs)
     if joints == 3 and rubs["friction4"]:
         raise ValueError("friction4 is of a joint that a balancer of three segments has not")
 
 
 def both_ways(chain: Balancer, alpha: Array) -> Path:
-    """The path at angles of either sign; ValueError where it does not get there."""
+    """Find the path at angles of both signs; ValueError if it ends before them."""
     parts = []
     for way in (alpha < 0, alpha >= 0):
         if way.any():
@@ -286,7 +289,7 @@ def both_ways(chain: Balancer, alpha: Array) -> Path:
 def aimed(
     chain: Balancer, name: str, scale: float, alpha: Array, moment: Array
 ) -> dict[str, Array]:
-    """The design target, and what is left of it."""
+    """Curves of the design target, its energy, and the residual moment."""
     aim = target_for(chain, name)
     wanted = scale * aim(alpha)
     return {
@@ -303,7 +306,7 @@ def quantities(
     rub: Array | float = 0.0,
     bearing: Array | float = 0.0,
 ) -> dict[str, Array]:
-    """The quantities of a path, by name; `rub` is the friction of its joints."""
+    """Quantities of a path by name, with friction `rub` of joints, `bearing` of the pendulum."""
     rub = np.broadcast_to(rub, path.rate[0].shape)
     weight = chain.weight[0]
     scale = weight * chain.reach(path.alpha)

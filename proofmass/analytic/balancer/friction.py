@@ -1,13 +1,13 @@
-"""Dry friction in the joints of a balancer: its rests in the order in which they are passed.
+"""Dry friction in the joints of a balancer: its equilibria in the order of the angles.
 
 In the pendulum's frame, with psi, e, D, c and A as in `proofmass.analytic.balancer.path`, the chain
-rests where::
+is in equilibrium where::
 
     D^T (M(e) + R) + A^T lambda = 0,     c = 0,
     e_i as it was (stuck)  or  R_i = +-tau_i (slipping)
 
-R_i being the friction of joint i against a growing deflection.  Which joints stick and slip between
-two angles is the matter of `proofmass.analytic.friction`.
+R_i is the friction of joint i against a growing deflection.  The module
+`proofmass.analytic.friction` finds which joints stick and slip between two angles.
 """
 
 from typing import NamedTuple
@@ -19,12 +19,12 @@ from proofmass.analytic.balancer.path import Path, at_rest, deflections
 from proofmass.analytic.friction import PathEnds, SlipProblem, advance
 from proofmass.analytic.numerics import Array
 
-STRIDE = 0.05  # [rad] of the pendulum at once
-STRAY = 0.05  # [rad] that Newton may move off the tangent: more could be another branch
-STILL = 1e-10  # [rad] the last Newton step; what is left is its square
-MOST = 12
-DEPENDENT = 1e-11  # of the largest singular value: joints that hold each other
-FLAT = 1e-9  # of the largest stiffness
+STRIDE = 0.05  # [rad] longest move of the pendulum in one stride
+STRAY = 0.05  # [rad] largest correction by Newton's method: a larger one could be another branch
+STILL = 1e-10  # [rad] length of the last Newton step; the error is of the order of its square
+MOST = 12  # largest number of Newton steps
+DEPENDENT = 1e-11  # share of the largest singular value: rows below it depend on others
+FLAT = 1e-9  # share of the largest stiffness: smallest stiffness of a stable equilibrium
 HELD = (
     "dry friction holds the whole chain: no joint slips over the angles that are asked for; give "
     "less friction, or a wider motion"
@@ -32,16 +32,16 @@ HELD = (
 
 
 class ChainSlopes(NamedTuple):
-    """What a pose asks of the chain.
+    """Spring moments and derivatives of the chain at a pose.
 
     Attributes
     ----------
     deflection, moment, spring : ndarray (n,)
-        Of each spring: from rest [rad], moment [N m] and stiffness [N m/rad].
+        Deflection from rest [rad], moment [N m] and stiffness [N m/rad] of each spring.
     stiffness : ndarray (n, n)
-        In psi [N m/rad].
+        Stiffness matrix of the chain by psi [N m/rad].
     loop : ndarray (2, n)
-        The loop's Jacobian A [m].
+        Jacobian A of the loop [m].
     """
 
     deflection: Array
@@ -52,14 +52,14 @@ class ChainSlopes(NamedTuple):
 
 
 class RubbingChain:
-    """The chain of one balancer without stops, at rest, some of whose joints rub.
+    """The chain of one balancer at rest, without stops and with dry friction in some joints.
 
     Parameters
     ----------
     b : Balancer
-        Of a batch of one.
+        A batch of one.
     friction : ndarray (n,)
-        tau of each joint [N m].
+        Friction tau of each joint [N m].
     """
 
     def __init__(self, b: Balancer, friction: Array):
@@ -77,21 +77,21 @@ class RubbingChain:
         return np.array([self.alpha])
 
     def kept(self) -> tuple[float, Array, Array]:
-        """The pose, and the force at the tip."""
+        """Copy the pose: pendulum angle, segments' angles and force at the tip."""
         return self.alpha, self.psi, self.pull
 
     def back(self, kept: tuple[float, Array, Array]) -> None:
-        """Come back to a pose."""
+        """Return to a pose that `kept` has copied."""
         self.alpha, self.psi, self.pull = kept
 
     def go(self, values: Array) -> None:
-        """Follow the rest to another angle in the present state."""
+        """Follow the equilibrium to another angle in the present state of the joints."""
         count = int(np.ceil(abs(float(values[0]) - self.alpha) / STRIDE)) or 1
         for alpha in np.linspace(self.alpha, float(values[0]), count + 1)[1:]:
             self.stride(float(alpha))
 
     def stride(self, alpha: float) -> None:
-        """Newton's method from the end of the tangent."""
+        """Find the equilibrium at an angle by Newton's method, from the end of the tangent."""
         _, matrix, pulled = self.system()
         ahead = -self.solved(matrix, pulled) * (alpha - self.alpha)
         self.alpha, moved = alpha, 0.0
@@ -113,7 +113,7 @@ class RubbingChain:
             )
 
     def slopes(self) -> ChainSlopes:
-        """Moments and stiffness at the present pose, found once for each."""
+        """Moments and stiffness at the present pose; cached until the pose changes."""
         here = self.kept()
         if any(one is not other for one, other in zip(here, self.known_at, strict=True)):
             self.known, self.known_at = self._slopes(), here
@@ -129,7 +129,7 @@ class RubbingChain:
         return ChainSlopes(e, b.moments(e[None])[0], spring, stiffness, np.array([north, -east]))
 
     def system(self) -> tuple[Array, Array, Array]:
-        """Residual, Newton's matrix and the residual's change with alpha, at the present pose."""
+        """Residual, Newton's matrix and the residual's derivative by alpha, at the present pose."""
         n = self.psi.size
         e, moment, spring, stiffness, loop = self.slopes()
         rows = np.concatenate([loop, self.turns[self.stuck]])
@@ -144,18 +144,18 @@ class RubbingChain:
         return np.concatenate([load, gap]), matrix, pulled
 
     def solved(self, matrix: Array, right: Array) -> Array:
-        """The least solution: stuck joints may hold each other."""
+        """Solve by the smallest solution, since the rows of stuck joints may be dependent."""
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=DEPENDENT)[0], float)
 
     def stable(self) -> bool:
-        """Whether the rest is a minimum for what does not stick."""
+        """Whether the energy has a minimum in the motions that stuck joints leave free."""
         _, _, _, stiffness, loop = self.slopes()
         left = free_of(np.vstack([loop, self.turns[self.stuck]]))
         least = np.linalg.eigvalsh(left @ stiffness @ left.T).min(initial=np.inf)
         return bool(least > FLAT * np.abs(stiffness).max())
 
     def problem(self, way: Array) -> SlipProblem:
-        """The present rest in coordinates of its free motions, without its friction."""
+        """Set up the present equilibrium in coordinates of its free motions, without friction."""
         _, moment, spring, stiffness, loop = self.slopes()
         free, own, step = free_of(loop), self.rubbing, float(way[0])
         return SlipProblem(
@@ -168,7 +168,7 @@ class RubbingChain:
         )
 
     def enter(self, senses: Array) -> None:
-        """Let joints stick where they are, or slip."""
+        """Let joints stick where they are, or slip, from now on."""
         self.senses, self.begins = senses, False
         self.stuck = self.rubbing[senses == 0]
         self.fixed = self.slopes().deflection[self.stuck]
@@ -176,7 +176,7 @@ class RubbingChain:
         self.friction[self.rubbing] = senses * self.bound
 
     def rub(self, way: Array) -> Array:
-        """Friction of all joints (n,) on a way of the pendulum [N m]."""
+        """Friction of all joints (n,) while the pendulum moves along a way [N m]."""
         found = np.zeros(self.psi.size)
         if not self.begins:
             rate = self.problem(way).goes(self.senses)
@@ -186,33 +186,34 @@ class RubbingChain:
 
 
 def free_of(rows: Array) -> Array:
-    """Motions (free, n) that leave what the rows hold."""
+    """Basis of the null space of rows (free, n): the motions that the constraints leave free."""
     _, sizes, ways = np.linalg.svd(rows)
     return np.asarray(ways[int((sizes > DEPENDENT * sizes.max()).sum()) :])
 
 
 def rubbed(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:
-    """The rests at pendulum angles in the order in which they are passed, and the friction there.
+    """Find equilibria with friction at pendulum angles, in their order, and the friction there.
 
     Parameters
     ----------
     b : Balancer
-        Of a batch of one, without stops.
+        A batch of one, without stops.
     friction : ndarray (n,)
-        tau of each joint [N m].
+        Friction tau of each joint [N m].
     alpha : ndarray (A,)
-        Angles [rad]; the chain is at rest without friction at the first.
+        Pendulum angles [rad]; at the first one the chain is in equilibrium without friction.
 
     Returns
     -------
     Path
     ndarray (A, n)
-        R of each joint [N m].
+        Friction R of each joint [N m].
 
     Raises
     ------
     ValueError
-        Stops; friction that holds the whole chain; a path that ends at a fold.
+        The balancer has stops or extends; no joint slips against its friction; the path ends at a
+        fold.
     """
     if b.stopped:
         raise ValueError(

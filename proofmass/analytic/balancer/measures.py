@@ -1,7 +1,7 @@
-"""How well a balancer meets its target: residual moment, residual work, spread of the energy.
+"""Measures of how well a balancer meets its target: moment error, work reduction, energy spread.
 
-The targets are moment-angle characteristics with the energies that they balance.  A summary says
-what a balancer's parameters amount to, where its stops switch, and what is wrong with it.
+The targets are moment-angle characteristics with the energies that they balance.  A summary for the
+report gives a balancer's rest posture, the angles at which its stops switch, and warnings.
 """
 
 from collections.abc import Callable
@@ -26,16 +26,17 @@ from proofmass.analytic.balancer.path import (
 from proofmass.analytic.numerics import Array
 
 MomentCurve = Callable[[Array], Array]
-LAEVO = (-0.2511, 1.343, -2.91, 2.824, -0.006501)  # of the program, line 4067; eq. 28 is rounded
-STEEP = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2)
+# polynomial of the target laevo, from the thesis's program, line 4067; eq. 28 is rounded
+LAEVO = (-0.2511, 1.343, -2.91, 2.824, -0.006501)
+STEEP = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2), in eqs 26 and 27
 
 
 @dataclass(frozen=True)
 class Target:
-    """A wanted balancing moment M(angle) and the height energy V(angle), dV/dangle = -M.
+    """A target: balancing moment M(angle) and height energy V(angle), with dV/dangle = -M.
 
-    A balancer that meets it keeps its spring energy plus V constant. Call it for M. Both are for
-    m g r = 1 N m; V is up to a constant.
+    In a balancer that meets the target, the sum of spring energy and V is constant. A call returns
+    M. Both are for m g r = 1 N m; V is determined up to a constant.
     """
 
     name: str
@@ -65,14 +66,14 @@ def target(name: str, angle: ArrayLike) -> Array:
 
     All are meant for 0 to pi/2, where the first six lie within [-0.0065, 1]; the fourth has poles
     at -pi/12 and 7 pi/12, and laevo, a fit to an exoskeleton's spring, is not zero at zero.  The
-    last four are in the thesis's programs alone, in the words that stand behind them: it has no
-    table of theirs.  square-root ends at 1.253 and quadratic at 2.467; square-root starts with an
-    infinite slope, and has no value below zero.
+    last four are only in the thesis's programs, under the names given on the right; the thesis has
+    no tables for them.  square-root ends at 1.253 and quadratic at 2.467; square-root starts with
+    an infinite slope and is not defined below zero.
 
     ValueError for a name that is not in `TARGETS`. Accuracy: rounding. Source: van Nes 2022 (S. van
     Nes, The use of a rigid linkage balancer with torsion springs to realize nonlinear moment-angle
     characteristics, MSc thesis TU Delft 2022.074), eqs 24-29, lines 794-806. Eq. 28 prints two
-    decimals; its tables were made with the coefficients of the program, line 4067, used here.
+    decimals; its tables were made with the coefficients of the program, line 4067, as here.
 
     >>> [round(float(target(name, np.pi / 4)), 4) for name in TARGETS]
     [0.7071, 0.2929, 0.5, 0.5, 0.9715, 1.0, 0.8862, 0.6169, 0.5, 0.5]
@@ -83,13 +84,13 @@ def target(name: str, angle: ArrayLike) -> Array:
 
 
 def target_for(b: Balancer, name: str) -> Target:
-    """A target by name; `weight` is that of a mass on the pendulum of `b` as it extends.
+    """Find a target by name; `weight` is the moment of a mass on the pendulum of `b`, extended.
 
     ::
 
         weight    M = (r sin a - dr/da cos a)/r0,    V = r cos a/r0,    r = r(a), r0 = r(0)
 
-    Without extension it is the sine.  ValueError for another name that is not in `TARGETS`.
+    Without extension this is the sine.  ValueError for any other name that is not in `TARGETS`.
     """
     if name != "weight":
         target(name, 0.0)
@@ -98,7 +99,7 @@ def target_for(b: Balancer, name: str) -> Target:
 
 
 def weight_on(extension1: float, extension2: float) -> Target:
-    """The target `weight` of a pendulum that extends by these shares of it [1/rad, 1/rad^2].
+    """Target `weight` of a pendulum with extension1/r0 and extension2/r0 [1/rad, 1/rad^2].
 
     >>> float(weight_on(0.1, 0.0)(np.pi / 2).round(6))
     1.15708
@@ -114,23 +115,23 @@ def weight_on(extension1: float, extension2: float) -> Target:
     )
 
 
-# van Nes 2022, listing N.2: degree 5 in degrees, highest first [N m]; the print has 4.4283e-10 for
-# the first, which is 2.41 N m at 90 degrees
+# van Nes 2022, listing N.2: polynomial of degree 5 of the angle in degrees, highest power first
+# [N m]; with the first coefficient as printed, 4.4283e-10, the moment at 90 degrees would be 2.41
 EXPECTED = {
     "van Nes N.2": (4.4283e-11, -8.2536e-09, 4.8168e-07, -1.4378e-05, 0.0011225, -0.00029428)
 }
 
 
 def expected(name: str, angle: ArrayLike) -> Array:
-    r"""Moment [N m] that a measurement was held against, at a pendulum angle [rad] (...).
+    r"""Moment [N m] with which a measurement was compared, at a pendulum angle [rad] (...).
 
     ``van Nes N.2`` is the fit to the model of the prototype with its springs as measured::
 
         4.4283e-11 x^5 - 8.2536e-9 x^4 + 4.8168e-7 x^3 - 1.4378e-5 x^2 + 1.1225e-3 x - 2.9428e-4
 
     with x in degrees, from 0 to 90. ValueError for a name that is not in `EXPECTED`. Source: van
-    Nes 2022, listing N.2, lines 2298 and 2303, whose print of the first coefficient is ten times
-    too large.
+    Nes 2022, listing N.2, lines 2298 and 2303, where the first coefficient is printed ten times too
+    large.
 
     >>> round(float(expected("van Nes N.2", np.pi / 3)), 5)
     0.04681
@@ -141,28 +142,28 @@ def expected(name: str, angle: ArrayLike) -> Array:
 
 
 def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Target:
-    """Target through a table, by a cubic that keeps its shape: monotone wherever the table is.
+    """Make a target from a table by a cubic interpolation that is monotone where the table is.
 
     Parameters
     ----------
     angles : pendulum angles [rad] (n,), rising strictly, n >= 2
-    moments : wanted moments over m g r at them [1] (n,)
-    name : what messages call it
+    moments : moments over m g r at these angles [1] (n,)
+    name : name of the target in messages
 
     Returns
     -------
-    Target : continuous in its slope; its energy is zero at the first angle
+    Target : with a continuous slope; its energy is zero at the first angle
 
     Raises
     ------
     ValueError
-        Columns of different or too small size, a value not finite, an angle that does not rise;
-        on a call outside the table.
+        The columns have different sizes, or fewer than 2 rows; a value is not finite; angles do
+        not rise; or the target is called outside the table.
 
     Notes
     -----
     Piecewise cubic Hermite interpolation (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980).
-    Error O(h^3) in the distance of the samples, O(h^2) next to an extreme.
+    Error O(h^3) in the distance h of the samples, O(h^2) next to an extreme.
 
     Examples
     --------
@@ -252,11 +253,11 @@ TARGETS = {
 }
 
 
-HALVINGS = 40  # of the kinks' search: from a sample's distance to rounding
+HALVINGS = 40  # steps of the search for kinks: from the distance of samples down to rounding
 
 
 def precision_points(count: int) -> Array:
-    """Pendulum angles j pi/(2 count) [rad], j = 1 .. count; zero is not one of them.
+    """Pendulum angles j pi/(2 count) [rad], j = 1 .. count, at which targets are compared.
 
     Van Nes 2022, lines 735-772: 90 for three segments, 15 for four.
 
@@ -281,23 +282,23 @@ def rmse(moment: ArrayLike, target: ArrayLike, *, scale: ArrayLike = 1.0) -> Arr
 
 
 def work_reduction(moment: ArrayLike, reference: ArrayLike, angle: ArrayLike) -> Array:
-    r"""Share of the work against `reference` [%] that is left no more when `moment` balances it.
+    r"""Reduction [%] of the work against a moment `reference` that is balanced by `moment`.
 
     ::
 
         100 (1 - integral |moment - reference| dangle / integral reference dangle)
 
-    It means nothing without its reference: the same balancer has another number against the sine
-    than against the model of itself (see `prototype.REDUCTIONS`).
+    The number has a meaning only together with its reference: the same balancer has different
+    numbers against the sine and against its own model (see `prototype.REDUCTIONS`).
 
     Parameters
     ----------
-    moment, reference : balancing moment and what it should be [N m], (..., points)
+    moment, reference : balancing moment, and the moment to be balanced [N m], (..., points)
     angle : pendulum angle [rad] (points,), rising
 
     Returns
     -------
-    (...) [%], 100 for a perfect balancer, negative for one that is worse than none
+    (...) [%], 100 for a perfect balancer, negative for one that increases the work
 
     Raises
     ------
@@ -306,8 +307,8 @@ def work_reduction(moment: ArrayLike, reference: ArrayLike, angle: ArrayLike) ->
 
     Notes
     -----
-    Trapezoids on the points given, as in van Nes 2022, eq. 34 and line 4119, whose points leave out
-    angle 0; that changes it by less than 0.02 percentage points there.
+    Trapezoidal rule on the given points, as in van Nes 2022, eq. 34 and line 4119.  The points of
+    the thesis leave out angle 0, which changes its results by less than 0.02 percentage points.
 
     Examples
     --------
@@ -323,7 +324,7 @@ def work_reduction(moment: ArrayLike, reference: ArrayLike, angle: ArrayLike) ->
 
 
 def energy_spread(*energies: ArrayLike, scale: ArrayLike = 1.0) -> Array:
-    r"""How unevenly the springs share the energy: mean over the points of their differences.
+    r"""Spread of the energy between the springs: mean of their differences over the points.
 
     ::
 
@@ -331,17 +332,17 @@ def energy_spread(*energies: ArrayLike, scale: ArrayLike = 1.0) -> Array:
 
     Parameters
     ----------
-    energies : of each of the n springs [J], each (..., points)
+    energies : energy of each of the n springs [J], each (..., points)
     scale : m g r [N m]
 
     Returns
     -------
-    (...) [1]; zero if all springs hold the same
+    (...) [1]; zero if all springs have the same energy
 
     Notes
     -----
-    Van Nes 2022, eqs 19-22 and line 4117, with three springs. Pairs of n springs by the identity
-    on the right.
+    Van Nes 2022, eqs 19-22 and line 4117, with three springs. The sum over the pairs of n springs
+    is computed by the identity on the right.
 
     Examples
     --------
@@ -356,13 +357,13 @@ def energy_spread(*energies: ArrayLike, scale: ArrayLike = 1.0) -> Array:
 class Lines(NamedTuple):
     """Connected straight pieces that start in the origin."""
 
-    rmse: Array  # (...) what is left [N m]
-    slopes: Array  # (..., pieces) [N m/rad]
-    kinks: Array  # (..., pieces - 1) where two pieces meet [rad], rising
+    rmse: Array  # (...) root mean square of the residual [N m]
+    slopes: Array  # (..., pieces) slope of each piece [N m/rad]
+    kinks: Array  # (..., pieces - 1) angles at which two pieces meet [rad], rising
 
 
 def best_lines(angle: ArrayLike, target: ArrayLike, pieces: int = 1) -> Lines:
-    r"""Closest chain of straight pieces through the origin, by least squares at the points.
+    r"""Fit connected straight pieces through the origin to a target, by least squares.
 
     ::
 
@@ -374,15 +375,16 @@ def best_lines(angle: ArrayLike, target: ArrayLike, pieces: int = 1) -> Lines:
         0/------+-----+------ a
              kink_1  kink_2
 
-    It is what springs in series could do if the chain had no geometry: one slope for linear
-    springs, another after each release of a preload. Not a bound: a real chain bends its pieces,
-    and the best regular balancer of a sine (0.0835) beats the straight line.
+    Springs in series would have such a curve if the chain had no geometry: one slope for linear
+    springs, and another one after each release of a preload. It is no bound for balancers: the
+    pieces of a real chain are curved, and the best regular balancer of a sine (0.0835) has a
+    smaller error than the straight line.
 
     Parameters
     ----------
     angle : points [rad] (points,), positive and rising
-    target : (..., points) [N m]
-    pieces : 1, 2, 3
+    target : moments at the points (..., points) [N m]
+    pieces : number of pieces: 1, 2 or 3
 
     Returns
     -------
@@ -391,18 +393,19 @@ def best_lines(angle: ArrayLike, target: ArrayLike, pieces: int = 1) -> Lines:
     Raises
     ------
     ValueError
-        Not more points than free numbers, 2 pieces - 1.
+        There are not more points than the 2 pieces - 1 unknowns.
 
     Notes
     -----
-    Kinks on all samples first, then a shrinking lattice about the best: kinks to about 1e-8 rad,
-    rmse to rounding, unless two minima lie within one sample's distance, as at 15 points of the
-    square root in three pieces: 0.0083 is found, 0.0076 can be had.
+    Kinks at all combinations of samples are tried first, then those of a shrinking lattice about
+    the best one.  Kinks are found to about 1e-8 rad and the rmse to rounding, unless two minima lie
+    within the distance of two samples: at 15 points of the square root in three pieces, 0.0083 is
+    found although 0.0076 is possible.
 
-    "Best theoretical approximation" of van Nes 2022, tables M.1 to M.20. Its straight lines (0.0861
-    sine, 0.1016 progressive, 0.2755 laevo) were averaged with angle 0 as a point, where its kinked
-    ones were not; without it they are 0.0866, 0.1021, 0.2770 at 90 points. Its laevo in three
-    pieces, 0.0207, is a local optimum; 0.0175 can be had.
+    "Best theoretical approximation" of van Nes 2022, tables M.1 to M.20. The errors of its straight
+    lines (0.0861 sine, 0.1016 progressive, 0.2755 laevo) are means with angle 0 as a point, those
+    of its kinked lines are not; without this point they are 0.0866, 0.1021, 0.2770 at 90 points.
+    Its error for laevo in three pieces, 0.0207, is that of a local optimum; 0.0175 is possible.
 
     Examples
     --------
@@ -429,7 +432,7 @@ def best_lines(angle: ArrayLike, target: ArrayLike, pieces: int = 1) -> Lines:
 
 
 def _fit(angle: Array, target: Array, kinks: Array) -> tuple[Array, Array]:
-    """Changes of slope (..., sets, pieces) and rmse (..., sets) for sets of kinks."""
+    """Fit changes of slope (..., sets, pieces) for sets of kinks; with the rmse (..., sets)."""
     starts = np.insert(kinks, 0, 0.0, axis=-1)
     hinges = np.maximum(angle[:, None] - starts[..., None, :], 0.0)
     changes = np.linalg.pinv(hinges) @ target[..., None, :, None]  # kinks may coincide
@@ -437,29 +440,29 @@ def _fit(angle: Array, target: Array, kinks: Array) -> tuple[Array, Array]:
     return changes[..., 0], rmse(fitted, target[..., None, :])
 
 
-RANGE = np.pi / 2  # [rad] that a clock spring between simple stops can be wound
-STRAIGHT = 0.05  # [rad] below which an arm is called straight: errors in length grow twentyfold
-STEP = np.radians(0.25)
+RANGE = np.pi / 2  # [rad] largest deflection of a clock spring between simple stops
+STRAIGHT = 0.05  # [rad] angle below which an arm is nearly straight: length errors grow twentyfold
+STEP = np.radians(0.25)  # [rad] distance of the pendulum angles that are examined
 
 
 def warnings(to: float = np.pi / 2, **parameters: float) -> list[str]:
-    """What a designer must know before believing a balancer's moment curve.
+    """Warnings about a balancer that its moment curve alone does not show.
 
     Parameters
     ----------
     to : float
         Last pendulum angle [rad].
     **parameters
-        Of `proofmass.analytic.balancer.solve` [SI].
+        Parameters of `proofmass.analytic.balancer.solve` [SI].
 
     Returns
     -------
     list of str
         Empty for a regular balancer.  Otherwise some of: an unstable rest posture; a fold, where
-        the chain jumps; an arm that straightens and passes into the other elbow (a search over
-        one elbow only finds the straight arm there), or comes near to it; a joint that never leaves
-        its preload, or never touches its stop; a spring wound past its range or past its largest
-        moment.
+        the chain jumps; an arm that straightens and passes into the other elbow (where a search
+        over one elbow only finds the straight arm), or that becomes nearly straight; a joint that
+        never leaves its preload, or never touches its stop; a spring wound past its range or past
+        its largest moment.
 
     Examples
     --------
@@ -481,7 +484,7 @@ def warnings(to: float = np.pi / 2, **parameters: float) -> list[str]:
 
 
 def straightened(path: Path) -> list[str]:
-    """Where the last two segments come in line, or nearly so."""
+    """Warn if the last two segments come in line, or nearly so."""
     n = path.theta.shape[-1]
     bend = np.sin(path.theta[0, :, -1] - path.theta[0, :, -2])
     least = int(np.abs(bend).argmin())
@@ -500,7 +503,7 @@ def straightened(path: Path) -> list[str]:
 
 
 def untouched(b: Balancer, path: Path, paths: BalancerPaths) -> list[str]:
-    """Stops that are never left, or never met."""
+    """Warn of stops that are never left, or never met."""
     low, high, last = b.low[0], b.high[0], paths.pieces.end.unknowns[-1, b.segments + 2 :]
     pushes = dict(zip(b.stopped, np.abs(last), strict=True))
     left = {joint for _, joint, _, side in paths.switches if side == 0}
@@ -519,7 +522,7 @@ def untouched(b: Balancer, path: Path, paths: BalancerPaths) -> list[str]:
 
 
 def overwound(path: Path, stiffness: Array, quadratic: Array) -> list[str]:
-    """Springs wound past their range, or past their largest moment."""
+    """Warn of springs wound past their range, or past their largest moment."""
     found = []
     for k in range(len(stiffness)):
         far = path.deflection[0, :, k]
@@ -537,7 +540,7 @@ ALL = np.pi / 2
 
 
 def chain_of(parameters: dict[str, Any]) -> Balancer:
-    """The balancer alone, without what it is designed for, and without friction."""
+    """Make the balancer of parameters, without its target and friction."""
     return balancer(**without_friction(parameters))
 
 
@@ -546,18 +549,18 @@ Numbers = tuple[tuple[str, float], ...]
 
 @lru_cache(8)
 def followed(parameters: Numbers, to: float) -> tuple[Balancer, BalancerPaths]:
-    """The balancer of these parameters and its way to an angle, which several functions ask for."""
+    """Make the balancer of some parameters, and follow its path to an angle; cached."""
     b = balancer(**dict(parameters))
     return b, follow(b, to)
 
 
 def whole_way(parameters: dict[str, Any], to: float = ALL) -> tuple[Balancer, BalancerPaths]:
-    """The balancer alone, as `chain_of` has it, and its way."""
+    """Make the balancer as `chain_of` does, and follow its path to an angle."""
     return followed(tuple(without_friction(parameters).items()), to)
 
 
 def without_friction(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The parameters of the chain alone."""
+    """Leave out the parameters of target, expected curve and friction."""
     return {
         key: value
         for key, value in parameters.items()
@@ -579,10 +582,10 @@ def events(**parameters: Any) -> dict[str, float]:
 
 
 def properties(**parameters: Any) -> dict[str, str]:
-    """What the parameters amount to, for the report's page.
+    """Describe a balancer for the report's page: posture, events, measures and warnings.
 
-    With a `target` also how well it is met over its precision points, as van Nes 2022 counts them:
-    90 for three segments, 15 for four, angle 0 left out; a work reduction names its reference.
+    With a `target` the measures of how well it is met are included, at the precision points of van
+    Nes 2022: 90 for three segments, 15 for four, without angle 0.
 
     >>> properties(length1=0.3394, length2=0.4573, length3=0.4752, stiffness1=1.2701,
     ...       stiffness2=0.8473, stiffness3=4.1078, rest_angle=0.6641,
@@ -608,9 +611,10 @@ def properties(**parameters: Any) -> dict[str, str]:
 
 
 def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
-    """How a loop of friction meets what was expected of a measurement, as in listing N.2."""
+    """Compare the friction's hysteresis loop with the expected measurement, as in listing N.2."""
     way = np.radians(np.linspace(0.0, 90.0, 181))
-    angle = np.concatenate([way, way[-2::-1], way[1:], way[-2::-1]])  # the second one is closed
+    # two cycles, of which the second one is a closed loop
+    angle = np.concatenate([way, way[-2::-1], way[1:], way[-2::-1]])
     friction = np.array([float(parameters.get(f"friction{i + 1}", 0.0)) for i in range(b.segments)])
     if friction.any():
         path, rub = rubbed(b, friction, angle)
@@ -634,7 +638,7 @@ def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
 
 
 def measured(b: Balancer, paths: BalancerPaths, target: str, scale: float) -> dict[str, str]:
-    """Largest deflection, and how a target is met."""
+    """Describe the largest deflections, and the measures of how a target is met."""
     angle = precision_points(90 if b.segments == 3 else 15)
     path = along(b, paths, angle)
     moment, energy = balancing_moment(b, path)[0], path.energy[0]

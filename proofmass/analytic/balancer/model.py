@@ -1,7 +1,7 @@
 """A torsion-spring balancer, or a batch of them: lengths, springs, stops and rest posture.
 
-Springs are linear or quadratic and may be wound up to a preload.  The last two segments of a chain
-are closed upon the pendulum's tip by the cosine rule.
+Springs are linear or quadratic and may be wound up to a preload.  The cosine rule gives the angles
+of the last two segments, which connect the chain with the pendulum's tip.
 """
 
 from dataclasses import dataclass, fields
@@ -14,13 +14,13 @@ from proofmass.analytic.numerics import Array, one_of
 
 
 def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array, Array, Array]:
-    r"""A spring ``M = k x + A x^2`` wound up until it carries its preload.
+    r"""Wind up a spring ``M = k x + A x^2`` to its preload M0.
 
-    From there on, with the deflection e counted from the preloaded state, x = e + e*::
+    With the deflection e counted from the preloaded state, x = e + e*::
 
         M = M0 + k' e + A e^2,    e* = 2 M0/(k + k'),    k' = sqrt(k^2 + 4 A M0)
 
-    e* is the root that is reached first from the slack spring.
+    e* is the root that is reached first when the slack spring is wound up.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array
     -------
     stiffness, deflection, energy : ndarray (...)
         k' [N m/rad], e* [rad] and k e*^2/2 + A e*^3/3 [J].  k' is NaN where the spring never
-        carries M0.  With no stiffness at all the moment is constant: e* is infinite, and its
-        energy, which then has no slack state to count from, is given as 0.
+        reaches M0.  Without any stiffness the moment is constant and e* is infinite; there is no
+        slack state from which the energy could count, so that it is set to 0.
 
     Notes
     -----
@@ -54,7 +54,7 @@ def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array
 
 
 def close(pendulum: Array | float, length: Array, first: Array, mode: Array | int) -> Array:
-    """Angles of all segments when the first ones are given and the pendulum stands upright.
+    """Find the angles of all segments from those of the first ones, for an upright pendulum.
 
     ::
 
@@ -102,7 +102,7 @@ def close(pendulum: Array | float, length: Array, first: Array, mode: Array | in
     return np.concatenate([np.broadcast_to(first, (*last.shape[:-1], first.shape[-1])), last], -1)
 
 
-ALONG = 1e-9  # sine of an angle at which segment 1 counts as lying along the pendulum
+ALONG = 1e-9  # largest sine of the angle at which segment 1 counts as lying along the pendulum
 NUMBERED = ("length", "stiffness", "quadratic", "preload", "low", "high")
 REQUIRED = ("length", "stiffness")
 PLAIN = {"quadratic": 0.0, "preload": 0.0, "low": -np.inf, "high": np.inf}
@@ -119,7 +119,7 @@ OTHERS = {
 
 @dataclass(frozen=True)
 class Balancer:
-    """Balancers of n segments, B of them; every array leads with the batch.
+    """A batch of B balancers of n segments; the first axis of every array is the batch.
 
     Attributes
     ----------
@@ -130,20 +130,21 @@ class Balancer:
     length, rest : ndarray (B, n)
         Segments' lengths [m] and angles in the rest posture, clockwise from the upright [rad].
     stiffness, quadratic, preload : ndarray (B, n)
-        Springs: ``M = preload + stiffness e + quadratic e^2`` for the deflection e from rest.  The
-        stiffness [N m/rad] is that of the preloaded spring: a nonlinear one is already wound.
+        Springs: ``M = preload + stiffness e + quadratic e^2`` for the deflection e from rest
+        [N m/rad, N m/rad^2, N m].  `stiffness` is that of the preloaded spring.
     stored : ndarray (B, n)
-        Energy in each spring at rest [J].
+        Energy of each spring at rest [J].
     low, high : ndarray (B, n)
         Stops of each joint's deflection [rad]; infinite where there are none.
     stopped : tuple of int
-        Joints that have a stop in any of the batch, counted from 0.
+        Joints that have a stop in any balancer of the batch, counted from 0.
 
     Notes
     -----
-    Where segment 1 of three lies along the pendulum at rest, turning it by b to either side winds
-    joint 3 the same way, by -mode c b^2 with c > 0.  A stop on the side that joint 3 winds away
-    from holds it at no moment (`loose`); one on the other side locks the chain for ever.
+    If segment 1 of three lies along the pendulum at rest, a rotation of it by b to either side
+    winds joint 3 in the same sense, by -mode c b^2 with c > 0 (`loose`).  A stop from which joint 3
+    then moves away is left whatever the spring's moment; a stop on the other side locks the chain
+    for ever.
     """
 
     pendulum: Array
@@ -164,26 +165,26 @@ class Balancer:
         return len(self.length)
 
     def __getitem__(self, which: Any) -> "Balancer":
-        """Some of the batch."""
+        """Select some balancers of the batch."""
         arrays = {f.name: getattr(self, f.name)[which] for f in fields(self)[:-1]}
         return Balancer(**arrays, stopped=self.stopped)
 
     @property
     def segments(self) -> int:
-        """How many segments n."""
+        """Number of segments n."""
         return self.length.shape[1]
 
     def reach(self, alpha: Array) -> Array:
-        """Length r [m] of the pendulum at angles (B,), or (A,) for all."""
+        """Length r [m] of the pendulum at angles (B,), or at angles (A,) for a batch of one."""
         return self.pendulum + alpha * (self.extension1 + alpha * self.extension2)
 
     def stretch(self, alpha: Array) -> Array:
-        """Its slope dr/dalpha [m/rad]."""
+        """Derivative dr/dalpha of the pendulum's length [m/rad]."""
         return self.extension1 + 2.0 * alpha * self.extension2
 
     @property
     def loose(self) -> NDArray[np.int_]:
-        """The way (B,) that joint 3 winds, whatever moves it: -1 or 1; 0 where it depends."""
+        """Sense (B,) in which any motion from rest winds joint 3: -1 or 1; 0 if it depends."""
         if self.segments != 3:
             return np.zeros(len(self), int)
         along = np.abs(np.sin(self.rest[:, 0])) < ALONG
@@ -191,17 +192,17 @@ class Balancer:
         return np.where(along & (np.abs(way) > ALONG), -np.copysign(1.0, way), 0.0).astype(int)
 
     def moments(self, deflection: Array) -> Array:
-        """Spring moments [N m] at deflections (..., n); a batch leads, others may stand between."""
+        """Spring moments [N m] at deflections (B, ..., n)."""
         m, k, a = (self.wide(p, deflection) for p in (self.preload, self.stiffness, self.quadratic))
         return m + deflection * (k + a * deflection)
 
     def slopes(self, deflection: Array) -> Array:
-        """Stiffness dM/de [N m/rad] of the springs at deflections (..., n)."""
+        """Stiffness dM/de [N m/rad] of the springs at deflections (B, ..., n)."""
         k, a = (self.wide(p, deflection) for p in (self.stiffness, self.quadratic))
         return k + 2.0 * a * deflection
 
     def energies(self, deflection: Array) -> Array:
-        """Energy [J] of each spring at deflections (..., n), that of its preload included."""
+        """Energy [J] of each spring at deflections (B, ..., n), including that of its preload."""
         m, k, a, v = (
             self.wide(p, deflection)
             for p in (self.preload, self.stiffness, self.quadratic, self.stored)
@@ -209,22 +210,22 @@ class Balancer:
         return v + deflection * (m + deflection * (k / 2 + a * deflection / 3))
 
     def wide(self, values: Array, like: Array) -> Array:
-        """Values (B, n), or (B,), with axes of size 1 for what stands between batch and joint."""
+        """Insert axes of size 1 after the batch into values (B, n), or (B,), to broadcast."""
         between = like.ndim - 2
         return values.reshape(len(values), *[1] * between, *values.shape[1:]) if between else values
 
 
 def balancer(**parameters: ArrayLike) -> Balancer:
-    """Balancers from the flat parameters of a sidecar; each may be an array (B,), for a batch.
+    """Make balancers from the parameters of a sidecar; each may be an array (B,), for a batch.
 
     See `proofmass.analytic.balancer.solve` for their names and meaning.
 
     Raises
     ------
     ValueError
-        A parameter unknown, missing or out of its domain; a preload without a stop that holds it,
-        beyond what its spring can carry, or that can never release; lengths that cannot reach the
-        tip.
+        A parameter is unknown, missing or out of its domain; a preload has no stop that carries it
+        at rest, is more than its spring can carry, or can never be released; or the lengths cannot
+        reach the tip.
     """
     found = balancers(**parameters)
     check_reach(found)
@@ -234,10 +235,10 @@ def balancer(**parameters: ArrayLike) -> Balancer:
 
 
 def balancers(**parameters: ArrayLike) -> Balancer:
-    """As `balancer`, but with NaN in `rest` or `stiffness` of those of a batch that cannot be.
+    """Make balancers as `balancer` does, with NaN in `rest` or `stiffness` of impossible ones.
 
-    Lengths that cannot reach the tip, preloads that a spring cannot carry and preloads that can
-    never release are no errors then.
+    Impossible are lengths that cannot reach the tip, preloads that a spring cannot carry, and
+    preloads that can never be released; they raise no error here.
     """
     n = 4 if "length4" in parameters else 3
     known = [f"{name}{i}" for name in NUMBERED for i in range(1, n + 1)] + list(OTHERS)
@@ -288,18 +289,18 @@ def balancers(**parameters: ArrayLike) -> Balancer:
 
 
 def locked(b: Balancer) -> NDArray[np.bool_]:
-    """Which chains (B,) a stop of joint 3 locks whatever the moment is."""
+    """Whether a stop of joint 3 locks each chain (B,) whatever the spring's moment."""
     return ((b.loose < 0) & (b.low[:, -1] == 0)) | ((b.loose > 0) & (b.high[:, -1] == 0))
 
 
 def first(bad: Array) -> tuple[int, int]:
-    """Which of the batch is at fault first, and in which joint (from 1)."""
+    """Find the first faulty balancer of a batch, and its first faulty joint (counted from 1)."""
     at, joint = np.argwhere(bad)[0]
     return int(at), int(joint) + 1
 
 
 def check(table: dict[str, Array], single: dict[str, Array]) -> None:
-    """ValueError for the first parameter that is out of its domain."""
+    """Raise ValueError for the first parameter that is out of its domain."""
     whole = {**table, **{k: v[:, None] for k, v in single.items()}}
     low, high, preload = table["low"], table["high"], table["preload"]
     faults = [
@@ -336,7 +337,7 @@ def check(table: dict[str, Array], single: dict[str, Array]) -> None:
 
 
 def check_reach(b: Balancer) -> None:
-    """ValueError for the first lengths that cannot reach the tip."""
+    """Raise ValueError for the first lengths that cannot reach the tip."""
     if np.isnan(b.rest).any():
         at, _ = first(np.isnan(b.rest))
         lengths = ", ".join(f"{length:g}" for length in b.length[at])
@@ -347,7 +348,7 @@ def check_reach(b: Balancer) -> None:
 
 
 def check_release(b: Balancer) -> None:
-    """ValueError for the first preload, or stop, of joint 3 that can never release."""
+    """Raise ValueError for the first preload or stop of joint 3 that can never be released."""
     for at in np.flatnonzero(locked(b)):
         near, far, sign = (
             ("low", "high", "negative") if b.loose[at] < 0 else ("high", "low", "positive")
@@ -361,7 +362,7 @@ def check_release(b: Balancer) -> None:
 
 
 def check_preload(b: Balancer) -> None:
-    """ValueError for the first preload that its spring never carries."""
+    """Raise ValueError for the first preload that its spring cannot carry."""
     if np.isnan(b.stiffness).any():
         at, joint = first(np.isnan(b.stiffness))
         raise ValueError(

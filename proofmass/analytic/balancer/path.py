@@ -1,23 +1,24 @@
 r"""Static equilibrium of a balancer's chain, and the path of equilibria from the rest posture.
 
-In the pendulum's frame the equilibrium is one linear system.  With psi the segments' angles from
-the pendulum, e = D psi + alpha (1, 0, ..) - e0 the deflections and c(psi) = sum l_i u(psi_i) -
-(0, r) the loop, where r may change with alpha, the energy is stationary under loop and stops::
+The equations are written in the pendulum's frame.  With psi the segments' angles from the pendulum,
+e = D psi + alpha (1, 0, ..) - e0 the deflections and c(psi) = sum l_i u(psi_i) - (0, r) the loop,
+where r may change with alpha, the energy is stationary under loop and stops::
 
     D^T M(e) + A^T lambda - S^T mu = 0,     c = 0,     e_j = bound_j or mu_j = 0
 
-A = dc/dpsi; S picks the joints with stops.  lambda is the force of the chain on the pendulum's tip,
-mu_j the moment of a stop on its joint, positive if it winds the joint up.  Newton's matrix is
+A = dc/dpsi; S selects the joints with stops.  lambda is the force of the chain on the pendulum's
+tip, mu_j the moment of a stop on its joint, positive if it winds the joint up.  Newton's matrix is
 
     [ D^T M' D - diag(l_i lambda.u(psi_i))   A^T   -S^T ]
     [ A                                       0      0  ]
     [ -S or 0                                 0    0 or 1 ]
 
-A chain stretched between its ends is not singular in these coordinates; a fold of the path is.
+In these coordinates the matrix is regular for a chain stretched between its ends, and singular at a
+fold of the path.
 
-A path follows the equilibria from the rest posture, stops switching at their exact angles.  It
-gives the equilibrium at any pendulum angle: its steps are interpolated, and the result is brought
-to equilibrium by Newton's method.
+A path follows the equilibria from the rest posture; stops switch at their exact angles.  For the
+equilibrium at any pendulum angle the path's strides are interpolated, and Newton's method starts
+from the result.
 """
 
 from collections.abc import Sequence
@@ -31,15 +32,15 @@ from proofmass.analytic.balancer.model import Balancer
 from proofmass.analytic.numerics import Array
 
 Which = NDArray[Any]
-STILL = 1e-9  # [rad] the last Newton step; what is left is its square
-MOST = 12
-STRIDE = 0.1  # [rad] of the pendulum between two nodes of a path, at most
-NARROW = 1e-7  # [rad] a stride so short that does not get on ends at a fold
-STRAY = 0.03  # [rad] that Newton may move off the tangent: more could be another branch
-SURE = 1e-12  # [rad, N m] how exactly a stop's switching is met
+STILL = 1e-9  # [rad] length of the last Newton step; the error is of the order of its square
+MOST = 12  # largest number of Newton steps
+STRIDE = 0.1  # [rad] largest stride of the pendulum between two nodes of a path
+NARROW = 1e-7  # [rad] stride that is not halved any more: the path has come to a fold
+STRAY = 0.03  # [rad] largest correction by Newton's method: a larger one could be another branch
+SURE = 1e-12  # [rad, N m] tolerance of the margin at which a stop switches
 UNREACHABLE = "the segments cannot reach the tip, or a spring not carry or release its preload"
 UNSTABLE = "the rest posture is an unstable equilibrium"
-SWITCHES = 30  # stops left and met by a path before it is given up
+SWITCHES = 30  # largest number of stops that a path leaves or meets before it is given up
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Point:
     alpha : ndarray (B,)
         Pendulum angle, clockwise from the upright [rad].
     unknowns : ndarray (B, n + 2 + s)
-        psi [rad], lambda [N] and mu [N m], s the joints with stops.
+        psi [rad], lambda [N] and mu [N m]; s is the number of joints with stops.
     side : ndarray (B, s)
         [1]: -1 where the joint is on its lower stop, +1 on its upper one, 0 between them.
     """
@@ -69,23 +70,23 @@ class Point:
         self.side[which] = other.side
 
     def ahead(self, way: Array, along: Array) -> "Point":
-        """Moved on by `way` (B,) of alpha along the change of the unknowns with it."""
+        """Extrapolate by steps `way` (B,) of alpha, with derivatives `along` of the unknowns."""
         return Point(self.alpha + way, self.unknowns + way[:, None] * along, self.side)
 
     @staticmethod
     def join(points: Sequence["Point"]) -> "Point":
-        """Several batches as one."""
+        """Join several batches to one."""
         alpha, unknowns, side = zip(*((p.alpha, p.unknowns, p.side) for p in points), strict=True)
         return Point(np.concatenate(alpha), np.concatenate(unknowns), np.concatenate(side))
 
 
 def subset(b: Balancer, which: NDArray[np.int_]) -> Balancer:
-    """Those of a batch with rising numbers: itself, without a copy, if they are all of it."""
+    """Select balancers by rising numbers; if these are all, the batch itself without a copy."""
     return b if which.size == len(b) else b[which]
 
 
 def deflections(b: Balancer, alpha: Array, psi: Array) -> Array:
-    """Windings (B, n) of all springs from rest [rad]."""
+    """Deflections (B, n) of all springs from rest [rad]."""
     turned = psi - b.rest
     e = turned.copy()
     e[..., 1:] -= turned[..., :-1]
@@ -94,7 +95,7 @@ def deflections(b: Balancer, alpha: Array, psi: Array) -> Array:
 
 
 def bounds(b: Balancer, side: Array) -> Array:
-    """The deflection [rad] at which each joint with stops is held; 0 where it is not."""
+    """Deflection of each joint that is on a stop (B, s) [rad]; 0 for a joint between its stops."""
     j = list(b.stopped)
     with np.errstate(invalid="ignore"):
         return np.where(side < 0, b.low[:, j], np.where(side > 0, b.high[:, j], 0.0))
@@ -110,7 +111,8 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
     held = (p.side != 0).astype(float)
     load = moment.copy()
     load[:, j] -= stop
-    left, stiff = load.copy(), slope.copy()  # less and with those of the joint beyond
+    # differences of moments, and sums of stiffnesses, of each joint and the next one
+    left, stiff = load.copy(), slope.copy()
     left[:, :-1] -= load[:, 1:]
     stiff[:, :-1] += slope[:, 1:]
     residual = np.concatenate(
@@ -136,7 +138,10 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
 
 
 def solve(b: Balancer, p: Point) -> tuple[Point, Array]:
-    """Newton's method from `p`, its angles and stops held; the moves [rad] it took, NaN if lost."""
+    """Find equilibria by Newton's method from `p` at the same angles and stops.
+
+    The array has the lengths of the moves of the segments (B,) [rad], NaN where it failed.
+    """
     unknowns, moved = p.unknowns.copy(), np.zeros(len(b))
     left = np.arange(len(b))
     for _ in range(MOST):
@@ -157,23 +162,23 @@ def solve(b: Balancer, p: Point) -> tuple[Point, Array]:
 
 
 def tangent(b: Balancer, p: Point) -> tuple[Array, Which]:
-    """Change of the unknowns with alpha (B, N), and whether the equilibrium is stable (B,).
+    """Derivatives of the unknowns by alpha (B, N), and whether the equilibrium is stable (B,).
 
-    It is stable as long as the determinant of Newton's matrix keeps the sign that a minimum of the
-    energy gives it: that of (-1)^(stops held).
+    An equilibrium on the path is stable while the determinant of Newton's matrix has the sign that
+    it has at a minimum of the energy: that of (-1)^(number of joints on stops).
     """
     _, matrix = system(b, p)
-    pull = np.zeros_like(p.unknowns)  # of the residual with alpha
+    pull = np.zeros_like(p.unknowns)  # derivative of the residual by alpha
     e = deflections(b, p.alpha, p.unknowns[:, : b.segments])
     pull[:, 0] = b.slopes(e)[:, 0]
     pull[:, b.segments + 1] = -b.stretch(p.alpha)
-    with np.errstate(invalid="ignore"):  # a lost equilibrium is not stable
+    with np.errstate(invalid="ignore"):  # an equilibrium that was not found (NaN) is not stable
         sign = np.linalg.slogdet(matrix)[0] * (-1.0) ** (p.side != 0).sum(axis=-1)
     return -solved(matrix, pull), np.asarray(sign > 0)
 
 
 def solved(matrix: Array, right: Array) -> Array:
-    """``matrix^-1 right`` for each of a batch; NaN where a matrix is singular."""
+    """Solve ``matrix x = right`` for each of a batch; NaN where a matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
     except np.linalg.LinAlgError:
@@ -184,17 +189,17 @@ def solved(matrix: Array, right: Array) -> Array:
 
 
 def stable_at_rest(b: Balancer, p: Point) -> Which:
-    """Whether the rest posture is a minimum of the energy (B,): the matrix has its inertia."""
+    """Whether the rest posture is a minimum of the energy (B,), by the inertia of the matrix."""
     _, matrix = system(b, p)
     held = (p.side != 0).sum(axis=-1)
     return np.asarray((np.linalg.eigvalsh(matrix) < 0).sum(axis=-1) == 2 + held)
 
 
 def at_rest(b: Balancer) -> Point:
-    """The rest posture: the pendulum upright, all joints unwound, preloads held by their stops.
+    """The rest posture: pendulum upright, deflections zero, preloads carried by their stops.
 
-    A joint that leaves its stop at any moment carries its preload against a force along the
-    pendulum.
+    If joint 3 leaves its stop whatever its spring's moment (`Balancer.loose`), a force along the
+    pendulum carries its preload.
     """
     j, n = list(b.stopped), b.segments
     low, high = b.low[:, j] == 0, b.high[:, j] == 0
@@ -209,9 +214,10 @@ def at_rest(b: Balancer) -> Point:
 
 
 def margins(b: Balancer, p: Point) -> Array:
-    """How far each joint with stops (B, s) is from switching; negative beyond it.
+    """Margin of each joint with stops (B, s) before it switches; negative beyond that.
 
-    The way to the nearer stop [rad] of a joint that is free, the stop's push [N m] of one held.
+    For a joint between its stops it is the distance to the nearer one [rad], for a joint on a stop
+    the moment with which the stop pushes [N m].
     """
     j, n = list(b.stopped), b.segments
     e, push = deflections(b, p.alpha, p.unknowns[:, :n])[:, j], p.unknowns[:, n + 2 :]
@@ -220,7 +226,7 @@ def margins(b: Balancer, p: Point) -> Array:
 
 
 def nearest(b: Balancer, p: Point) -> Array:
-    """The stop (B, s) that each joint is nearer to: -1 the lower, +1 the upper one."""
+    """The nearer stop of each joint with stops (B, s): -1 the lower one, +1 the upper one."""
     j = list(b.stopped)
     e = deflections(b, p.alpha, p.unknowns[:, : b.segments])[:, j]
     return np.where(e - b.low[:, j] <= b.high[:, j] - e, -1, 1)
@@ -228,16 +234,16 @@ def nearest(b: Balancer, p: Point) -> Array:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Strides of all paths, in order of design and angle; each has one set of held stops.
+    """Strides of all paths, ordered by design and angle; stops do not switch within a stride.
 
     Attributes
     ----------
     design : ndarray (K,)
-        Which of the batch.
+        Number in the batch.
     start, end : Point
         Both ends of each of the K strides.
     out, into : ndarray (K, N)
-        Change of the unknowns with alpha [SI] at its start and at its end.
+        Derivatives of the unknowns by alpha [SI] at the start and at the end.
     """
 
     design: Which
@@ -254,13 +260,14 @@ class BalancerPaths:
     Attributes
     ----------
     pieces : Pieces
+        Strides of the paths.
     switches : list of (design, joint, alpha, side)
         Joint number `joint` (from 1) of that design meets its lower (-1) or upper (+1) stop at
         alpha [rad], or leaves its stop (0).
     reach : ndarray (B,)
         Pendulum angle up to which each path is known [rad].
     why : list of str
-        Why a path ended early; "" where it did not.
+        Reason why a path ended early; "" if it did not.
     """
 
     pieces: Pieces
@@ -272,8 +279,8 @@ class BalancerPaths:
 def follow(b: Balancer, to: float, stride: float = STRIDE) -> BalancerPaths:
     """Follow the equilibria of a batch from rest to a pendulum angle.
 
-    Each path goes by its own strides along its tangent, corrected by Newton's method; a stride is
-    halved where the correction is large, the equilibrium unstable or lost, and a path whose
+    Each path has strides of its own along its tangent, corrected by Newton's method.  A stride is
+    halved if the correction is large, or if the equilibrium is unstable or not found.  A path whose
     strides vanish has come to a fold, where the chain would jump.
 
     Parameters
@@ -291,7 +298,7 @@ def follow(b: Balancer, to: float, stride: float = STRIDE) -> BalancerPaths:
 
 
 class PathFollower:
-    """Where each path stands, and how far its next stride goes."""
+    """Follows the paths of a batch: their present points, tangents and strides."""
 
     def __init__(self, b: Balancer, to: float, stride: float):
         self.b, self.to, self.sense, self.longest = b, to, -1.0 if to < 0 else 1.0, stride
@@ -307,7 +314,7 @@ class PathFollower:
         self.kept: list[tuple[Which, Point, Point, Array, Array]] = []
 
     def step(self) -> None:
-        """One stride of every path that is not at its end."""
+        """Take one stride of every path that has not ended."""
         k = np.flatnonzero(self.going)
         b, here, out = subset(self.b, k), self.at[k], self.out[k]
         h = self.sense * np.minimum(self.stride[k], np.abs(self.to - here.alpha))
@@ -330,18 +337,18 @@ class PathFollower:
             self.end(i, "the equilibrium ends at a fold, where the chain jumps")
 
     def end(self, i: int, why: str) -> None:
-        """End a path before its time."""
+        """End a path early."""
         self.going[i] = False
         self.why[i] = f"at {np.degrees(self.at.alpha[i]):.4f} deg {why}"
 
     def keep(self, k: Which, here: Point, there: Point, out: Array, into: Array) -> None:
-        """Keep strides that were good and stand at their ends."""
+        """Record strides that were good, and make their ends the present points."""
         self.kept.append((k, here, there, out, into))
         self.at.put(k, there)
         self.out[k] = into
 
     def switch(self, k: Which, here: Point, there: Point, out: Array) -> None:
-        """Go to the first stop that is left or met within a stride, and switch it there."""
+        """Go to the point in a stride at which the first stop is left or met, and switch it."""
         b = self.b[k]
         event, joint = meet(b, here, there)
         into = tangent(b, event)[0]
@@ -358,7 +365,7 @@ class PathFollower:
                 self.end(i, "a joint rattles on its stop")
 
     def paths(self) -> BalancerPaths:
-        """All that was kept, in order."""
+        """Collect the recorded strides in order of design and angle."""
         none = np.zeros(0, int)
         kept = [(none, self.at[none], self.at[none], self.out[none], self.out[none]), *self.kept]
         design, start, end, out, into = zip(*kept, strict=True)
@@ -381,9 +388,9 @@ class PathFollower:
 
 
 def meet(b: Balancer, here: Point, there: Point) -> tuple[Point, Which]:
-    """The first switching of a stop between two equilibria, and its place among the stops.
+    """Find the first switching of a stop between two equilibria, and its index in `b.stopped`.
 
-    Newton's method on the margin as a function of alpha, begun at the chord's zero.
+    Newton's method is applied to the margin as a function of alpha, from the zero of its chord.
     """
     row, width = np.arange(len(b)), there.alpha - here.alpha
     old, new = np.maximum(margins(b, here), 0.0), margins(b, there)
@@ -415,15 +422,15 @@ class Path:
     alpha : ndarray (A,)
         Pendulum angle, clockwise from the upright [rad].
     theta, deflection, moment, energy : ndarray (B, A, n)
-        Of each segment or spring: angle from the upright, deflection from rest [rad], moment [N m]
-        and energy [J].
+        Angle of each segment from the upright [rad]; deflection from rest [rad], moment [N m] and
+        energy [J] of each spring.
     rate : ndarray (B, A, n)
         dtheta/dalpha [1].
     force : ndarray (B, A, 2)
         Force of the chain on the pendulum's tip, in the pendulum's frame: across, to the side of
         growing alpha, and along it [N].
     side : ndarray (B, A, n)
-        [1]: -1, +1 where a joint is on its lower or upper stop, else 0.
+        -1 or +1 where a joint is on its lower or upper stop, else 0 [1].
     """
 
     alpha: Array
@@ -437,15 +444,15 @@ class Path:
 
 
 def balancing_moment(b: Balancer, path: Path) -> Array:
-    """dV*/dalpha (B, A) [N m]: M1, less what the chain's force does as the pendulum extends."""
+    """Balancing moment dV*/dalpha (B, A) [N m]: M1, less f dr/dalpha if the pendulum extends."""
     stretch = b.stretch(path.alpha[:, None]).T
     return np.asarray(path.moment[..., 0] - path.force[..., 1] * stretch)
 
 
 def along(b: Balancer, paths: BalancerPaths, alpha: Array) -> Path:
-    """The path at pendulum angles of the side that the paths was followed to.
+    """Find the equilibria at pendulum angles on the side to which the paths were followed.
 
-    A cubic through both ends of a stride, and Newton's method from there.
+    Newton's method starts from a cubic interpolation of the strides.
     """
     alpha = np.asarray(alpha, float)
     count, width = len(b), alpha.size
@@ -479,7 +486,7 @@ def along(b: Balancer, paths: BalancerPaths, alpha: Array) -> Path:
 
 
 def guess(paths: BalancerPaths, design: NDArray[np.int_], angle: Array) -> Point:
-    """Cubic Hermite interpolation (K,) of the strides that hold the angles; rest at angle 0."""
+    """Interpolate strides at angles (K,) of designs (K,) by cubic Hermite polynomials."""
     pieces = paths.pieces
     sense = np.sign(pieces.end.alpha.sum()) or 1.0
     key = 10.0 * pieces.design + sense * pieces.end.alpha

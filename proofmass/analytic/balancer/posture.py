@@ -1,4 +1,4 @@
-"""A balancer whose postures are prescribed: loads, moments and energy, and no search for a rest."""
+"""A balancer whose postures are prescribed: loads, moments and energy, without an equilibrium."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,32 +37,32 @@ def solve(
     weight: float = 0.0,
     mode: int = 1,
 ) -> dict[str, Array]:
-    r"""Loads of a chain whose pendulum and first joints are all driven.
+    r"""Loads of a chain whose pendulum and all joints but the last two are driven.
 
-    The chain is that of `proofmass.analytic.balancer.solve`.  With the pendulum and all joints but
-    the last two driven its posture follows from the loop alone.  The springs of the last two joints
-    then give the force F on the tip, and F what every drive has to add::
+    The chain is that of `proofmass.analytic.balancer.solve`.  Its posture follows from the drives
+    and the loop alone.  The springs of the last two joints then give the force F on the tip, and F
+    gives the moment of every drive::
 
         F x (tip - P_(n-2)) = M_(n-1),     F x (tip - P_(n-1)) = M_n
         drive_i = M_i - F x (tip - P_(i-1)),     holding = F x tip - weight r sin(alpha)
 
-    The drives do all work: with V the energy of springs and weight,
+    The drives do all the work: with V the energy of springs and weight,
 
         dV = holding dalpha + sum_i drive_i de_i
 
-    Where the posture is an equilibrium of the chain the joints need no drive: then drive_i = 0, and
-    holding is the balancing moment M1.  Where a stop holds a joint of the chain, which has none
-    here, the drives carry what the stop would.
+    If the posture is an equilibrium of the chain, the joints need no drive: then drive_i = 0, and
+    holding is the balancing moment M1 (less the weight's).  The chain has no stops here; where it
+    would rest on a stop, the drives carry the moment of the stop.
 
     Parameters
     ----------
-    angle : pendulum angle alpha and deflections e1 (of four segments e1, e2) [rad], (n, ...): the
-        first axis are the drives
+    angle : pendulum angle alpha and deflections e1 (for four segments e1, e2) [rad], (n, ...); the
+        first axis is that of the drives
     rate, acceleration : their time derivatives [rad/s, rad/s^2], which statics does not need
     length1, length2, length3, length4 : segments [m]; length4 makes it a balancer of four segments
     stiffness1, stiffness2, stiffness3, stiffness4 : k of the slack springs [N m/rad]
     quadratic1, quadratic2, quadratic3, quadratic4 : A [N m/rad^2]
-    preload2, preload3, preload4 : moment [N m] of the spring where it is not wound from rest
+    preload2, preload3, preload4 : moment [N m] of the spring at rest
     pendulum : r [m]
     rest_angle, rest_angle2 : angles of segment 1, and of segment 2 of four, at rest [rad]
     weight : force at the tip, down along the upright [N]
@@ -71,20 +71,21 @@ def solve(
     Returns
     -------
     dict of (...) arrays: those of `proofmass.analytic.balancer.solve` without rates and targets,
-    and drive_moment1, for four segments drive_moment2 [N m], clockwise as deflections are.
+    and drive_moment1, for four segments also drive_moment2 [N m], clockwise like the deflections.
 
     Raises
     ------
     ValueError
-        A parameter out of its domain; a first axis that is not 2, or 3 for four segments; a posture
-        that the last two segments cannot reach.
+        A parameter is out of its domain; the first axis has not 2 rows, or 3 for four segments; or
+        the last two segments cannot reach the tip in a posture.
 
     Notes
     -----
-    Accuracy: rounding over the sine of the angle between the last two segments' arms to the tip.
-    Source: S. van Nes, MSc thesis TU Delft 2022.074, appendices B and C for the loads, and F for
-    the method: the program SAM takes mechanisms without degrees of freedom alone, so that the
-    angles that its own program had found were prescribed there, and loads and energy compared.
+    Accuracy: rounding over the sine of the angle between the arms of the last two joints to the
+    tip.  Source: S. van Nes, MSc thesis TU Delft 2022.074, appendices B and C for the loads, and F
+    for the method: the program SAM takes only mechanisms without degrees of freedom.  The thesis
+    therefore prescribed there the angles that its own program had found, and compared loads and
+    energy.
 
     Examples
     --------
@@ -99,7 +100,7 @@ def solve(
         for k, v in locals().items()
         if k not in ("angle", "rate", "acceleration") and not (length4 is None and k.endswith("4"))
     }
-    stops = {  # a preload has one; here nothing leans on it
+    stops = {  # `balancer` requires a stop with a preload; it is not used here
         f"{'low' if moment > 0 else 'high'}{i}": 0.0
         for i, moment in ((2, preload2), (3, preload3), (4, preload4))
         if moment

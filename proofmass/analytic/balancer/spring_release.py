@@ -1,6 +1,6 @@
-"""Two springs of which a contact lets one go or in: in series or in parallel, with less stiffness.
+"""Two springs in series or in parallel, one of them prestressed on a contact that releases.
 
-Springs in series or in parallel with a contact that releases.
+After the release the stiffness is smaller.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ def solve(
     preload: float,
     connection: str,
 ) -> dict[str, Array]:
-    r"""Force on the handle of two springs, the first of which a contact holds prestressed.
+    r"""Force on the handle of two springs, the first of which is prestressed on a contact.
 
     ::
 
@@ -34,35 +34,36 @@ def solve(
         F = P + k1 gap           beyond          F = P + k2 x            beyond
         dF/dx = k1 k2/(k1 + k2)                  dF/dx = k2
 
-    In series spring 1 pulls its end on the contact with P and begins to stretch when the handle
-    pulls more.  In parallel spring 1 is pressed between the contact and the handle with P, which
-    spring 2 balances at x = 0; once the handle has gone P/k1 it is slack, and its end follows.
+    In series, spring 1 pulls its end onto the contact with P, and it begins to stretch when the
+    handle pulls with more than P.  In parallel, spring 1 is compressed between the contact and the
+    handle with P, which spring 2 balances at x = 0; after a way P/k1 of the handle spring 1 is
+    slack, and its end follows the handle.
 
     Parameters
     ----------
-    place : x of the handle [m], from where no force is needed  (n,)
+    place : displacement x of the handle from the place where no force is needed [m], (n,)
     rate : dx/dt [m/s]
-    acceleration : not used; a path of equilibria is as slow as one likes [m/s^2]
-    stiffness1 : k1 of the spring that the contact holds [N/m]
-    stiffness2 : k2 of the other one [N/m]
-    preload : P, with which spring 1 is on its contact at x = 0 [N]
+    acceleration : not used, since statics does not depend on it [m/s^2]
+    stiffness1 : k1 of the prestressed spring [N/m]
+    stiffness2 : k2 of the other spring [N/m]
+    preload : force P of spring 1 on its contact at x = 0 [N]
     connection : "series" or "parallel"
 
     Returns
     -------
-    dict of (n,) arrays: force F [N]; gap, how far the end of spring 1 has left its contact [m], and
-    gap_rate [m/s]; contact, the force of the contact [N]; stretch1, stretch2, how far the springs
-    are stretched, in parallel the first pressed [m], and stretch2_rate [m/s]; slope dF/dx [N/m];
-    energy of both springs [J].
+    dict of (n,) arrays: force F [N]; gap, the distance of the end of spring 1 from its contact [m],
+    and gap_rate [m/s]; contact, the force of the contact [N]; stretch1, stretch2, the stretches of
+    the springs (in parallel stretch1 is a compression) [m], and stretch2_rate [m/s]; slope dF/dx
+    [N/m]; energy of both springs [J].
 
     Raises
     ------
     ValueError
-        A stiffness that is not positive, a negative preload, another connection.
+        A stiffness is not positive, the preload is negative, or the connection is unknown.
 
     Notes
     -----
-    Accuracy: rounding.  At the release the slope is that before it, and the gap's rate 0.  Source:
+    Accuracy: rounding.  At the release the slope is the one before it, and gap_rate is 0.  Source:
     van Nes 2022, equations 1 and 2 and figure 2 (text lines 691-700), which has no numbers.
 
     Examples
@@ -81,7 +82,7 @@ def solve(
     finite(place=x)
     series = connection == "series"
     over = k2 * x - preload if series else k1 * x - preload
-    share = k2 / (k1 + k2) if series else 1.0  # of its way that the handle hands on to the gap
+    share = k2 / (k1 + k2) if series else 1.0  # derivative of the gap by the handle's way
     gap = np.maximum(over, 0.0) / (k1 + k2 if series else k1)
     gap_rate = np.where(over > 0.0, share * v, 0.0)
     before, after = slopes(k1, k2, connection)
@@ -107,7 +108,7 @@ def solve(
 def checked(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> tuple[float, float]:
-    """Both stiffnesses, if the parameters are in their domain."""
+    """Check that the parameters are in their domains, and return both stiffnesses."""
     for name, stiffness in (("stiffness1", stiffness1), ("stiffness2", stiffness2)):
         if not 0.0 < stiffness < np.inf:
             raise ValueError(f"{name} must be positive and finite [N/m], got {stiffness}")
@@ -118,7 +119,7 @@ def checked(
 
 
 def slopes(k1: float, k2: float, connection: str) -> tuple[float, float]:
-    """dF/dx before and after the release [N/m]."""
+    """Slopes dF/dx before and after the release [N/m]."""
     if connection == "series":
         return k2, k1 * k2 / (k1 + k2)
     return k1 + k2, k2
@@ -127,7 +128,7 @@ def slopes(k1: float, k2: float, connection: str) -> tuple[float, float]:
 def events(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> dict[str, float]:
-    """Where the contact is released, P/k2 in series and P/k1 in parallel [m]."""
+    """Place of the handle where the contact releases, P/k2 in series, P/k1 in parallel [m]."""
     k1, k2 = checked(stiffness1, stiffness2, preload, connection)
     return {"release": preload / (k2 if connection == "series" else k1)}
 
@@ -135,7 +136,7 @@ def events(
 def properties(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> dict[str, str]:
-    """The release and both stiffnesses, in words."""
+    """Describe the release and both stiffnesses for the report's page."""
     (release,) = events(stiffness1, stiffness2, preload, connection).values()
     before, after = slopes(stiffness1, stiffness2, connection)
     return {

@@ -1,6 +1,6 @@
 """The kinds of balancers that can be designed, and the error of a batch of them against a target.
 
-The bounds of the parameters are those within which van Nes 2022 designed.
+The bounds of the parameters are those of the designs of van Nes 2022.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,9 +20,11 @@ from proofmass.analytic.numerics import Array
 
 SPRINGS = ("linear", "nonlinear", "each")
 LENGTHS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}  # [m], for a pendulum of 1 m
-RELAXED = (0.1, 0.9)
-WIDEST = (4.5, 4.5)  # where the thesis has no figure
-FIGURES = {  # figure; upper bounds of k [N m/rad] and of |A|, |B| [N m/rad^2, N m/rad]
+RELAXED = (0.1, 0.9)  # [m] of relaxed lengths
+WIDEST = (4.5, 4.5)  # upper bounds as in FIGURES, for variants without a figure in the thesis
+# figure of the thesis by target and option; upper bounds of k [N m/rad] and of |A|, |B|
+# [N m/rad^2, N m/rad]
+FIGURES = {
     ("sine", "standard"): ("M.1", 1.5, 2.0),
     ("sine", "rest angle"): ("M.2", 4.5, 3.5),
     ("sine", "relaxed lengths"): ("M.3", 1.5, 2.0),
@@ -48,40 +50,41 @@ FIGURES = {  # figure; upper bounds of k [N m/rad] and of |A|, |B| [N m/rad^2, N
 
 @dataclass(frozen=True)
 class Variant:
-    """One kind of balancer: what may be chosen freely, for a pendulum with r = 1 m, m g r = 1 N m.
+    """One kind of balancer: its free parameters, for a pendulum with r = 1 m, m g r = 1 N m.
 
     Attributes
     ----------
     target : str
-        Wanted characteristic, `proofmass.analytic.balancer.measures.TARGETS` or a name of one's
-        own.
+        Name of the target: one of `proofmass.analytic.balancer.measures.TARGETS`, or another name.
     segments : int
-        3 or 4.
+        Number of segments, 3 or 4.
     springs : str
-        linear; nonlinear, one k and A for all joints as in the thesis; each, a k and A of its own
-        for each joint.
+        ``linear``; ``nonlinear``, with the same k and A in all joints as in the thesis; or
+        ``each``, with its own k and A in each joint.
     preload : tuple of int
-        Joints that are wound up against a stop: 2 or 3 of three segments, 2 and 3 of four.
+        Joints that are preloaded against a stop: 2 or 3 of three segments, 2 and 3 of four.
     free_angle, contact, relaxed : bool
-        The rest angle of segment 1 is free; joint 2 has an upper stop; lengths from 0.1 to 0.9 m.
+        Whether the rest angle of segment 1 is free, joint 2 has an upper stop, and lengths may be
+        from 0.1 to 0.9 m.
     mode : int
-        1 elbow up, as in all of the thesis's tables; -1 elbow down, which its programs know too.
+        1 elbow up, as in all of the thesis's tables; -1 elbow down, as in its programs too.
     extension : tuple of float
-        extension1 and extension2 of the pendulum [m/rad, m/rad^2], which are given, not searched.
+        extension1 and extension2 of the pendulum [m/rad, m/rad^2], which are given, not free.
     narrowed : mapping of str to (float, float)
-        Bounds instead of the usual ones, by parameter [SI].
+        Bounds that replace the usual ones, by parameter [SI].
 
     Notes
     -----
-    Bounds: van Nes 2022, figures M.1 to M.20.  A stiffness is kept from being negative, where they
-    give a nonlinear spring -B to B: such a chain is not stable at rest.  The thesis prints none for
-    the angle of the contact; here they are 0.01 and pi.
+    Bounds: van Nes 2022, figures M.1 to M.20.  Where these give the stiffness of a nonlinear spring
+    bounds -B and B, it is not allowed to be negative here, since such a chain is not stable at
+    rest.  The thesis gives no bounds of the contact's angle; here they are 0.01 and pi.
 
-    The sign of a preload says at which stop its joint rests: `low` = 0 for a positive one, `high` =
-    0 for a negative one, and its bounds do not pass zero.  The thesis has rows for a preload of
-    spring 3 of three segments in all figures, with a dash in each.  Where segment 1 begins along
-    the pendulum, a positive one can never release there; the elbow opens, and the usual bounds are
-    -1 and 0 N m.  Where it leads the pendulum, the elbow closes, and they are 0 and 1 N m.
+    The sign of a preload decides on which stop its joint rests, `low` = 0 for a positive one and
+    `high` = 0 for a negative one; its bounds must not pass zero.  All figures of the thesis have
+    rows for a preload of spring 3 of three segments, with a dash in each.  If segment 1 is along
+    the pendulum at rest, a positive preload 3 can never be released; the elbow opens, and the usual
+    bounds are -1 and 0 N m.  If the rest angle is free, segment 1 may lead the pendulum; then the
+    elbow closes, and the usual bounds are 0 and 1 N m.
 
     Examples
     --------
@@ -140,7 +143,7 @@ class Variant:
 
     @property
     def option(self) -> str:
-        """The thesis's word for what is free besides springs and lengths."""
+        """The thesis's name for what is free in addition to springs and lengths."""
         words = [
             w
             for w, on in (
@@ -154,12 +157,12 @@ class Variant:
 
     @property
     def figure(self) -> str:
-        """The thesis's figure with this variant; "" where it has none."""
+        """Number of the thesis's figure with this variant; "" if there is none."""
         return str(FIGURES.get((self.target, self.option), ("",))[0])
 
     @property
     def usual(self) -> dict[str, tuple[float, float]]:
-        """Lower and upper bound of every free parameter."""
+        """Usual lower and upper bounds of all free parameters."""
         joints = range(1, self.segments + 1)
         _, k, a = FIGURES.get((self.target, self.option), ("", *WIDEST))
         found: dict[str, tuple[float, float]] = {}
@@ -182,11 +185,11 @@ class Variant:
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Those of `usual`, narrowed."""
+        """Bounds of all free parameters: those of `narrowed`, otherwise those of `usual`."""
         return {name: self.narrowed.get(name, pair) for name, pair in self.usual.items()}
 
     def parameters(self, vectors: Array) -> dict[str, Array]:
-        """Parameters (B,) of `proofmass.analytic.balancer.solve`, of design vectors (B, d)."""
+        """Parameters (B,) of `proofmass.analytic.balancer.solve` from design vectors (B, d)."""
         found: dict[str, Array] = {}
         for name, values in zip(self.usual, np.asarray(vectors, float).T, strict=True):
             shared = name in ("stiffness", "quadratic")
@@ -204,7 +207,7 @@ class Variant:
         return found | ({"mode": np.full(len(vectors), -1.0)} if self.mode == -1 else {})
 
     def vector(self, parameters: Mapping[str, float]) -> Array:
-        """The design vector (d,) of a balancer's parameters."""
+        """Design vector (d,) of a balancer's parameters."""
         return np.array(
             [
                 parameters[f"{name}1" if name in ("stiffness", "quadratic") else name]
@@ -224,7 +227,7 @@ def thesis() -> list[Variant]:
 
 
 def left_out() -> list[Variant]:
-    """The 56 that its tables M.1 to M.5 have a cell for, and no balancer.
+    """The 56 variants that have a cell in its tables M.1 to M.5, but no balancer.
 
     >>> len(left_out())
     56
@@ -240,7 +243,7 @@ def left_out() -> list[Variant]:
 
 
 def third_preloads() -> list[Variant]:
-    """The 40 that its figures M.1 to M.20 have a row "3 Seg.: prestress spring 3" for, dashed.
+    """The 40 variants with a row "3 Seg.: prestress spring 3" in its figures, filled with a dash.
 
     >>> len(third_preloads())
     40
@@ -249,7 +252,7 @@ def third_preloads() -> list[Variant]:
 
 
 def variants(target: str, option: str) -> list[Variant]:
-    """All springs and numbers of segments that the thesis has for an option."""
+    """All variants (springs, numbers of segments, preloads) of the thesis for an option."""
     fixed = option in ("standard", "relaxed lengths")
     return [
         Variant(
@@ -267,18 +270,18 @@ def variants(target: str, option: str) -> list[Variant]:
     ]
 
 
-POINTS = {3: 90, 4: 15}  # of the thesis, by segments
-COARSE = 15  # points of a coarse look, at most
-BENT = 0.02  # sine of the last joint's angle: what is straighter can flip its elbow
-BETWEEN = 1.25  # times as much at few points: between them the elbow may be straighter
+POINTS = {3: 90, 4: 15}  # number of points of the thesis, by segments
+COARSE = 15  # largest number of points of a coarse evaluation
+BENT = 0.02  # smallest sine of the last joint's angle: a straighter elbow can flip
+BETWEEN = 1.25  # factor of BENT at few points: between them the elbow may be straighter
 RIGHT_ANGLE = np.pi / 2 + 1e-9  # [rad] so that rounding does not end a path before its last point
-STIFF = 30.0  # times the excess over a limit of the spread
-SMALL = 1e-4  # of m g r: errors below it count as squares for any power
+STIFF = 30.0  # penalty factor of the excess over a limit of the spread
+SMALL = 1e-4  # errors below this share of m g r count as squares for any power
 
 
 @dataclass(frozen=True)
 class Figures:
-    """What designs are worth, each (B,): NaN for one that cannot be built.
+    """Measures of designs, each (B,): NaN for a design that cannot be built.
 
     Attributes
     ----------
@@ -306,22 +309,22 @@ class Synthesis:
     Parameters
     ----------
     variant : Variant
-        What is free, and within which bounds.
+        The kind of balancer, with its free parameters and bounds.
     target : callable
-        Wanted moment [N m] at pendulum angles [rad], for m g r = 1 N m.
+        Target moment [N m] at pendulum angles [rad], for m g r = 1 N m.
     points : int, optional
-        Points j 90/points degrees, j = 1, 2 ..; as many as in the thesis when not given.
+        Number of points j 90/points degrees, j = 1, 2 ..; by default that of the thesis.
     power : float
-        [1]: 2 for the least error, 1 for the best work reduction, or between.
+        2 for the smallest rmse, 1 for the best work reduction, or a value between [1].
     limit : float
-        Largest spread of energy between the springs, f2 [1]: a second aim, as a constraint.
+        Largest spread of energy between the springs, f2 [1]: a second objective as a constraint.
 
     Notes
     -----
-    Terms are exact to rounding.  Errors below 1e-4 enter as squares, so that a power below 2 has a
-    slope at zero.  Beyond the limit the square of `STIFF` times the excess is added, so that a
-    design exceeds it by about its error times the slope of the error with the spread, over
-    `STIFF`^2.
+    Terms are exact to rounding.  Errors below 1e-4 count as squares, so that the objective has a
+    derivative at zero for a power below 2.  Beyond the limit the square of `STIFF` times the excess
+    is added, so that a design exceeds the limit by about its error times the derivative of the
+    error by the spread, over `STIFF`^2.
     """
 
     variant: Variant
@@ -342,25 +345,25 @@ class Synthesis:
 
     @property
     def angles(self) -> Array:
-        """The points [rad]."""
+        """Pendulum angles of the points [rad]."""
         return precision_points(self.points or POINTS[self.variant.segments])
 
     @property
     def fingerprint(self) -> str:
-        """What tells this search from any other."""
+        """Text that distinguishes this search from any other."""
         wanted = np.asarray(self.target(self.angles), float).tolist()
         return repr((self.variant, wanted, self.power, self.limit))
 
     def coarse(self, vectors: Array) -> Array:
-        """Terms (B, m), at few points, whose squares add up to the aim; NaN if not buildable."""
+        """Terms (B, m) at few points; their squares sum to the objective; NaN if not buildable."""
         return self.terms(vectors, precision_points(min(COARSE, self.angles.size)), BETWEEN * BENT)
 
     def residuals(self, vectors: Array) -> Array:
-        """The same at all points."""
+        """Terms (B, m) at all points."""
         return self.terms(vectors, self.angles)
 
     def terms(self, vectors: Array, angle: Array, bent: float = BENT) -> Array:
-        """The same at angles (A,), for elbows that stay bent by more than the sine `bent`."""
+        """Terms (B, m) at angles (A,); NaN unless the elbow's sine exceeds `bent` everywhere."""
         moment, energy = self.curves(vectors, angle, bent)
         found = moment - self.target(angle)
         if self.power != 2.0:
@@ -372,7 +375,7 @@ class Synthesis:
         return found
 
     def figures(self, vectors: Array) -> Figures:
-        """Figures of designs (B, d) at all points."""
+        """Measures of designs (B, d) at all points."""
         moment, energy = self.curves(vectors, self.angles)
         wanted = self.target(self.angles)
         return Figures(
@@ -390,7 +393,7 @@ class Synthesis:
         moment = np.full((len(vectors), angle.size), np.nan)
         energy = np.full((len(vectors), angle.size, n), np.nan)
         if there.size:
-            with np.errstate(all="ignore"):  # a path that ends leaves nothing to solve beyond
+            with np.errstate(all="ignore"):  # beyond the end of a path all values are NaN
                 path = along(chains, follow(chains, RIGHT_ANGLE), angle)
                 last, before = path.theta[..., -1], path.theta[..., -2]
                 good = (self.variant.mode * np.sin(last - before) > bent).all(axis=-1)

@@ -267,7 +267,7 @@ def refuse_limits(m: Mechanism, q: Array) -> None:
         if out.any():
             raise ValueError(
                 f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                f"{int(np.argmax(out))}; stops are not covered beside drives"
+                f"{int(np.argmax(out))}; joint limits are not covered in driven motions"
             )
 
 

@@ -59,7 +59,7 @@ IN_TIME, DRIVEN, AT_REST = "in time", "driven", "at rest"
 HOW = {
     IN_TIME: "integrated with DOP853 at 3e-14",
     DRIVEN: "at the drives' values",
-    AT_REST: "at rest beside the drives",
+    AT_REST: "at equilibria for the drives' values",
 }
 """Descriptions of how the equations are solved, by the way of motion."""
 ACTUATORS = {S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC, S.mjSENS_TENDONACTFRC}
@@ -216,7 +216,7 @@ def properties(
     if tree.rows:
         rows = f"{held.rank} independent of" if followed.way == IN_TIME else "all"
         rows = f"{rows} {tree.rows} rows"
-        found["equalities"] = f"held exactly, {rows}; open by {held.open_by:.1g} in the key"
+        found["equalities"] = f"closed exactly, {rows}; open by {held.open_by:.1g} in the key"
     if events := held.stopped.events():
         found["stops"] = events
     if not joints and not held.stopped.impacts and (energy := conserved(tree, followed)):
@@ -449,7 +449,7 @@ def refuse_limits(tree: Tree, q: Array) -> None:
             if out.any():
                 raise ValueError(
                     f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                    f"{int(np.argmax(out))}; stops are not covered beside drives"
+                    f"{int(np.argmax(out))}; joint limits are not covered in driven motions"
                 )
 
 

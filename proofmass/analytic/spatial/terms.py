@@ -67,7 +67,7 @@ NAMES = {
     "mass": "mass matrix",
     "bias": "bias force",
     "force": "force of springs, dampers and actuators",
-    "gap": "gap of the equalities",
+    "gap": "constraint violation of the equalities",
     "jacobian": "Jacobian of the equalities",
     "drift": "J-dot-v of the equalities",
 }

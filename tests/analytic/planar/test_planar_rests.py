@@ -234,7 +234,7 @@ def test_the_start_pose_falls_to_the_rest_on_its_side():
     push = np.full(3, 4.0)
     assert (column(push, start=0.2) > 1.0).all()
     assert column(push, start=-0.2) == pytest.approx(-column(push, start=0.2), abs=1e-12)
-    with pytest.raises(Unstable, match="the start pose comes to no stable rest"):
+    with pytest.raises(Unstable, match="the start pose leads to no stable equilibrium"):
         column(push)
 
 
@@ -248,7 +248,7 @@ def test_a_stop_that_holds_what_others_hold_is_refused(tmp_path):
     resting.count(q)
     found = resting.equations(q, values, None, statics.stops)
     assert len(statics.stops) == 2
-    with pytest.raises(SingularHere, match="a stop or a drive holds what others hold"):
+    with pytest.raises(SingularHere, match="a stop or a drive constrains what others"):
         found.solved(-found.left, -found.gap)
     assert resting.next(q, (values, None), (values, None), statics.stops) is None
 
@@ -256,10 +256,10 @@ def test_a_stop_that_holds_what_others_hold_is_refused(tmp_path):
 def test_what_is_not_covered_is_named(tmp_path):
     with pytest.raises(NotCovered, match="joint 'two' has friction, and the drives do not"):
         rests(limbs(tmp_path, 'frictionloss=".1"'))
-    with pytest.raises(NotCovered, match="a path of rests has no inertia"):
+    with pytest.raises(NotCovered, match="a path of equilibria has no inertia"):
         rests(limbs(tmp_path), inertia=True)
     free = COLUMN.format(0.0, "", 0.0).replace('stiffness="5"', "")
-    with pytest.raises(Unstable, match="the start pose comes to no stable rest"):
+    with pytest.raises(Unstable, match="the start pose leads to no stable equilibrium"):
         planar.solve([0.0, 0.1], model=mujoco.MjModel.from_xml_string(free), joints=("arm",))
 
 

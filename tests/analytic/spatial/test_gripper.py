@@ -25,7 +25,7 @@ def test_the_couplers_rest_on_their_stops_and_both_fingers_move_alike(gripper):
     model, motion = gripper
     told = properties(model=model, start="start", joints=(), terms=SmoothTerms(model), motion=T)
     assert told["stops"] == "left_coupler rests on a stop; right_coupler rests on a stop"
-    assert told["equalities"].startswith("held exactly, 5 independent of 7 rows")
+    assert told["equalities"].startswith("closed exactly, 5 independent of 7 rows")
     assert np.abs(motion["coupler"]).max() < 1e-14
     assert np.abs(motion["follower"] - motion["left_follower"]).max() < 1e-13
     assert np.abs(motion["right.y"] + motion["left.y"]).max() < 1e-15

@@ -215,7 +215,7 @@ def test_the_wrist_yields_about_its_compliance_centre():
 @pytest.mark.parametrize(
     ("name", "long", "short", "how"),
     [
-        ("compliant_wrist", "n = 361", "n = 9", "at rest beside the drives"),
+        ("compliant_wrist", "n = 361", "n = 9", "at equilibria for the drives' values"),
         ("tower_crane", r"until = 30\.0", "until = 3.0", "integrated with DOP853"),
     ],
 )
@@ -232,12 +232,12 @@ def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, long, sho
 
 
 def test_what_is_not_covered_is_named(tmp_path):
-    with pytest.raises(NotCovered, match="a path of rests has no inertia"):
+    with pytest.raises(NotCovered, match="a path of equilibria has no inertia"):
         rests(arm(tmp_path), ANGLES[:2], inertia=True)
     text = ARM.format(hinge="", slide="", pull=0.0).replace('stiffness="200"', "")
     model = mujoco.MjModel.from_xml_string(text.replace('stiffness="12"', ""))
     model.opt.gravity[:] = 0.0
-    with pytest.raises(Unstable, match="the start pose comes to no stable rest"):
+    with pytest.raises(Unstable, match="the start pose leads to no stable equilibrium"):
         spatial.solve([0.0, 0.1], model=model, joints=("arm",))
 
 

@@ -416,5 +416,5 @@ def test_the_page_says_how_closely_the_second_formulation_agrees():
     assert told["equations of motion"] == "terms of MuJoCo, integrated with DOP853 at 3e-14"
     second = told["second formulation"]
     assert re.match(r"proofmass's own terms agree at 50 poses, to \de-1[56] of", second)
-    assert told["equalities"] == "held exactly, 1 independent of 1 rows; open by 0 in the key"
+    assert told["equalities"] == "closed exactly, 1 independent of 1 rows; open by 0 in the key"
     assert re.match(r"kept to \de-1\d of the largest kinetic energy", told["energy"])
