@@ -1,6 +1,7 @@
-"""How far something holds: a boundary between the last value that held and one that failed.
+"""Boundaries of parameters: the furthest value that holds, and the next value, which fails.
 
-Boundaries are kept in a table, a row for each.
+A value of a parameter holds if the run with it does not fail.  The boundaries of a study are
+stored in a table with one row for each of them.
 """
 
 import csv
@@ -19,12 +20,13 @@ from proofmass.studies.record import write_columns
 from proofmass.wording import number
 
 DIGITS = 4
-"""Digits of values beside a boundary, so that what is printed is what was tried."""
+"""Significant digits of the values that are tried near a boundary, so that the printed value is
+exactly the one that was tried."""
 NAN = float("nan")
 
 
 class BoundaryKind(StrEnum):
-    """What limits a parameter; `sentence` says it in words."""
+    """The kind of limit that a parameter meets; `sentence` describes it."""
 
     UNSTABLE = "unstable"
     INACCURATE = "inaccurate"
@@ -34,25 +36,25 @@ class BoundaryKind(StrEnum):
 
     @property
     def sentence(self) -> str:
-        """What is meant, in words."""
+        """The description of this kind of limit."""
         return SENTENCES[self]
 
 
 SENTENCES = {
     BoundaryKind.UNSTABLE: "the run diverges, is not finite, aborts or raises the engine's "
-    "warning, a loop comes open, or there is no pose or no equilibrium any more",
-    BoundaryKind.INACCURATE: "the engine runs to the end, and is off by more than a tenth of the "
-    "range, or by more than the row names",
-    BoundaryKind.REFUSED: "the engine does not compile or accept it",
-    BoundaryKind.OURS: "no boundary of the engine: not known beyond, since proofmass gave up, for "
-    "lack of time, of a reference or of iterations, or did not accept it itself",
-    BoundaryKind.HOLDS: "no boundary: all values held as far as the parameter was varied",
+    "warning, a loop opens, or no pose or equilibrium is found any more",
+    BoundaryKind.INACCURATE: "the engine runs to the end, but its error is larger than a tenth of "
+    "the range, or than the row names",
+    BoundaryKind.REFUSED: "the engine does not compile or accept the model",
+    BoundaryKind.OURS: "no boundary of the engine: nothing is known beyond, since proofmass itself "
+    "ran out of time, had no reference, ran out of iterations, or did not accept the value",
+    BoundaryKind.HOLDS: "no boundary: all values that were tried hold",
 }
-"""Of all kinds of limits, for tables and pages."""
+"""Descriptions of all kinds of limits, for tables and pages."""
 
 
 class Failure(NamedTuple):
-    """Why a value did not hold, what kind of limit that is, and whether the engine said nothing."""
+    """Why a value fails, the kind of limit, and whether the engine gave no warning."""
 
     message: str
     limit: BoundaryKind
@@ -60,9 +62,9 @@ class Failure(NamedTuple):
 
 
 class TrialResult(NamedTuple):
-    """What became of one value: a failure or none, and the time step that was taken [s].
+    """The result of trying one value: its failure, if any, and the time step that was taken [s].
 
-    `step` is read from the engine after the run; NaN where nothing was stepped, or the run gave no
+    `step` is read from the engine after the run; it is NaN if the run has no time steps, or gave no
     curves.
     """
 
@@ -71,7 +73,9 @@ class TrialResult(NamedTuple):
 
 
 def is_engine_warning(message: str) -> bool:
-    """Whether the engine itself said that a run diverged; otherwise only its curves show it.
+    """Whether a message is the engine's own warning that a run diverged.
+
+    Without a warning only the curves of the run show it.
 
     >>> is_engine_warning("MuJoCo warning badqacc; failed at some time")
     True
@@ -88,13 +92,13 @@ class VariedRange:
     Attributes
     ----------
     what : str
-        The case, or the problem in words.
+        The name of the case, or a description of the problem.
     engine, setting : str
-        The engine, and its integrator or what else is set, in words.
+        The engine, and a description of its integrator or other setting.
     parameter, unit : str
         The parameter that is varied, and its unit.
     start, reach : float
-        First and last value that is tried [its unit].
+        First and last value that are tried [its unit].
     """
 
     what: str
@@ -107,7 +111,7 @@ class VariedRange:
 
 
 def exactly(value: float) -> str:
-    """A value that was tried, with as many digits as tell it from others, four at least.
+    """A value that was tried, written with all its digits, four at least.
 
     >>> exactly(61.75), exactly(61.7523)
     ('61.75', '61.7523')
@@ -123,24 +127,25 @@ class Boundary(VariedRange):
     Attributes
     ----------
     holds, breaks : float
-        The furthest value before which all held, and the next value, which failed [its unit].
-        `breaks` is NaN if all values up to `reach` held; both are NaN if `start` failed.
+        The furthest value up to which all values hold, and the next value, which fails [its unit].
+        `breaks` is NaN if all values up to `reach` hold; `holds` is NaN if `start` fails, and then
+        `breaks` is NaN as well.
     again : float
-        The furthest value beyond `breaks` that held again [its unit]: between the two some values
-        hold and others do not.  NaN where all values that were tried beyond `breaks` failed.
+        The furthest value beyond `breaks` that holds again [its unit]: between the two some values
+        hold and others fail.  NaN if all values that were tried beyond `breaks` fail.
     step : float
-        Time step that the engine took at `holds` [s]; NaN where nothing was stepped.
+        Time step that the engine took at `holds` [s]; NaN if the run has no time steps.
     theory : float
-        The boundary by theory [its unit]: infinite (zero where the parameter is decreased) if there
-        is none, NaN if theory says nothing.
+        The boundary by theory [its unit]: infinite (zero if the parameter is decreased) if theory
+        says that there is none, NaN if no theory is known.
     law : str
-        The theory in words.
+        A description of the theory.
     limit : BoundaryKind
         The kind of limit.
     failure : str
-        The failure at `breaks`, in words.
+        A description of the failure at `breaks`.
     silent : bool
-        Whether the engine itself said nothing of the failure.
+        Whether the engine itself gave no warning of the failure.
     """
 
     holds: float = NAN
@@ -155,21 +160,21 @@ class Boundary(VariedRange):
 
     @property
     def found(self) -> bool:
-        """Whether there is a boundary of the engine between `start` and `reach`."""
+        """Whether a boundary of the engine was found between `start` and `reach`."""
         return bool(np.isfinite(self.breaks)) and not self.unknown
 
     @property
     def several(self) -> bool:
-        """Whether there are several boundaries, since a value beyond the first one holds again."""
+        """Whether there are several boundaries: a value beyond the first one holds again."""
         return self.again == self.again
 
     @property
     def last(self) -> str:
-        """The last value that held again, without its unit."""
+        """The furthest value that holds again, as text without its unit."""
         return number(self.reach) if self.again == self.reach else exactly(self.again)
 
     def format_measured(self, digits: int = 3) -> str:
-        """The boundary in words, without its unit; of several the first and the last.
+        """The boundary as text without its unit; of several boundaries the first and the last.
 
         >>> Boundary("", "", "", "", "", 1.0, 9.0, 1.96, 2.0).format_measured()
         '1.98'
@@ -182,14 +187,14 @@ class Boundary(VariedRange):
 
     @property
     def unknown(self) -> bool:
-        """Whether nothing is known beyond `holds`, for a reason of our own."""
+        """Whether nothing is known beyond `holds`, since proofmass itself gave up there."""
         return self.limit == BoundaryKind.OURS
 
     @property
     def measured(self) -> float:
-        """The boundary, between what held and what did not; infinite (or zero) if there is none.
+        """The geometric mean of `holds` and `breaks`; infinite (or zero) if there is no boundary.
 
-        NaN where nothing is known, or where `start` did not hold.
+        NaN if nothing is known beyond `holds`, or if `start` fails.
         """
         if self.found:
             return float(np.sqrt(self.holds * self.breaks))
@@ -199,7 +204,10 @@ class Boundary(VariedRange):
 
     @property
     def ratio(self) -> float:
-        """Measured over theory; 1 where both say nowhere, NaN where only one does."""
+        """The measured boundary over that by theory.
+
+        It is 1 if neither has a boundary, and NaN if only one of them has.
+        """
         if self.measured == self.theory:
             return 1.0
         ratio = self.measured / self.theory if self.theory else NAN
@@ -207,7 +215,7 @@ class Boundary(VariedRange):
 
     @property
     def ending(self) -> str:
-        """What kind of limit it is, whether the engine said so, and what went wrong.
+        """The kind of limit, whether the engine gave no warning, and the failure.
 
         >>> Boundary("", "", "", "", "", 1.0, 9.0, 2.0, 2.02, limit=BoundaryKind.INACCURATE,
         ...          failure="position off by 0.1 of its range", silent=True).ending
@@ -219,38 +227,38 @@ class Boundary(VariedRange):
 
     @property
     def why(self) -> str:
-        """What went wrong, without the word for the kind of limit."""
+        """The failure without the word for the kind of limit."""
         return self.failure.removeprefix(f"{self.limit}: ")
 
 
 COLUMNS = {
-    "what": "name of the sidecar, or a small model whose limit theory knows, in words",
+    "what": "name of the sidecar, or description of a small model whose limit is known by theory",
     "engine": "name of the engine",
-    "setting": "integrator, or what else is set, in words",
-    "parameter": "what was varied",
-    "unit": "of all values in the row; times: of what the case has",
-    "start": "its first value",
-    "reach": "its last value, if no run fails before",
-    "holds": "the furthest value that held; empty if even `start` did not",
-    "breaks": "the next that did not, at most 1 % further, 2 % if there is `again`, 10 % if "
-    "`limit` is ours; empty if all held",
-    "again": "the furthest beyond `breaks` that held again: some values between hold, others do "
-    "not; empty if all that were tried beyond failed",
-    "step": "time step that the engine took at `holds` [s]; empty if nothing was stepped in time",
-    "theory": "where the boundary must be, inf or 0 for nowhere; empty if nothing is known",
-    "law": "what theory says, in words",
-    "limit": "what kind of limit it is; "
-    + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
-    "failure": "what went wrong there",
-    "silent": "whether the engine itself said nothing",
-    "measured": "root of holds times breaks, inf or 0 if there is no boundary up to `reach`; empty "
-    "if `limit` is ours, or `start` did not hold",
-    "ratio": "measured over theory; 1 where both say nowhere",
+    "setting": "integrator, or description of another setting",
+    "parameter": "the parameter that was varied",
+    "unit": "unit of all values in the row; times: multiples of the case's own value",
+    "start": "first value of the parameter",
+    "reach": "last value of the parameter, if no run fails before",
+    "holds": "the furthest value that holds; empty if even `start` fails",
+    "breaks": "the next value, which fails, at most 1 % further, 2 % if there is `again`, 10 % if "
+    "`limit` is ours; empty if all values hold",
+    "again": "the furthest value beyond `breaks` that holds again: some values between hold, "
+    "others fail; empty if all values that were tried beyond `breaks` fail",
+    "step": "time step that the engine took at `holds` [s]; empty if the run has no time steps",
+    "theory": "the boundary by theory, inf or 0 if it says that there is none; empty if no theory "
+    "is known",
+    "law": "description of the theory",
+    "limit": "kind of limit; " + "; ".join(f"{one}: {one.sentence}" for one in BoundaryKind),
+    "failure": "description of the failure at `breaks`",
+    "silent": "whether the engine itself gave no warning of the failure",
+    "measured": "square root of holds times breaks, inf or 0 if there is no boundary up to "
+    "`reach`; empty if `limit` is ours, or `start` fails",
+    "ratio": "measured over theory; 1 if neither has a boundary",
 }
 
 
 def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
-    """Write a row for each boundary as CSV, and beside it ``NAME.columns.md``."""
+    """Write a CSV file with a row for each boundary, and its columns to ``NAME.columns.md``."""
     text = io.StringIO()
     rows = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     rows.writeheader()
@@ -262,7 +270,7 @@ def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
 
 
 def read_boundaries(file: Path) -> list[Boundary]:
-    """The boundaries that `write_boundaries` wrote.
+    """Read the boundaries from a file of `write_boundaries`.
 
     Raises
     ------
@@ -287,7 +295,7 @@ def read_boundaries(file: Path) -> list[Boundary]:
 
 
 def parsed(cell: str, kind: type) -> Any:
-    """A cell as what it was.
+    """The value of a cell, of the type that its field has.
 
     >>> parsed("", float), parsed("True", bool), parsed("2.0", float)
     (nan, True, 2.0)

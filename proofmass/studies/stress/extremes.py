@@ -1,23 +1,24 @@
-"""What can be varied to an extreme in a case, and how far it goes until a run fails.
+"""Searches for the limits of a case: each varies one parameter to an extreme until a run fails.
 
-Among it are the energy of a free motion, which needs no reference, since the motion may be chaotic;
-the size of the whole mechanism, with which the curves must scale; and a spring in the joint that
-the drives move last, made stiffer over 12 decades.
+The parameters include the number of steps of a free motion, whose energy is checked without a
+reference, since the motion may be chaotic; the size of the whole mechanism, with which the curves
+must scale; and the stiffness of a spring in the last hinge that is not driven, over 12 decades.
 
-The geometry goes nearer and nearer to where a linkage cannot be closed: a change point, or a
-stretched arm.  Links of its last loop are shortened as far as the mechanism can still make its
-whole way.  There some of its bars come into line, and two assembly modes meet::
+The geometry is brought close to where the loops of a linkage can no longer be closed: a change
+point, or a stretched arm.  Links of the last loop are shortened until the mechanism can just make
+its whole motion.  At this length some of its bars come into line, and two assembly modes meet::
 
-    1, 2, r, 3, the crank turning    r -> 2         coupler and rocker in line, one on the other
+    1, 2, r, 3, the crank turning    r -> 2         coupler and rocker in line, folded
     1, c, r, 3, the crank turning    c + r -> 4     coupler and rocker in line, stretched
-    five-bar                         the last coupler alone, or both, as a four-bar's
+    five-bar                         the last coupler alone, or both, as in a four-bar
 
-With a share g to spare the two modes are apart by an angle of the order sqrt(g).  A loop that an
-engine leaves open by a share e of its size turns the bars by e / sqrt(g), and passes into the other
-mode from g = e on.  Other singular poses are limit positions, which end a drive's way, and folds,
-in which a rod snaps to another equilibrium.
+If the links are longer than this by a share g, the angle between the two modes is of the order
+sqrt(g).  A constraint violation that is a share e of the loop's size rotates the bars by
+e / sqrt(g), and leads to the other mode if g is smaller than e.  Other singular poses are limit
+positions, at which the motion of a drive ends, and folds, in which a rod snaps to another
+equilibrium.
 
-See `proofmass.studies.stress.limit_search` for when a run counts as failed.
+The module `proofmass.studies.stress.limit_search` describes when a run counts as failed.
 """
 
 from collections.abc import Callable, Iterator
@@ -81,17 +82,18 @@ from proofmass.studies.variants import (
     with_whole_steps,
 )
 
-MOST = 2000  # samples
+MOST = 2000  # samples of a run whose energy is checked, at most
 OFF = 0.01
-"""Change of energy, over the largest kinetic energy, that is too much."""
+"""Largest change of the energy, over the largest kinetic energy, with which a run does not fail."""
 SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
+"""MJCF elements of the sensors of both energies, and the energy that each of them measures."""
 
 
 def energies(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """More and more steps of a free motion, until its energy is off by a hundredth."""
-    why = "energy: something drives, loads or brakes it, or nothing is stepped"
+    """Increase the number of steps of a free motion until the energy error exceeds a hundredth."""
+    why = "energy: the motion is driven, loaded or damped, or the run has no time steps"
     require(stressed.kind == "dynamics" and not stressed.case.drive, why)
-    require(not stressed.runner, "energy: it is found by measure_energy, and by no other runner")
+    require(not stressed.runner, "energy: it needs measure_energy, and another runner is given")
     watched = weighed(stressed.case, stressed.models)
     require(bounded(watched, stressed.kind, conserved, watched), why)
     yield from stressed.search_schemes(
@@ -105,7 +107,10 @@ def energies(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def weighed(case: Case, folder: Path) -> Case:
-    """The case with sensors of both energies alone, and without motors that stand idle."""
+    """The case with sensors of both energies as its only sensors, and without unused actuators.
+
+    Actuators are unused if all controls of the keys are zero.
+    """
     idle = not compiled(case).key_ctrl.any()
 
     def change(root: Element) -> None:
@@ -130,7 +135,7 @@ def weighed(case: Case, folder: Path) -> Case:
 def drifted(
     stressed: StressedCase, case: Case, parameters: dict[str, ParameterValue], steps: float
 ) -> TrialResult:
-    """Run for so many steps, and look at the energy."""
+    """Run a number of steps, and compare the energy error with `OFF`."""
     per = int(np.ceil(steps / MOST))
     count = round(steps / per)
     run = case.run["dynamics"].model_copy(
@@ -156,12 +161,12 @@ def drifted(
 
 
 def measure_energy(task: StudyRun) -> Measurement:
-    """Run a task for its energy alone."""
+    """Run a task in a worker process, and measure its energy alone."""
     return measure(simulate_energy, task, timeout=TIMEOUT)
 
 
 def simulate_energy(task: StudyRun) -> Measurement:
-    """The same, in this process."""
+    """Run a task in this process, and measure its energy alone."""
     curves = simulate_task(task)
     return Measurement(
         invariants=invariants(task.case, curves),
@@ -171,12 +176,12 @@ def simulate_energy(task: StudyRun) -> Measurement:
     )
 
 
-ROUNDING = 1e-9  # share of a curve's range that rounding may change, at worst in chaos
-NULL = 1e-6  # [m] `kFrameEps` of MuJoCo's src/user/user_model.cc
+ROUNDING = 1e-9  # share of a curve's range by which rounding may change it, at most, in chaos
+NULL = 1e-6  # [m] distances below it are zero to MuJoCo: `kFrameEps` of src/user/user_model.cc
 
 
 def sizes(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """All lengths longer and shorter, beside what MuJoCo compiles at all."""
+    """Scale all lengths up and down; the theory is the smallest size that MuJoCo compiles."""
     model = compiled(stressed.case)
     driven = [int(model.joint(drive.joint).type[0]) for drive in stressed.case.drive]
     require(
@@ -185,12 +190,12 @@ def sizes(stressed: StressedCase) -> Iterator[LimitSearch]:
     )
     require(
         len(variants.bodies(stressed.case)) >= int((model.body_jntnum > 0).sum()),
-        "size: masses of geoms",
+        "size: bodies have their masses from geoms",
     )
     weighs = bool(model.opt.gravity.any()) if stressed.kind != "dynamics" else not driven
     least = smallest(model, weighs)
     limit = least if least > 1e-6 else 0.0
-    if limit and not stressed.engine.native:  # of another engine than the one it is read for
+    if limit and not stressed.engine.native:  # the limit is MuJoCo's, not that of another engine
         limit = NAN
     for word, reach, expected in (("larger", 1e6, np.inf), ("smaller", 1e-6, limit)):
         yield stressed.search(
@@ -205,7 +210,10 @@ def sizes(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def resized(stressed: StressedCase, least: float, factor: float) -> TrialResult:
-    """Run at another size, down to the least that MuJoCo compiles for other engines as well."""
+    """Run at another size; below the size that MuJoCo compiles, only its own engine is run.
+
+    MuJoCo reads the model for the other engines, which have no limit of their own there.
+    """
     if factor < least and not stressed.engine.native:
         return TrialResult(
             Failure(
@@ -219,9 +227,10 @@ def resized(stressed: StressedCase, least: float, factor: float) -> TrialResult:
 
 
 def unlike(found: Measurement, own: Measurement, run: Kind) -> Failure | None:
-    """Why a run at another size fails: errors must be those at its own, by dimensional analysis.
+    """The failure of a run at another size, or None.
 
-    An error ten times as large is that of another curve; rounding differs from size to size.
+    By dimensional analysis the errors, as shares of ranges, do not depend on the size.  An error
+    ten times as large shows another curve; smaller differences are rounding.
     """
     if failure := find_failure(found, run):
         return failure
@@ -237,13 +246,13 @@ def unlike(found: Measurement, own: Measurement, run: Kind) -> Failure | None:
 
 
 def smallest(model: mujoco.MjModel, weighs: bool) -> float:
-    """Size from which on MuJoCo compiles the same mechanism.
+    """The smallest factor s on all lengths with which MuJoCo compiles the same mechanism.
 
-    It refuses inertias, s^2 times as large here, up to mjMINVAL, and takes for the origin of its
-    body what is less than 1e-6 m from it along each axis: sites, and where bodies weigh anything
-    their centres of mass.
+    MuJoCo refuses inertias, which are scaled by s^2, up to mjMINVAL.  It moves points that are less
+    than 1e-6 m from the origin of their body along each axis to that origin: sites, and centres of
+    mass, which matter only if bodies weigh anything.
     """
-    alike = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT)  # turned as their bodies are
+    alike = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT)  # axes parallel to those of the body
     places = model.site_pos[model.site_sameframe == alike]
     centres = model.body_ipos[(model.body_sameframe == alike) & weighs]
     inertia = model.body_inertia[model.body_mass > 0]
@@ -258,20 +267,20 @@ def smallest(model: mujoco.MjModel, weighs: bool) -> float:
     )
 
 
-DECADES = 1e12
-BRIEF = 100  # steps of a free motion: the reference has to follow each swing of the spring
+DECADES = 1e12  # ratio of the stiffest spring to the softest
+BRIEF = 100  # steps of a free motion, since the reference has to follow each swing of the spring
 
 
 def stiffnesses(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """A stiffer and stiffer spring in the last hinge, from one that swings once in the run."""
+    """Stiffen a spring in the last hinge, starting with one that swings once during the run."""
     require(
         stressed.kind == "dynamics" and movable(stressed.case) and not stressed.case.rod,
-        "stiffness in motion: nothing is stepped, or rods bend in it",
+        "stiffness in motion: no time steps, a recorded curve, a motion profile, or rods",
     )
     free = not stressed.case.drive
     require(
         free or reference_follows_masses(stressed.case),
-        "stiffness in motion: the springs move it as well",
+        "stiffness in motion: the spring moves the mechanism, and the reference has no spring",
     )
     joint, inertia = last_hinge(stressed.case)
     seconds = min(stressed.seconds, BRIEF * stressed.step) if free else stressed.seconds
@@ -294,14 +303,14 @@ def stiffnesses(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def last_hinge(case: Case) -> tuple[str, float]:
-    """The last hinge that is not driven, and the inertia that it moves [kg m^2]."""
+    """The last hinge that is not driven, and the inertia about it in the start pose [kg m^2]."""
     model, driven = compiled(case), [drive.joint for drive in case.drive]
     hinges = [
         j
         for j in range(model.njnt)
         if model.joint(j).name not in driven and model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
     ]
-    require(hinges, "stiffness in motion: no hinge but those that are driven")
+    require(hinges, "stiffness in motion: there is no hinge that is not driven")
     data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     mujoco.mj_resetDataKeyframe(model, data, model.key(case.start).id)
     mujoco.mj_forward(model, data)
@@ -310,18 +319,18 @@ def last_hinge(case: Case) -> tuple[str, float]:
 
 
 def brief(case: Case, seconds: float, step: float) -> Case:
-    """The case with a shorter dynamics run, looked at after every step."""
+    """The case with a dynamics run of a shorter duration, which is sampled after every step."""
     run = case.run["dynamics"].model_copy(update={"n": round(seconds / step) + 1})
     return with_whole_steps(case.model_copy(update={"run": {"dynamics": run}}), seconds, step)
 
 
 def sprung(stressed: StressedCase, case: Case, joint: str, stiffness: float) -> TrialResult:
-    """Run with a spring."""
+    """Run the case with a spring in a joint."""
     return stressed.try_case(with_spring(case, stressed.models, joint, stiffness))
 
 
 def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
-    """The case with a spring in a joint, in place of what is there."""
+    """The case with a spring in a joint, which replaces the joint's own stiffness [N m/rad]."""
 
     def change(root: Element) -> None:
         hinge = next(one for one in root.iter("joint") if one.get("name") == joint)
@@ -330,14 +339,17 @@ def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
     return with_model(case, folder, change)
 
 
-MANY, MANY_TIMEOUT = 200, 600.0  # segments, and how long so many may take [s]
-FEW = 4  # steps of the shortest runs: a way there and back in two of them would look like none
+MANY, MANY_TIMEOUT = 200, 600.0  # most segments of a rod, and wall time for so many [s]
+FEW = 4  # steps of the shortest runs: a motion there and back in two steps would look like none
 
 
 def extremes(
     case: Case, store: Store, runner: Runner | None = None
 ) -> tuple[list[LimitSearch], list[str]]:
-    """All extremes that apply to a case, and why others do not; see `StressedCase` for `runner`."""
+    """All searches that apply to a case, and the reasons why others do not apply.
+
+    See `StressedCase` for `runner`.
+    """
     found: list[LimitSearch] = []
     skipped: list[str] = []
     kind: Kind = next(k for k in ("dynamics", "sweep", "equilibrium") if k in case.run)  # type: ignore
@@ -356,8 +368,8 @@ def extremes(
 
 
 def steps(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """Larger and larger time steps, with every integrator."""
-    require(stressed.kind == "dynamics", "time step: nothing is stepped")
+    """Increase the time step, with every integrator."""
+    require(stressed.kind == "dynamics", "time step: the run has no time steps")
     require(not stressed.case.recorded, "time step: a recorded curve has its own samples")
     yield from stressed.search_schemes(
         "time step",
@@ -372,19 +384,20 @@ def steps(stressed: StressedCase) -> Iterator[LimitSearch]:
 def stepped(
     stressed: StressedCase, parameters: dict[str, ParameterValue], step: float
 ) -> TrialResult:
-    """Run with a step, looked at no more often than that."""
+    """Run with a time step [s]; samples are not closer than the step."""
     return stressed.try_in_steps(stressed.case, stressed.seconds, timestep=step, **parameters)
 
 
 def speeds(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """Faster and faster drives, until there are but a few steps."""
+    """Increase the speed of the drives, until the run has only `FEW` steps."""
     require(
-        stressed.kind == "dynamics" and stressed.case.drive, "drive speed: nothing drives in time"
+        stressed.kind == "dynamics" and stressed.case.drive,
+        "drive speed: there is no drive, or the run has no time steps",
     )
     leader = stressed.case.drive[0]
     require(
         leader.to is not None and not stressed.case.recorded,
-        "drive speed: a law or a recorded drive has its own",
+        "drive speed: it is that of a motion profile or of a recorded curve",
     )
     yield stressed.search(
         "drive speed",
@@ -396,7 +409,7 @@ def speeds(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def sped(stressed: StressedCase, factor: float) -> TrialResult:
-    """Drive so many times as fast."""
+    """Run with the first drive faster by a factor, for a duration shorter by the same factor."""
     case, leader = stressed.case, stressed.case.drive[0]
     faster = (
         {"period": leader.period / factor} if leader.period else {"rate": leader.speed * factor}
@@ -412,12 +425,12 @@ def sped(stressed: StressedCase, factor: float) -> TrialResult:
 
 
 def weights(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """More and more gravity."""
+    """Increase gravity."""
     model = compiled(stressed.case)
     require(model.opt.gravity.any(), "gravity: there is none")
     require(
         reference_follows_masses(stressed.case) or "gravity" in stressed.case.parameters,
-        "gravity: the reference has its own",
+        "gravity: the reference has its own value",
     )
     yield stressed.search(
         "gravity",
@@ -431,12 +444,12 @@ def weights(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def masses(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """The last body heavier and heavier, and lighter and lighter, than the others."""
+    """Increase and decrease the mass of the last body."""
     bodies = len(variants.bodies(stressed.case))
-    require(bodies > 1, "mass ratio: one body, or masses of geoms")
+    require(bodies > 1, "mass ratio: there is one body, or bodies have their masses from geoms")
     require(
         stressed.kind == "dynamics" and reference_follows_masses(stressed.case),
-        "mass ratio: statics knows no inertia, or the reference has its own masses",
+        "mass ratio: there is no inertia in statics, or the reference has its own masses",
     )
     for word, reach in (("heavier", 1e6), ("lighter", 1e-6)):
         yield stressed.search(
@@ -451,12 +464,12 @@ def masses(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def springs(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """All springs, rods and loads stronger and stronger, and weaker and weaker."""
+    """Increase and decrease the strength of all springs, rods and loads together."""
     model = compiled(stressed.case)
-    require(model.jnt_stiffness.any(), "stiffness: there is no spring and no rod")
+    require(model.jnt_stiffness.any(), "stiffness: there are no springs and no rods")
     require(
         stressed.kind != "dynamics" and not model.opt.gravity.any(),
-        "stiffness: with weight or inertia its reference is another motion",
+        "stiffness: with gravity or inertia the reference would be another motion",
     )
     for word, reach in (("stronger", 1e6), ("weaker", 1e-6)):
         yield stressed.search(
@@ -471,7 +484,7 @@ def springs(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def segments(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """Rods in more and more segments."""
+    """Increase the number of segments of the rods."""
     require(stressed.case.rod, "segments: there is no rod")
     fewest = min(rod.segments for rod in stressed.case.rods)
     slow = replace(stressed, timeout=MANY_TIMEOUT)
@@ -485,13 +498,15 @@ def segments(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def long(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """The same motion on and on, to a million steps."""
+    """Continue the same motion, up to a million steps."""
     case = stressed.case
     require(
         stressed.kind == "dynamics" and not case.recorded,
-        "long run: nothing is stepped, or a recorded curve ends",
+        "long run: the run has no time steps, or a recorded curve ends",
     )
-    require(not case.drive or case.drive[0].to is not None, "long run: the drive's law ends")
+    require(
+        not case.drive or case.drive[0].to is not None, "long run: the drive's motion profile ends"
+    )
     require(not any(load.profile for load in case.load), "long run: the rows of a load end")
     own = stressed.seconds / stressed.step
     yield stressed.search(
@@ -505,17 +520,20 @@ def long(stressed: StressedCase) -> Iterator[LimitSearch]:
     )
 
 
-LONGEST, SHORTEST = (1.1, 1.0), 0.2  # times its length: from where and to where it is shortened
-PACE = 0.02  # change of the link from one closed start pose to the next: none is leapt over
-LENGTH_WITHIN = 1e-9  # how sharply the shortest length is found
+LONGEST, SHORTEST = (1.1, 1.0), 0.2  # links are shortened from one of these factors to this one
+PACE = 0.02  # change of length from one closed start pose to the next, which keeps the branch
+LENGTH_WITHIN = 1e-9  # relative tolerance of the shortest length
 
 
 BodyNames = tuple[str, ...]
-"""Sites at the ends of links."""
+"""Names of the sites at the ends of links."""
 
 
 def ends(case: Case) -> Iterator[BodyNames]:
-    """Of each loop, the last first, the ends of the links that it holds together."""
+    """The sites that each loop constraint joins at the ends of moving links, the last loop first.
+
+    Sites on the ground, and at the origin of their body, are left out.
+    """
     model = compiled(case)
     for e in reversed(range(model.neq)):
         if int(model.eq_objtype[e]) == mujoco.mjtObj.mjOBJ_SITE:
@@ -528,12 +546,15 @@ def ends(case: Case) -> Iterator[BodyNames]:
 
 
 def last_link(case: Case) -> BodyNames:
-    """The end of the last link that a loop holds; none if there is none."""
+    """The site at the end of the last link in a loop; empty if no link is in a loop."""
     return next((links[:1] for links in ends(case) if links), ())
 
 
 def last_arm(case: Case) -> BodyNames:
-    """The ends of both links of the last loop, if nothing else drives or holds them; or none."""
+    """The sites at the ends of both links of the last loop.
+
+    Empty if a drive or another loop acts on one of the two bodies, or there is no such loop.
+    """
     model, (last, *others) = compiled(case), [*ends(case)] or [()]
     bodies = [int(model.site(link).bodyid[0]) for link in last]
     held = {int(model.site(link).bodyid[0]) for links in others for link in links}
@@ -542,7 +563,7 @@ def last_arm(case: Case) -> BodyNames:
 
 
 def shortened(case: Case, links: BodyNames, folder: Path, factor: float) -> Case:
-    """The case with links so many times as long, and closed in its start pose."""
+    """The case with the lengths of links multiplied by a factor, and its start pose closed."""
     pose = closed(case, links, factor)
 
     def change(root: Element) -> None:
@@ -556,12 +577,12 @@ def shortened(case: Case, links: BodyNames, folder: Path, factor: float) -> Case
 
 
 def closed(case: Case, links: BodyNames, factor: float) -> Array:
-    """Joint values of the start pose with links so many times as long.
+    """Joint values of the start pose with the lengths of links multiplied by a factor.
 
     Raises
     ------
     InputError
-        The loops cannot be closed there.
+        The loops cannot be closed with these lengths.
     """
     model = copy(compiled(case))
     sites = [model.site(link).id for link in links]
@@ -578,9 +599,10 @@ def closed(case: Case, links: BodyNames, factor: float) -> Array:
 
 
 def find_shortest_length(case: Case, links: BodyNames, kind: Kind, folder: Path) -> float:
-    """Length of links, in their own, from which on the mechanism makes its whole way.
+    """Shortest length of links, over their own, with which the mechanism makes its whole motion.
 
-    NaN where the reference has no poses with longer ones, or has them all with shorter ones.
+    NaN if the reference does not have all poses with the longest links, or if it has all of them
+    with the shortest links as well.
     """
     for longest in LONGEST:
         holds, breaks, _ = bisect(
@@ -592,7 +614,10 @@ def find_shortest_length(case: Case, links: BodyNames, kind: Kind, folder: Path)
 
 
 def cached_shortest_length(case: Case, links: BodyNames, kind: Kind, store: Store) -> float:
-    """The same, found once for both engines: steps of the reference are short at singular poses."""
+    """The length of `find_shortest_length`, computed once for all engines and kept in the store.
+
+    Its search is slow, since the reference takes short steps near singular poses.
+    """
     name = repr((case.model_dump_json(include=MATTERS), links, kind, sources()))
     file = store.folder / f"{digest(name.encode() + model_bytes(case))}.least.json"
     return float(
@@ -603,7 +628,7 @@ def cached_shortest_length(case: Case, links: BodyNames, kind: Kind, store: Stor
 def unclosed(
     case: Case, links: BodyNames, kind: Kind, folder: Path, factor: float
 ) -> Failure | None:
-    """Why the mechanism does not make its whole way with links so many times as long."""
+    """A failure if the mechanism cannot make its whole motion with links longer by a factor."""
     try:
         evaluate_run(shortened(case, links, folder, factor), kind)
     except InputError as error:
@@ -611,15 +636,18 @@ def unclosed(
     return None
 
 
-TURNS = 2.0
-NEAREST, LIMIT_WITHIN = 1e-9, 1e-12  # [rad] of a limit position; how sharply the reference knows it
-SPARE, LEAST = 0.05, 1e-7  # share of a link beyond what just closes: from where, and to where
-PIECES = 10, 20, 40  # segments of a rod that is to snap
-SAMPLES = 41  # there and back; odd: one at the turn
+TURNS = 2.0  # a crank is driven so far in search of its limit position
+NEAREST, LIMIT_WITHIN = 1e-9, 1e-12  # nearest turning point to a limit [rad]; its tolerance [1]
+SPARE, LEAST = 0.05, 1e-7  # first and last excess length of a link, over the shortest that closes
+PIECES = 10, 20, 40  # numbers of segments with which a rod is made to snap
+SAMPLES = 41  # of a sweep there and back; an odd number has one sample at the turning point
 
 
 def limits(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """The drive further and further, until a limit position, in a sweep."""
+    """Increase the distance of the drive until a limit position, in a sweep.
+
+    In dynamics the drive then turns back closer and closer to that limit position.
+    """
     case = stressed.case
     require(
         "sweep" in case.run
@@ -628,7 +656,7 @@ def limits(stressed: StressedCase) -> Iterator[LimitSearch]:
         and len(case.drive) == 1
         and reference_follows_masses(case)
         and has_hinged_leader(case),
-        "limit position: no single crank to turn on",
+        "limit position: there is no single crank to drive further",
     )
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     swept = replace(stressed, kind="sweep", setting=Setting(stressed.setting.engine))
@@ -655,12 +683,12 @@ def limits(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def between(holds: float, breaks: float) -> float:
-    """A boundary from its two sides; infinite where there is none."""
+    """The geometric mean of both sides of a boundary; infinite if there is no boundary."""
     return float(np.sqrt(holds * breaks)) if np.isfinite(breaks) else np.inf
 
 
 def unreachable(case: Case, far: float) -> Failure | None:
-    """Whether the reference has no pose on the way there."""
+    """A failure if the reference has no pose somewhere on the drive's way to a distance."""
     try:
         evaluate_run(with_way(case, far), "sweep")
     except InputError as error:
@@ -669,7 +697,7 @@ def unreachable(case: Case, far: float) -> Failure | None:
 
 
 def closings(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """The last link with less and less to spare, until bars in line are passed the wrong way."""
+    """Shorten the last link until the engine leaves the assembly mode where bars are in line."""
     yield from spared(
         stressed,
         "bars in line",
@@ -679,7 +707,7 @@ def closings(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def stretchings(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """Both links of the last loop with less and less to spare, until they are stretched."""
+    """Shorten both links of the last loop until they are stretched."""
     yield from spared(
         stressed,
         "stretched arm",
@@ -691,7 +719,7 @@ def stretchings(stressed: StressedCase) -> Iterator[LimitSearch]:
 def spared(
     stressed: StressedCase, pose: str, parameter: str, links: BodyNames
 ) -> Iterator[LimitSearch]:
-    """Links with less and less to spare, in each run."""
+    """Shorten links towards the shortest length that closes, in a sweep and in dynamics."""
     require(
         stressed.case.drive
         and movable(stressed.case)
@@ -716,10 +744,10 @@ def spared(
 
 
 def sparing(stressed: StressedCase, links: BodyNames, length: float, share: float) -> TrialResult:
-    """Run with links so much longer than what just closes.
+    """Run with links longer by a share than the shortest length that closes.
 
-    The reference has all poses.  A sweep that ends before one of them has not found it, which is a
-    limit of our own.
+    The reference has all poses.  A sweep that stops before one of them has only not found it, so
+    the limit is that of proofmass and not of the engine.
     """
     found = stressed.try_case(
         shortened(stressed.case, links, stressed.models, length * (1.0 + share))
@@ -730,7 +758,7 @@ def sparing(stressed: StressedCase, links: BodyNames, length: float, share: floa
 
 
 def snaps(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """The drive further and further, until a rod does not come back the way it went."""
+    """Increase the distance of the drive until a rod does not return along its path."""
     case = stressed.case
     require(
         case.rod and "sweep" in case.run and len(case.drive) == 1 and movable(case),
@@ -739,7 +767,7 @@ def snaps(stressed: StressedCase) -> Iterator[LimitSearch]:
     way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     fold = between(*bisect(partial(unreturned, case), way / 16, way, LIMIT_WITHIN)[:2])
     unit = "rad" if has_hinged_leader(case) else "m"
-    # an equilibrium that is followed ends at its fold, and need not fall
+    # without `settled` the equilibrium is followed, and the sweep ends at its fold
     parameters = {k: v for k, v in stressed.setting.parameters.items() if k != "settled"}
     for pieces in PIECES:
         own = replace(
@@ -761,13 +789,13 @@ def snaps(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def there_and_back(case: Case, far: float) -> Case:
-    """The case with a sweep so far, and back, sampled at the same drive values both ways."""
+    """The case with a sweep to a distance and back, sampled at the same drive values both ways."""
     run = case.run["sweep"].model_copy(update={"n": SAMPLES, "until": None})
     return with_swing(case, far, 1.0).model_copy(update={"run": {"sweep": run}})
 
 
 def snapped(stressed: StressedCase, far: float) -> TrialResult:
-    """Whether the engine's rod comes back another way than it went; its error is not asked for."""
+    """Fail if the engine's rod does not return along its path; the error of the run is not used."""
     task = StudyRun(
         there_and_back(stressed.case, far), "sweep", stressed.setting, "stress", timed=False
     )
@@ -779,18 +807,18 @@ def snapped(stressed: StressedCase, far: float) -> TrialResult:
 
 
 def unreturned(case: Case, far: float) -> Failure | None:
-    """Whether the reference's rod comes back another way than it went."""
+    """A failure if the reference's rod does not return along its path."""
     wanted = evaluate_run(there_and_back(case, far), "sweep").channels
     return parted({name: wanted[name] for name in places(case)})
 
 
 def places(case: Case) -> list[str]:
-    """Channels that are positions."""
+    """The channels of a sweep that are positions."""
     return [name for name, one in case.channels_of("sweep").items() if one.si_unit in ("m", "rad")]
 
 
 def parted(curves: dict[str, Array]) -> Failure | None:
-    """A failure if a curve of a way there and back differs on the way back."""
+    """A failure if a curve of a sweep there and back differs on the way back."""
     for name, values in curves.items():
         apart = float(np.abs(values - values[::-1]).max())
         if apart > LARGE * np.ptp(values):

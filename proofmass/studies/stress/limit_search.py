@@ -1,9 +1,9 @@
 """Search for limits: one parameter is increased or decreased until a run of a case fails.
 
-A run fails when the engine says so, when it is not finite, when a loop comes open by a tenth of the
-mechanism, and when a position, or a holding moment of a sweep, is off by a tenth of its range: that
-the engine does not see.  Where proofmass itself gives up, the limit is not the engine's; see
-`proofmass.studies.stress.boundary.BoundaryKind`.
+A run fails if the engine reports it, if a curve is not finite, if the constraint violation reaches
+a tenth of the mechanism, or if the error of a position, or of a holding moment in a sweep, exceeds
+a tenth of its range.  The engine does not notice such an error.  If proofmass itself gives up, the
+limit is not the engine's; see `proofmass.studies.stress.boundary.BoundaryKind`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -42,57 +42,61 @@ from proofmass.wording import number
 from proofmass.worker import KILLED, isolated
 
 WITHIN = 0.01
-"""A boundary is known when what failed is so little beyond what held."""
+"""Relative distance of the failing value from the holding one at which a bisection ends."""
 COARSE = 0.1
-"""The same where nothing is known beyond, nor by theory: that value is no property of an engine."""
+"""The same if nothing is known beyond the holding value, and theory has no boundary either: then
+the value is not a property of the engine."""
 STRIDE = 4.0
-"""Factor from one value to the next on the way to the extreme."""
+"""Largest factor between consecutive values on the way to the extreme, before the bisection."""
 BESIDE = 1.01, 1.02, 1.03, 1.04, 1.06, 1.1, 1.2, 1.4
-"""Factors to both sides of a boundary at which it is checked: all before it must hold, all beyond
-it must fail.  Bisection alone finds one of several boundaries, and a stride is a factor of 4.
-Errors that go up and down with the parameter do so in 2 to 4 % of it."""
+"""Factors to both sides of a boundary at which values are tried: those before it must hold, those
+beyond it must fail.  Bisection finds only one of several boundaries, and a stride is a factor of 4.
+Errors that go up and down with the parameter do so within 2 to 4 % of its value."""
 JUST = 1.02
-"""From the first of several boundaries to the value before it that is said to hold."""
+"""Factor from the first of several boundaries back to the value that is given as holding.  Only if
+bisection ended within this factor are other boundaries searched for."""
 
 
 LARGE = 0.1
-"""Error, as a share of the reference's range, that nothing is right beyond."""
+"""Largest error, as a share of the reference's range, with which a run does not fail."""
 JUDGED: dict[Kind, tuple[str, ...]] = {
     "sweep": ("position", "force"),
     "equilibrium": ("position", "force"),
     "dynamics": ("position",),
 }
-TIMEOUT = 60.0
+TIMEOUT = 60.0  # [s] of a run
 LONG = 1_000_000  # steps of the longest runs
-SAME = 1e-9  # share of a step by which rounding may change it
+SAME = 1e-9  # relative difference of two time steps that is only rounding
 LIMITS: dict[str, BoundaryKind] = {
     Outcome.DIVERGED: BoundaryKind.UNSTABLE,
     Outcome.NOT_FINITE: BoundaryKind.UNSTABLE,
     Outcome.STOPPED: BoundaryKind.UNSTABLE,
     "refused": BoundaryKind.REFUSED,
 }
-"""Outcomes that are the engine's; all others are limits of our own."""
+"""Kind of limit for each outcome that the engine causes; with all other outcomes proofmass itself
+gave up."""
 
 
 TryValue = Callable[[float], TrialResult]
-"""Tries a value."""
+"""Tries a value of the parameter."""
 Runner = Callable[[StudyRun], Measurement]
 """Makes a run."""
 
 
 @dataclass(frozen=True)
 class LimitSearch(VariedRange):
-    """The search for a limit: how to try a value, and what theory says; see `Boundary`."""
+    """The search for a limit: its range, how to try a value, and the theory; see `Boundary`."""
 
     trial: TryValue
     theory: float = NAN
     law: str = ""
 
     def find(self, within: float = WITHIN) -> Boundary:
-        """Bisect the boundary to a share of its value, and look whether there are several.
+        """Find the boundary by bisection, and search for other boundaries near it.
 
-        Where theory has one, the search is as close where proofmass itself gives up: a boundary may
-        be just before it, as of an engine that leaves its reference behind.
+        `within` is the relative distance of the failing value from the holding one.  It is used
+        where proofmass itself gives up as well, if theory has a boundary: that may lie just before,
+        for example if the engine runs beyond the values at which the reference exists.
         """
         steps = dict[float, float]()
 
@@ -131,20 +135,20 @@ def bisect(
     within: float = WITHIN,
     coarse: float = COARSE,
 ) -> tuple[float, float, Failure | None]:
-    """Vary a parameter from `start` towards `reach`, and close in on the first value that fails.
+    """Vary a parameter from `start` towards `reach`, and bisect where the first value fails.
 
-    Strides are geometric, so all values are positive.  A boundary is the first one that a stride
-    meets; an island of failure between two strides is not seen, and of several boundaries one is
-    found: see `find_several`.  Where nothing is known beyond, the two are closed in to `coarse`
-    alone.
+    The values are geometrically spaced, so all of them are positive.  The first boundary that a
+    stride crosses is found.  Failing values between two strides that hold are not seen, and only
+    one of several boundaries is found: see `find_several`.  The bisection ends at the relative
+    distance `within`, or at `coarse` if that is larger and nothing is known beyond `holds`.
 
     Returns
     -------
     holds, breaks : float
-        The furthest value that held, and the nearest that failed [its unit], that of `start`; each
-        is NaN if there is none.
+        The furthest value that holds, and the nearest that fails [its unit], the unit of `start`;
+        each is NaN if there is none.
     failure : Failure or None
-        Why `breaks` failed, or `start` already; None if all values held.
+        Why `breaks` fails, or `start` if that fails already; None if all values hold.
 
     Examples
     --------
@@ -185,33 +189,33 @@ def find_several(
     breaks: float,
     failure: Failure | None,
 ) -> tuple[float, float, Failure | None, float]:
-    """Look beside a boundary for values before it that fail, and for values beyond that hold.
+    """Search near a boundary for values before it that fail, and for values beyond it that hold.
 
-    A run through a singular pose fails where one of its steps comes near to it, and an error that
-    goes up and down with the parameter passes its limit several times.  Then the first boundary and
-    the last are looked for, each until the values at all factors of `BESIDE` before the one hold,
-    and those beyond the other fail.  Values have as many digits as are printed.
+    A run through a singular pose fails if one of its steps comes near that pose, and an error that
+    goes up and down with the parameter exceeds its limit several times.  In such cases the first
+    and the last boundary are searched for, until the values at all factors of `BESIDE` before the
+    first one hold, and those beyond the last one fail.  Values are rounded to the printed digits.
 
     Parameters
     ----------
     test : callable
-        Why a value fails, or None.
+        Gives the failure of a value, or None if it holds.
     start, reach : float
         First and last value that may be tried [its unit].
     holds, breaks : float
-        What `bisect` found [its unit].
+        The values that `bisect` found [its unit].
     failure : Failure or None
-        Why `breaks` failed.
+        Why `breaks` fails.
 
     Returns
     -------
     holds, breaks : float
-        The same if there is one boundary; otherwise the first value that failed, and the value just
-        before it, which held [its unit].
+        The same values if there is one boundary; otherwise the value just before the first one that
+        fails, which holds, and the first one that fails [its unit].
     failure : Failure or None
-        Why `breaks` failed.
+        Why `breaks` fails.
     again : float
-        The last value that held again [its unit]; NaN if there is one boundary.
+        The last value that holds again [its unit]; NaN if there is one boundary.
 
     Examples
     --------
@@ -245,10 +249,10 @@ def find_several(
 def find_last(
     meets: Callable[[float], bool], edge: float, end: float, up: bool, near: float
 ) -> float:
-    """The furthest value that meets a condition, from an edge on to an end; the edge if none does.
+    """The furthest value from an edge towards an end that meets a condition; the edge if none does.
 
-    From the furthest value that is known, those at all factors of `BESIDE` are tried; before them a
-    value near the edge.
+    The value `near` is tried first.  Then the values at all factors of `BESIDE` from the furthest
+    one that meets the condition are tried, until none of them meets it.
     """
     found = near if near != edge and meets(near) else edge
     while True:
@@ -260,14 +264,14 @@ def find_last(
 
 
 def rounded(value: float) -> float:
-    """A value with the digits that are printed."""
+    """A value rounded to the digits that are printed."""
     return float(number(value, DIGITS))
 
 
 def printed(value: float, up: bool) -> list[float]:
-    """A value with the digits that are printed, and the next one that has so many.
+    """A value rounded to the digits that are printed, and the next such value, up or down.
 
-    Of two values that are alike in these digits one may hold and the other fail.
+    Of two values that round to the same digits one may hold and the other fail.
 
     >>> printed(0.177634, up=True), printed(0.177634, up=False)
     ([0.1776, 0.1777], [0.1776, 0.1775])
@@ -278,7 +282,7 @@ def printed(value: float, up: bool) -> list[float]:
 
 
 def beside(value: float, factor: float, end: float, up: bool) -> float:
-    """A value at a factor from another, up or down to an end, with the digits that are printed.
+    """A value multiplied or divided by a factor and rounded, but not beyond an end.
 
     >>> beside(0.05, 1.02, 1.0, up=True), beside(0.05, 1.02, 0.04901, up=False)
     (0.051, 0.04902)
@@ -289,9 +293,10 @@ def beside(value: float, factor: float, end: float, up: bool) -> float:
 
 @dataclass(frozen=True)
 class StressedCase:
-    """A case in one engine, and the run in which its limits are searched, at most so long [s].
+    """A case in one engine, and the kind of run in which its limits are searched for.
 
-    Runs are made by `measure_once` and kept in the store, or by `runner` if it is given.
+    Runs are made by `measure_once`, with a limit of wall time `timeout` [s], and kept in the store;
+    if `runner` is given, it makes them instead.
     """
 
     case: Case
@@ -303,17 +308,17 @@ class StressedCase:
 
     @property
     def engine(self) -> Engine:
-        """What the engine says of itself."""
+        """The engine of the setting."""
         return engine_of(self.setting.engine)
 
     @property
     def models(self) -> Path:
-        """Where changed models are kept."""
+        """The folder in which changed models are kept."""
         return self.store.folder / "models"
 
     @property
     def integrator(self) -> str:
-        """The integrator, or that it is the model's own."""
+        """The integrator of the setting, or the words that it is the model's own."""
         return str(self.setting.parameters.get("integrator", "as in the model"))
 
     @property
@@ -323,7 +328,7 @@ class StressedCase:
 
     @property
     def seconds(self) -> float:
-        """How long the motion takes."""
+        """Duration of the run [s]."""
         x = grid(self.case, self.kind)
         return float(x[-1] - x[0])
 
@@ -339,21 +344,21 @@ class StressedCase:
             return Measurement(outcome="refused" if refused else "no start", message=error.wrong)
 
     def find_failure(self, case: Case, **parameters: ParameterValue) -> Failure | None:
-        """Run a changed case; why the run fails, or None."""
+        """Run a changed case; the failure of the run, or None."""
         return find_failure(self.run(case, **parameters), self.kind)
 
     def try_case(self, case: Case, **parameters: ParameterValue) -> TrialResult:
-        """Run a changed case; why the run fails, and the step that was taken."""
+        """Run a changed case; the failure of the run, and the time step that was taken."""
         found = self.run(case, **parameters)
         return TrialResult(find_failure(found, self.kind), found.step)
 
     def try_in_steps(self, case: Case, seconds: float, **parameters: ParameterValue) -> TrialResult:
-        """Run a changed case for so long [s], in steps of just what is asked.
+        """Run a changed case for a duration [s], in exactly the time steps that are asked for.
 
         Raises
         ------
         RuntimeError
-            The engine took another step.
+            The engine took other time steps.
         """
         step = float(str(parameters.get("timestep", self.step)))
         found = self.try_case(with_whole_steps(case, seconds, step), **parameters)
@@ -373,7 +378,10 @@ class StressedCase:
         trial: Callable[[dict[str, ParameterValue], float], TrialResult],
         schemes: Iterable[Scheme],
     ) -> Iterator[LimitSearch]:
-        """The search for a limit of this case, for each of the engine's schemes."""
+        """A search for a limit of this case for each of the schemes, or one if there is no choice.
+
+        `trial` is called with the settings of the scheme, and the value.
+        """
         if len(self.engine.schemes) < 2:
             yield self.search(parameter, unit, start, reach, partial(trial, {}))
             return
@@ -390,7 +398,7 @@ class StressedCase:
         words: str = "",
         **more: Any,
     ) -> LimitSearch:
-        """The search for a limit of this case."""
+        """A search for a limit of this case; `words` describe the setting."""
         return LimitSearch(
             self.case.name,
             self.setting.engine,
@@ -405,21 +413,25 @@ class StressedCase:
 
 
 def measure_once(task: StudyRun, store: Store, timeout: float = TIMEOUT) -> Measurement:
-    """A run, from the store if it is there.
+    """Make a run, or read it from the store if it was made before.
 
-    Nobody asks for its wall time, so that it needs no processor of its own.
+    Its wall time is not used, so the run does not need a processor of its own.
     """
     return store.once(key_of(task), task, timeout, partial(measure_untimed, task, timeout))
 
 
 def measure_untimed(task: StudyRun, timeout: float) -> Measurement:
-    """A run, or the outcome of what failed."""
+    """Make a run; if it fails, the measurement has its outcome alone."""
     found = measure(observe, task, False, None, timeout=timeout)
     return find_late_part(task, found) if found.outcome == Outcome.TIMED_OUT else found
 
 
 def find_late_part(task: StudyRun, late: Measurement) -> Measurement:
-    """A run that gave no answer in time: the engine's fault if late again, or the reference's."""
+    """Tell whether the engine or the reference was too slow in a run that timed out.
+
+    The engine is run alone: if it fails again the measurement is kept as it is, otherwise the
+    outcome is that there is no reference.
+    """
     if isinstance(measure(simulate_task, task, timeout=TIMEOUT), Measurement):
         return late
     message = f"{late.message}; the engine has its run"
@@ -427,12 +439,12 @@ def find_late_part(task: StudyRun, late: Measurement) -> Measurement:
 
 
 def is_compiled(case: Case) -> bool:
-    """Whether the case's file can be compiled; in a worker."""
+    """Whether the model of a case compiles; it is tried in a worker process."""
     return cast(bool, isolated(compiles, case.model_path, timeout=TIMEOUT))
 
 
 def find_failure(found: Measurement, run: Kind) -> Failure | None:
-    """Why a run fails, or None."""
+    """The failure of a run, or None."""
     if found.outcome != Outcome.RAN:
         unseen = found.outcome in (Outcome.DIVERGED, Outcome.NOT_FINITE) and not is_engine_warning(
             found.message
@@ -449,27 +461,27 @@ def find_failure(found: Measurement, run: Kind) -> Failure | None:
 
 
 def is_failure(failure: Failure | None) -> bool:
-    """Whether a value fails for a reason of the engine's."""
+    """Whether a value fails by the engine, and not since proofmass itself gave up."""
     return failure is not None and failure.limit != BoundaryKind.OURS
 
 
 def limit_kind(found: Measurement) -> BoundaryKind:
-    """What kind of limit a run without errors is."""
+    """The kind of limit that a run meets which ended without curves to compare."""
     if found.outcome == Outcome.CRASHED and found.message.startswith(KILLED):
         return BoundaryKind.UNSTABLE
     return LIMITS.get(found.outcome, BoundaryKind.OURS)
 
 
 class NotApplicable(Exception):
-    """A limit that a case does not have; says why."""
+    """A case does not have this kind of limit; the message says why."""
 
 
 def require(there: object, why: str) -> None:
-    """Raise `NotApplicable` where something is missing."""
+    """Raise `NotApplicable` if a condition is not met."""
     if not there:
         raise NotApplicable(why)
 
 
 def reference_follows_masses(case: Case) -> bool:
-    """Whether the reference stays right when masses change: it reads them, or needs none."""
+    """Whether the reference stays right when masses change: it reads them, or needs no masses."""
     return case.reference == READS or (bool(case.drive) and mobility(case) == len(case.drive))

@@ -1,9 +1,9 @@
-"""The page of a stress study: what breaks first, and every boundary as a row on one axis.
+"""The page of a stress study: the first boundary of each parameter, and a row for each boundary.
 
-The axis tells by which factor each parameter was increased or decreased from the case's own value.
-A row is a boundary: from where to where its parameter holds, where it ends, and what theory says.
-Numbers that are none are None in the data of the page's script.  `stress_figure` is the same figure
-for papers.
+The axis of a row shows by which factor a parameter was increased or decreased from the case's own
+value: the range in which it holds, its boundary, and the boundary by theory.  Values that are not
+finite numbers are None in the data of the page's script.  `stress_figure` draws the same rows for
+papers.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -32,12 +32,12 @@ from proofmass.studies.stress.boundary import Boundary, BoundaryKind, exactly, r
 from proofmass.wording import format_solver, number, pretty
 
 SCRIPTS = ("axes.js", "rows.js", "limits.js")
-"""Of the chart."""
+"""Scripts of the chart."""
 THEORY = "Small models whose limits theory knows"
 
 
 def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Written:
-    """Write the page of a study, ``index.html``, and its figures, from its table alone.
+    """Write the page of a study, ``index.html``, and its figures, from its table ``stress.csv``.
 
     Raises
     ------
@@ -76,14 +76,14 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
 
 
 def subject(one: Boundary) -> str:
-    """What a section of the page is about: a case, or all that theory knows."""
+    """The section of the page that a boundary belongs to: its case, or the small models."""
     return THEORY if one.law and " " in one.what else one.what  # words, not a sidecar's name
 
 
 def part(
     name: str, found: Sequence[Boundary], folder: Path, dressed: Mapping[str, Tone]
 ) -> dict[str, Any]:
-    """All that a page shows of one case."""
+    """The data of one section of the page, and its figure in a folder."""
     stem = f"{slug(name)}-stress"
     with rc_context(RC):
         save(stress_figure(found), folder / stem)
@@ -105,19 +105,19 @@ def part(
 
 
 def by_parameter(found: Sequence[Boundary]) -> list[Boundary]:
-    """Boundaries of a parameter side by side, parameters in the order in which they come first."""
+    """Boundaries grouped by parameter, in the order in which the parameters occur first."""
     parameters = list(dict.fromkeys(one.parameter for one in found))
     return sorted(found, key=lambda one: parameters.index(one.parameter))
 
 
 def far(one: Boundary) -> float:
-    """The furthest place of a boundary on its axis: what was measured, or where theory has it."""
+    """The largest factor on the axis of a boundary, by measurement or by theory."""
     there = [end(one), one.theory]
     return max((factor_to(one, x) for x in there if isfinite(x) and x > 0), default=1.0)
 
 
 def labels(reach: float) -> list[tuple[float, str]]:
-    """Places on the axis of a part [%], and what stands there."""
+    """Places of the ticks on the axis of a section [%], and their labels."""
     decades = int(log10(max(reach, 10.0)) + 1e-9)
     step = max(1, -(-decades // 4))
     return [
@@ -127,12 +127,12 @@ def labels(reach: float) -> list[tuple[float, str]]:
 
 
 def place_ratio(ratio: float) -> float:
-    """Place of measured over theory on its axis [%], on which `NEAR` is half of the way."""
+    """Place of measured over theory on its axis [%]; half way to an end if it is off by `NEAR`."""
     return min(max(50 + 25 * (ratio - 1) / NEAR, 0.0), 100.0)
 
 
 def breaks_first(found: Sequence[Boundary]) -> Iterator[dict[str, Any]]:
-    """For each parameter and engine the boundary that is met first, of all settings."""
+    """For each parameter and engine the nearest boundary of all settings."""
     engines = list(dict.fromkeys(one.engine for one in found))
     for parameter in dict.fromkeys(one.parameter for one in found):
         own = [one for one in found if one.parameter == parameter]
@@ -143,7 +143,7 @@ def breaks_first(found: Sequence[Boundary]) -> Iterator[dict[str, Any]]:
 
 
 def first(found: Sequence[Boundary]) -> dict[str, str]:
-    """The boundary that is met first, in words."""
+    """The nearest of some boundaries as text, and its setting and kind of limit."""
     failed = [one for one in found if one.found or (one.holds != one.holds and not one.unknown)]
     if not found:
         return {"value": "—", "more": ""}
@@ -158,7 +158,7 @@ def first(found: Sequence[Boundary]) -> dict[str, str]:
 
 
 def words(found: Sequence[Boundary]) -> Iterator[str]:
-    """What to make of it."""
+    """Sentences that summarize the boundaries of a section."""
     known = [one for one in found if one.theory == one.theory]
     if known:
         near = sum(abs(one.ratio - 1) <= NEAR for one in known)
@@ -181,7 +181,7 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
 
 
 def strip_of(one: Boundary, tone: Tone, reach: float) -> Strip:
-    """How far a parameter was varied, and where theory ends it."""
+    """The strip of a row: how far the parameter holds, and its boundary by theory."""
     at = end(one)
     dot = place(factor_to(one, at), 1.0, reach) if isfinite(at) and at > 0 else None
     tick = None
@@ -204,7 +204,7 @@ def strip_of(one: Boundary, tone: Tone, reach: float) -> Strip:
 
 
 def ratio_of(one: Boundary, tone: Tone) -> Strip:
-    """How near to theory a boundary is that theory knows."""
+    """The strip that shows the ratio of a measured boundary to that by theory."""
     return Strip(
         f"measured over theory: {number(one.ratio, 4)}",
         tone.css,
@@ -216,7 +216,7 @@ def ratio_of(one: Boundary, tone: Tone) -> Strip:
 
 
 def cells(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
-    """A row of the table, every number already a word."""
+    """A row of the table, with all numbers formatted as text."""
     at = end(one)
     return {
         "what": one.what,
@@ -241,7 +241,7 @@ def cells(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
 
 
 class KindLook(NamedTuple):
-    """Marker and colour of a kind of limit, and what it means in few words."""
+    """Marker and colour of a kind of limit, and a short description."""
 
     marker: str
     colour: str
@@ -255,22 +255,23 @@ KINDS = {
     BoundaryKind.OURS: KindLook("X", "#555555", "not known beyond"),
     BoundaryKind.HOLDS: KindLook(">", "#00755e", "holds to the end"),
 }
-"""Told apart by shape where there is no colour."""
+"""Looks of the kinds of limits; the markers distinguish them without colour."""
 DOWNWARDS = "<"
-"""Marker of what holds to the end where a parameter was decreased."""
+"""Marker of a parameter that was decreased and holds to its last value."""
 
 
 def limits_data(
     parts: Iterable[tuple[str, str, Iterable[Boundary]]], tones: Mapping[str, Tone]
 ) -> dict[str, Any]:
-    """All that the chart shows.
+    """The data of the chart.
 
     Parameters
     ----------
     parts : iterable of tuple
-        Name, stem, and boundaries in the order of their table, whose row k has the id ``STEM-k``.
+        Name, stem, and boundaries of each section, in the order of its table, whose row k has the
+        id ``STEM-k``.
     tones : mapping
-        Of the colours of `KINDS`.
+        Tones of the colours of `KINDS`.
     """
     parts = [(name, stem, list(found)) for name, stem, found in parts]
     return {
@@ -308,25 +309,25 @@ def row(one: Boundary, stem: str, key: str, tone: Tone, part: str) -> dict[str, 
 
 
 def end(one: Boundary) -> float:
-    """Where a bar ends: the boundary, or the furthest value that held; NaN without any."""
+    """The end of a bar: the boundary, or the furthest value that holds; NaN if there is neither."""
     return one.measured if one.found else one.holds
 
 
 def solver_of(one: Boundary) -> str:
-    """Engine and setting in words, once where they are the same."""
+    """Engine and setting as text, only once if they are the same."""
     engine = format_solver(one.engine)
     return engine if one.setting == engine else f"{engine}, {one.setting}"
 
 
 def with_unit(one: Boundary, value: str) -> str:
-    """A value of the parameter in words."""
+    """A value of the parameter as text, with its unit."""
     if one.unit == "times":
         return f"× {value}"
     return value + ("" if one.unit == "1" else f" {pretty(one.unit)}")
 
 
 def measured(one: Boundary) -> str:
-    """A boundary in words, with its unit."""
+    """A boundary as text, with its unit."""
     unit = "" if one.unit == "1" else f" {pretty(one.unit)}"
     if one.found:
         return f"{one.format_measured(4)}{unit}"
@@ -337,7 +338,7 @@ def measured(one: Boundary) -> str:
 
 
 def sentence(one: Boundary) -> str:
-    """What became of a boundary.
+    """A description of a boundary in one or more sentences.
 
     >>> found = Boundary("fourbar", "mujoco", "Euler", "time step", "s", 1e-3, 1.0, 0.1, 0.101,
     ...     limit=BoundaryKind.INACCURATE, failure="position off by 0.1", silent=True, theory=0.1)
@@ -369,7 +370,7 @@ def sentence(one: Boundary) -> str:
 
 
 def theory(one: Boundary) -> str:
-    """What theory says, as one more sentence; nothing where it says nothing."""
+    """A sentence with the boundary by theory; empty if no theory is known."""
     if one.theory != one.theory:
         return ""
     law = f" ({one.law})" if one.law else ""
@@ -380,16 +381,20 @@ def theory(one: Boundary) -> str:
 
 
 INK = "#333333"
-ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] a boundary, the figure, what stands above and below
-PALE = 0.35  # of an engine's colour, the rest is white
+ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] height of a row, width of the figure, upper/lower margin
+PALE = 0.35  # share of an engine's colour in its bars; the rest is white
 Style = tuple[Look, str]
 """Look and hatch of an engine."""
 NEAR = 0.02
-"""How close to theory a measured boundary must be."""
+"""Relative deviation from theory up to which a measured boundary agrees with it."""
 
 
 def stress_figure(found: Sequence[Boundary]) -> Figure:
-    """Bars by parameter; with theory for all, over values and with the ratios beside."""
+    """A figure with a bar for each boundary, grouped by parameter.
+
+    If theory is known for all, the axis shows values and a second column the ratios to theory;
+    otherwise the axis shows factors on the first value.
+    """
     known = all(one.theory == one.theory for one in found)
     groups = [
         (parameter, [one for one in found if one.parameter == parameter])
@@ -435,14 +440,14 @@ def stress_figure(found: Sequence[Boundary]) -> Figure:
 
 
 def styled(found: Sequence[Boundary]) -> dict[str, Style]:
-    """A look and a hatch for every engine."""
+    """The look and the hatch of every engine."""
     engines = list(dict.fromkeys(one.engine for one in found))
     chosen, lines = looks(engines), hatches(engines)
     return {name: (chosen[name], lines[name]) for name in engines}
 
 
 def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
-    """One boundary: a bar from its first value, and how it ends."""
+    """Draw a boundary: a bar from its first value to its last, and a marker at its end."""
     label = f"{one.what}, {one.setting}" if known else f"{format_solver(one.engine)}, {one.setting}"
     ax.annotate(
         label,
@@ -492,10 +497,10 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
 
 
 def filled(style: Style) -> dict[str, Any]:
-    """The look of an engine's bars.
+    """The arguments that draw an engine's bars: a pale fill, and a hatch in its colour.
 
-    Pale by its colour alone: an SVG has a hatch's ground opaque, where a translucent one would be
-    of one colour with its lines.
+    The fill is an opaque mixture with white.  With a translucent fill an SVG would draw the
+    background of the hatch in the same colour as its lines.
     """
     colour = style[0].colour
     return {
@@ -507,7 +512,7 @@ def filled(style: Style) -> dict[str, Any]:
 
 
 def span(one: Boundary, known: bool) -> tuple[float, float]:
-    """Where a bar begins and ends: values where theory is, otherwise times of the start."""
+    """Both ends of a bar: values if theory is known for all, otherwise factors on the start."""
     end = one.measured if one.found else one.holds if one.unknown else one.reach
     if known:
         return one.start, end
@@ -520,7 +525,7 @@ def factor_to(one: Boundary, value: float) -> float:
 
 
 def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: bool) -> None:
-    """Scales, names and the band of what is near enough to theory."""
+    """Set scales and labels of the axes, and draw the band of agreement with theory."""
     axes[0].set_xscale("log")
     axes[0].set_ylim(-0.2, rows + 0.3)
     axes[0].set_yticks([])
@@ -528,7 +533,7 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
         "value of the parameter" if known else "factor, up or down, on the case's own value"
     )
     right = max(span(one, known)[1] for one in found if one.holds == one.holds)
-    room = 1.3 if known else 60.0  # for words at the ends of bars
+    room = 1.3 if known else 60.0  # factor on the axis for text at the ends of bars
     axes[0].set_xlim(min(span(one, known)[0] for one in found) * 0.9, right * room)
     if known:
         axes[1].axvspan(1 - NEAR, 1 + NEAR, color="#eeeeee", zorder=0)
@@ -538,7 +543,7 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
 
 
 def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
-    """Engines, and what the ends of bars mean."""
+    """Draw the legend: the engines, and the meaning of the markers at the ends of bars."""
     handles: list[Patch | Line2D] = [
         Patch(label=format_solver(e), **filled(style)) for e, style in styled(found).items()
     ]

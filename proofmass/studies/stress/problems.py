@@ -1,7 +1,7 @@
-"""Test problems whose stability limits theory knows, as small MJCF models, and how to try them.
+"""Test problems whose stability limits are known by theory: small MJCF models, and their trials.
 
-A model that is tried for stability begins with an amplitude of a thousandth or less, in a shape
-that holds all its modes.  It is stepped a number of times, and has failed if it is large then.
+A model whose stability is tried begins with an amplitude of a thousandth or less, in a shape that
+contains all its modes.  After a number of time steps the trial fails if the amplitude is large.
 """
 
 from collections.abc import Iterator
@@ -24,8 +24,8 @@ from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult, is_engine_warning
 from proofmass.studies.stress.limit_search import LimitSearch, limit_kind
 
-STEPS, EVERY = 4000, 20  # of a run, and from sample to sample
-SECONDS = 120.0
+STEPS, EVERY = 4000, 20  # time steps of a run, and from one sample to the next
+SECONDS = 120.0  # wall time of a run, at most
 
 
 def chain(masses: int) -> str:
@@ -40,7 +40,7 @@ def chain(masses: int) -> str:
 
 
 def pendulum(gravity: float) -> str:
-    """A point mass on a rod of unit length, hung, and turned by a millionth: linear all along."""
+    """A hanging point mass on a rod of unit length, at an angle of 1e-6 rad: it stays linear."""
     return mjcf(
         """<body><joint name="joint" axis="0 0 1"/>
         <inertial pos="0 -1 0" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body>""",
@@ -50,9 +50,10 @@ def pendulum(gravity: float) -> str:
 
 
 def whirl(speed: float) -> str:
-    """A mass on a unit spring, on a slide of a heavy wheel that turns; drawn out by a thousandth.
+    """A unit mass on a unit spring, on a slide of a heavy rotating wheel, displaced by 1e-3 m.
 
-    A body a metre away gives the model a size, by which open joints are judged.
+    A body at a distance of 1 m gives the model a size, which constraint violations are compared
+    with.
     """
     return mjcf(
         """<body><joint name="wheel" axis="0 0 1"/>
@@ -66,7 +67,7 @@ def whirl(speed: float) -> str:
 
 
 def column(load: float) -> str:
-    """Where a rod is clamped that a load at its tip pushes back along itself."""
+    """A clamp for a rod, and a load on the rod's tip that compresses it along its axis."""
     return f"""<mujoco model="column">
   <compiler angle="radian"/>
   <option integrator="implicitfast" gravity="0 0 0" jacobian="dense">
@@ -78,7 +79,7 @@ def column(load: float) -> str:
 
 
 def fourbar(crank: float, coupler: float, rocker: float, ground: float, start: float) -> str:
-    """A four-bar, open, with its crank at an angle."""
+    """A four-bar in its open assembly mode, with its crank at an angle [rad]; lengths in [m]."""
     tip = crank * np.exp(1j * start)
     to_rocker = ground - tip
     turn = np.angle(to_rocker) + np.arccos(
@@ -99,7 +100,7 @@ def fourbar(crank: float, coupler: float, rocker: float, ground: float, start: f
 
 
 def run_model(engine: str, text: str, run: Run) -> Curves | Measurement:
-    """Run a model that is written here, in a process of its own; the outcome if it fails."""
+    """Run a model, given as MJCF text, in a process of its own; its outcome if the run fails."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / "problem.xml"
         file.write_text(text, encoding="utf-8")
@@ -107,7 +108,7 @@ def run_model(engine: str, text: str, run: Run) -> Curves | Measurement:
 
 
 def failed(found: Measurement) -> TrialResult:
-    """A trial whose run failed."""
+    """The result of a trial whose run failed."""
     unseen = found.outcome == Outcome.DIVERGED and not is_engine_warning(found.message)
     return TrialResult(Failure(found.message, limit_kind(found), silent=unseen))
 
@@ -122,7 +123,10 @@ def stepping(
     steps: int = STEPS,
     kind: BoundaryKind = BoundaryKind.UNSTABLE,
 ) -> TrialResult:
-    """Step a model: a failure when it fails, or ends beyond a bound in silence."""
+    """Step a model; it fails if the run fails, or if a channel is beyond a bound at its end.
+
+    The last quarter of the samples counts as the end.
+    """
     x = step * EVERY * np.arange(steps // EVERY + 1.0)
     settings = {"timestep": step, **settings}
     curves = run_model(engine, text, Run("dynamics", x, (channel,), settings=settings))
@@ -134,7 +138,7 @@ def stepping(
 
 
 def list_problems() -> Iterator[LimitSearch]:
-    """All of them, for all engines."""
+    """The searches of all test problems, for all engines."""
     yield from springs()
     yield from chains()
     yield from pendulums()
@@ -146,7 +150,10 @@ def list_problems() -> Iterator[LimitSearch]:
 
 
 def schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
-    """Engines, their schemes that are tried with a problem, and the numbers of it."""
+    """Each engine with each of its schemes that is tried with a problem, and the problem's number.
+
+    `proofmass.sim.protocol.Scheme` describes the numbers.
+    """
     for engine in engine_names():
         for scheme in engine_of(engine).schemes:
             for number in scheme.tried.get(problem, ()):
@@ -154,7 +161,7 @@ def schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
 
 
 def springs() -> Iterator[LimitSearch]:
-    """A wheel on a spring and a damper; a slide on a spring."""
+    """Increase the time step of a wheel, and of a slide, on a spring and a damper."""
     for problem, kind in (("spring", "hinge"), ("slide", "slide")):
         for engine, scheme, zeta in schemes(problem):
             text = wheel(1.0, 2.0 * zeta, kind)
@@ -173,9 +180,9 @@ def springs() -> Iterator[LimitSearch]:
 
 
 def chains() -> Iterator[LimitSearch]:
-    """Masses in a row: the highest of their frequencies counts.
+    """Increase the time step of masses in a row, whose highest frequency gives the limit.
 
-    All modes meet in a run, so that it need not be as long as their slowest one.
+    All modes are excited in a run, so it need not be as long as the slowest mode.
     """
     for engine, scheme, masses in schemes("chain"):
         masses = round(masses)
@@ -194,12 +201,12 @@ def chains() -> Iterator[LimitSearch]:
 
 
 def row(engine: str, text: str, settings: dict[str, Any], steps: int, step: float) -> TrialResult:
-    """Step a model with a step."""
+    """Try a time step of a model."""
     return stepping(engine, text, step, settings, steps=steps)
 
 
 def pendulums() -> Iterator[LimitSearch]:
-    """A hung pendulum with more and more gravity."""
+    """Increase the gravity of a hanging pendulum."""
     for engine, scheme, _ in schemes("pendulum"):
         yield LimitSearch(
             "hung pendulum",
@@ -216,12 +223,15 @@ def pendulums() -> Iterator[LimitSearch]:
 
 
 def hung(engine: str, settings: dict[str, Any], gravity: float) -> TrialResult:
-    """Step a pendulum by a second at a time; a thousandfold fails, and still small."""
+    """Try a gravity in steps of 1 s; it fails if the amplitude grows by a factor of 1000.
+
+    The amplitude is still small then, so the pendulum is still linear.
+    """
     return stepping(engine, pendulum(gravity), 1.0, settings, bound=1e-3)
 
 
 def own_ones() -> Iterator[LimitSearch]:
-    """Problems of an engine's own."""
+    """The searches of the problems that an engine itself provides."""
     for engine in engine_names():
         for one in engine_of(engine).limit_problems():
             known = limit(one.step, one.zeta) if one.step else one.theory
@@ -240,7 +250,7 @@ def own_ones() -> Iterator[LimitSearch]:
 
 
 def stepped(engine: str, problem: LimitProblem, value: float) -> TrialResult:
-    """Step a problem of an engine's own."""
+    """Try a value of a problem that an engine itself provides."""
     text, step, settings, channel = problem.stepped(value)
     bound, kind = 1.0, BoundaryKind.UNSTABLE
     if problem.bound is not None:
@@ -249,7 +259,10 @@ def stepped(engine: str, problem: LimitProblem, value: float) -> TrialResult:
 
 
 def whirls() -> Iterator[LimitSearch]:
-    """A sprung slider on a wheel flies out when the wheel turns faster than it swings."""
+    """Increase the speed of a wheel until a slider on a spring moves outwards without limit.
+
+    The limit is reached when the wheel rotates as fast as the slider swings on the wheel at rest.
+    """
     for engine, scheme, _ in schemes("whirl"):
         yield LimitSearch(
             "sprung slider on a turning wheel",
@@ -266,12 +279,12 @@ def whirls() -> Iterator[LimitSearch]:
 
 
 def turn_wheel(engine: str, settings: dict[str, Any], speed: float) -> TrialResult:
-    """Turn the wheel at a speed, long enough for what flies out slowly."""
+    """Try a speed of the wheel, in a run that is long enough for a slow outward motion."""
     return stepping(engine, whirl(speed), 0.05, settings, steps=6000)
 
 
 def columns() -> Iterator[LimitSearch]:
-    """Euler's column, as a chain of links."""
+    """Increase the load of Euler's column, which is a chain of rigid segments."""
     for engine in filter(computes, engine_names()):
         for segments in (4, 12):
             yield LimitSearch(
@@ -289,24 +302,24 @@ def columns() -> Iterator[LimitSearch]:
 
 
 def pushed(engine: str, segments: int, load: float) -> TrialResult:
-    """Let a column that is bent come to rest."""
+    """Try a load [EI/L^2] on a slightly bent column; it fails if the column comes to rest bent."""
     rod = Rod("rod", "clamp", None, 1.0, 1.0, segments, ("clamped", "free"), turn=0.5)
     run = Run("equilibrium", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
     curves = run_model(engine, column(load), run)
     if isinstance(curves, Measurement):
-        # an equilibrium that is unstable, for one
+        # such as an unstable equilibrium
         unstable = curves.outcome in (Outcome.NO_START, Outcome.DIVERGED)
         limit = BoundaryKind.UNSTABLE if unstable else BoundaryKind.OURS
         return TrialResult(Failure(curves.message, limit))
     bent = float(abs(curves.channels["rod.angle"][-1]))
-    # 1e-6 of load beyond the critical one bends the tip by sqrt(8e-6) rad
+    # a load that is 1e-6 above the critical one rotates the tip by sqrt(8e-6) rad
     return TrialResult(
         None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", BoundaryKind.UNSTABLE)
     )
 
 
 def folds() -> Iterator[LimitSearch]:
-    """A four-bar whose crank meets a limit, its coupler and rocker in line."""
+    """Increase the crank angle of a four-bar to its limit position, coupler and rocker in line."""
     bars = 2.0, 2.0, 2.5, 3.0
     crank, coupler, rocker, ground = bars
     reach = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
@@ -326,7 +339,7 @@ def folds() -> Iterator[LimitSearch]:
 
 
 def swept(engine: str, text: str, end: float) -> TrialResult:
-    """Turn the crank slowly from 0.5 rad."""
+    """Try a crank angle [rad]: sweep the crank from 0.5 rad to it."""
     law = Steady(0.0, 1.0, x_is_time=False)
     run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", law),))
     curves = run_model(engine, text, run)
@@ -337,7 +350,7 @@ def swept(engine: str, text: str, end: float) -> TrialResult:
 
 
 def long_runs() -> Iterator[LimitSearch]:
-    """How long an undamped spring swings on time, and with all its energy."""
+    """Increase the duration of an undamped oscillation until its phase or its energy is off."""
     for engine, scheme, z in schemes("swing"):
         yield LimitSearch(
             f"undamped spring, dt ω = {z:g}, off by 10 %",
@@ -367,14 +380,18 @@ def long_runs() -> Iterator[LimitSearch]:
 
 
 def fading(engine: str, settings: dict[str, Any], z: float, steps: float) -> TrialResult:
-    """Swing for so many steps, and look at the energy."""
+    """Try a number of steps; it fails if the oscillation has lost a tenth of its energy."""
     return swinging(engine, settings, z, "energy", steps * z / (2 * np.pi))
 
 
 def swinging(
     engine: str, settings: dict[str, Any], z: float, what: str, periods: float
 ) -> TrialResult:
-    """Swing for so many periods, and look at the last of them."""
+    """Try a number of periods; it fails if the place or the energy is off by more than a tenth.
+
+    The error of the place is its largest one in the run, over the range; that of the energy is the
+    share that is lost at the end.
+    """
     steps = int(np.ceil(periods * 2 * np.pi / z))
     per = max(1, steps // 2000)
     x = z * per * np.arange(steps // per + 1.0)

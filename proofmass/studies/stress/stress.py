@@ -1,13 +1,14 @@
-"""``proofmass stress``: where engines break, and where theory says that they must.
+"""``proofmass stress``: limits of engines by measurement, and by theory where it is known.
 
     store = Store(folder / "runs")
     with pool() as workers:
-        problems = [cache_trials(one, store) for one in list_problems()]  # what theory knows
+        problems = [cache_trials(one, store) for one in list_problems()]  # with known theory
         found = stress(problems, workers)
         found += stress(extremes(case, store)[0], workers)
     write_boundaries(found, folder / "stress.csv")
 
-Boundaries are looked for side by side; each trial is stored, so that a killed study goes on.
+Several boundaries are searched for at a time.  The result of each trial is stored, so a study that
+was stopped can be continued.
 """
 
 from collections.abc import Iterable
@@ -39,7 +40,7 @@ from proofmass.wording import number
 def run_stress(
     paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None, only: str
 ) -> None:
-    """What ``proofmass stress`` does; `proofmass.cli` says what it is given."""
+    """Run ``proofmass stress``; `proofmass.cli` describes its arguments."""
     with answering(f"{output} keeps the runs"):
         from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
 
@@ -52,7 +53,7 @@ def run_stress(
 def measured(
     paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
 ) -> list[Boundary]:
-    """Find boundaries with a progress bar on standard error; say what does not apply."""
+    """Find boundaries with a progress bar on standard error, and print which do not apply."""
     store = Store(folder / "runs")
     searches = [] if paths else [cache_trials(one, store) for one in list_problems()]
     for case in named(paths) if paths else ():
@@ -68,7 +69,7 @@ def measured(
 
 
 def result_table(found: list[Boundary]) -> Table:
-    """A row for each boundary, on standard output, and what the kinds of limits are."""
+    """The table for standard output: a row for each boundary, and the meaning of the limits."""
     table = Table(
         box=None,
         header_style="bold",
@@ -108,7 +109,7 @@ def result_table(found: list[Boundary]) -> Table:
 
 
 def reached(one: Boundary) -> str:
-    """Where a boundary is, in words.
+    """A boundary as text, with its unit.
 
     >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02))
     '2.01 s'
@@ -129,14 +130,14 @@ def reached(one: Boundary) -> str:
 
 @dataclass(frozen=True)
 class StoredTrial:
-    """A trial whose outcomes are stored in a folder, a file each."""
+    """A trial whose results are stored in a folder, in one file for each value."""
 
     trial: TryValue
     folder: Path
     name: str
 
     def __call__(self, value: float) -> TrialResult:
-        """The outcome for a value, found or made."""
+        """The result for a value, read from its file or made now."""
         file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
         failure, step = once(file, lambda: self.trial(value))
         return TrialResult(
@@ -145,7 +146,7 @@ class StoredTrial:
 
 
 def cache_trials(search: LimitSearch, store: Store) -> LimitSearch:
-    """A boundary of a small model, with its trials stored; cases store their own runs."""
+    """The search with its trials stored; for small models, since cases store their own runs."""
     code = Path(str(problems.__file__)).read_text(encoding="utf-8")
     name = repr(
         (
@@ -164,22 +165,22 @@ def cache_trials(search: LimitSearch, store: Store) -> LimitSearch:
 def stress(
     searches: Iterable[LimitSearch], workers: Executor, progress: Progress = lambda *_: None
 ) -> list[Boundary]:
-    """Find boundaries, side by side.
+    """Find boundaries, several at a time.
 
     Parameters
     ----------
     searches : iterable of LimitSearch
-        From `proofmass.studies.stress.problems.list_problems` and
+        The searches, from `proofmass.studies.stress.problems.list_problems` and
         `proofmass.studies.stress.extremes.extremes`.
     workers : Executor
-        From `proofmass.studies.run.pool`.
+        The worker processes, from `proofmass.studies.run.pool`.
     progress : callable
         Called as ``progress(label, done, total)`` after each boundary.
 
     Returns
     -------
     list of Boundary
-        In the order of `searches`.
+        The boundaries, in the order of `searches`.
     """
     asked = list(searches)
     futures = {workers.submit(one.find): k for k, one in enumerate(asked)}

@@ -1,6 +1,7 @@
-"""Where mechanisms give way, and how fast an integrator drifts, from theory.
+"""Theory of stability limits of mechanisms, and of the errors of integrators over many steps.
 
-A spring and a damper on one coordinate, and z = dt omega, are those of `proofmass.sim.stability`.
+The oscillator, a spring and a damper on one coordinate, and z = dt omega are those of
+`proofmass.sim.stability`.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ from proofmass.sim.stability import radius
 
 
 def chain_frequency(masses: int) -> float:
-    """Highest omega of n equal masses in a row, held by a spring at one end, over sqrt(k/m).
+    """Highest omega, over sqrt(k/m), of n equal masses in a row on springs, grounded at one end.
 
     2 sin((2 n - 1) pi / (4 n + 2)); H. Goldstein, Classical Mechanics, ch. 6.
 
@@ -22,7 +23,7 @@ def chain_frequency(masses: int) -> float:
 
 
 def hencky(segments: int) -> float:
-    """Critical load of a clamped-free column in n segments, half ones at its ends, over EI/L^2.
+    """Critical load, over EI/L^2, of a clamped-free column of n segments, half ones at its ends.
 
     4 n^2 sin^2(pi / 4n), which tends to Euler's (pi / 2)^2; H. Hencky, Der Eisenbau 11 (1920).
 
@@ -33,14 +34,14 @@ def hencky(segments: int) -> float:
 
 
 MOST_STEPS = 200_000
-"""After which an oscillation is never off."""
+"""An oscillation whose error is small after so many steps is taken to have no limit."""
 
 
 def off_after(scheme: Scheme, z: float, share: float = 0.1) -> float:
-    """Periods after which an undamped oscillation is off by a share of its range, 2.
+    """Periods after which the error of an undamped oscillation exceeds a share of its range, 2.
 
-    From the powers of the map.  Its phase is off by z^2 / 24 of the way with semi-implicit steps,
-    by z^4 / 120 with RK4.
+    The error follows from the powers of the step's matrix.  The phase error is z^2 / 24 of the
+    phase with semi-implicit steps, and z^4 / 120 of it with RK4.
 
     >>> from proofmass.engines import engine_of
     >>> lead, (scheme,) = 2 * np.arcsin(0.1), engine_of("pymunk").schemes
@@ -62,9 +63,10 @@ def off_after(scheme: Scheme, z: float, share: float = 0.1) -> float:
 
 
 def faded_after(scheme: Scheme, z: float, left: float = 0.9) -> float:
-    """Steps after which an undamped oscillation has so much of its energy left.
+    """Steps after which the energy of an undamped oscillation has fallen to a share `left`.
 
-    RK4 takes z^6 / 72 of it in a step; the eigenvalues of the others lie on the unit circle.
+    RK4 dissipates z^6 / 72 of the energy per step; the eigenvalues of the other schemes lie on the
+    unit circle, so they dissipate none.
 
     >>> from proofmass.engines import engine_of
     >>> schemes = {one.name: one for one in engine_of("mujoco").schemes}
@@ -78,7 +80,9 @@ def faded_after(scheme: Scheme, z: float, left: float = 0.9) -> float:
 
 
 def stiffest(scheme: Scheme, steps: float, share: float = 0.1) -> float:
-    """The largest z = dt omega whose oscillation is off by no more than a share after some steps.
+    """The largest z = dt omega with which the error after some steps is no more than a share.
+
+    The error is that of `off_after`, over the range of the oscillation.
 
     >>> from proofmass.engines import engine_of
     >>> scheme, = engine_of("pymunk").schemes
