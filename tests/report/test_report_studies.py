@@ -99,14 +99,14 @@ def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
     assert read_entries(tmp_path / "a.csv") == told
     assert list(sentences(told)) == [
         "Monitored: joint crank, and nothing else.",
-        "Nothing is left to remove: of 0 features, each taken out, 0 move a channel by more than "
-        "it may, and 0 are needed for the model to run.",
+        "Nothing can be removed: of 0 features, each tried by itself, 0 change a channel by more "
+        "than is allowed, and 0 are needed for the model to run.",
         "Options are changed: tolerance 0 to 1e-8.",
         "The largest error of a channel is 0.5 of what is allowed, of angle in pendulum dynamics.",
         "The time of a run does not change measurably (0.97 to 1.02 of it with 99 %), and 10 KB "
         "less memory.",
-        "Options that stay, since an error would be too large: time step 1e-3 to 2e-3 s (4 of what "
-        "is allowed, of rate).",
+        "Options that are not changed, since an error would be too large: time step 1e-3 to 2e-3 s "
+        "(4 of what is allowed, of rate).",
     ]
 
 
@@ -120,12 +120,12 @@ def test_another_table_is_no_diet(tmp_path: Path) -> None:
 
 def test_the_page_of_a_diet_says_what_goes_and_what_that_saves(studies: list[Path]) -> None:
     text = write_diet(studies[2], studies[2]).first.read_text(encoding="utf-8")
-    assert "1 of 5 features go together: light sun." in text
+    assert "1 of 5 features can be removed together: light sun." in text
     assert "The largest change is 0.5 of what is allowed, of angle in pendulum dynamics." in text
     assert "A run takes 0.75 of its time (0.7 to 0.8 with 99 %), and 10 KB less memory." in text
     assert re.search(r'data-name="time saved" data-value="0.25">25 % \(20 to 30\)</td>', text)
     assert text.count(">none</td>") == 1  # whose interval holds 0
-    assert "Drawn, and kept for the eye: 2: rod, bob." in text
+    assert "Only drawn, and kept: 2: rod, bob." in text
     assert "MuJoCo warning badqacc" in text
 
 
@@ -134,10 +134,10 @@ def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
     (tmp_path / "lean.xml").write_text("<mujoco/>")
     text = write_diet(tmp_path, tmp_path).first.read_text(encoding="utf-8")
     assert (
-        "Nothing is left to remove: of 3 features, each taken out, 1 moves a channel by more "
-        "than it may, and 2 are needed for the model to run."
+        "Nothing can be removed: of 3 features, each tried by itself, 1 changes a channel by more "
+        "than is allowed, and 2 are needed for the model to run."
     ) in text
-    assert "go together" not in text
+    assert "removed together" not in text
     assert WHOLE not in text  # of nothing
 
 

@@ -1,14 +1,14 @@
-"""``proofmass diet``: what a scene does not need, and the model without it.
+"""``proofmass diet``: the features that a scene does not need, and the model without them.
 
-Each feature is removed from the model in turn, and every run of the scene is repeated.  A feature
-whose removal changes no channel by more than is allowed is harmless.  All harmless features are
-then removed together, or one after the other if not all of them can go at once, and the rest is
-tried again.
+Each feature is removed from the model by itself, and every run of the scene is repeated.  A feature
+is harmless if its removal changes no channel by more than is allowed.  All harmless features are
+then removed together, or one after the other if they cannot be removed at once, and the remaining
+features are tried again.
 
-Options of the engine are then made cheaper, one after the other, as long as the results are as
+Then options of the engine are made cheaper, one after the other, as long as the results are as
 close to the reference as before: see `proofmass.studies.diet.options`.
 
-Each trial is kept in a file of its own, so that a diet that was stopped goes on.
+The result of each trial is kept in a file of its own, so a diet that was stopped can be continued.
 """
 
 import pickle
@@ -61,28 +61,29 @@ from proofmass.terminal import console
 from proofmass.wording import number
 
 GOES = {"harmless": "✓ goes", "drawn": "· drawn", NO_GAIN: "· no gain", "matters": "✗ matters"}
+"""Outcomes of models that run, as the terminal shows them."""
 
 
-SLOWER = 20.0  # times as long as the model as it is takes: given up
-NOT_CHEAPER = 3.0  # times as long, of an option that is to be cheaper
-LEAST = 30.0  # s, to give up
-ROUNDS = 15  # pairs of runs, of which the interval of the median is that from the 3rd to the 13th
-SETTLED = ("matters", "drawn")  # what is not tried again when others have gone
-ASKING = 8  # features that wait for workers at a time
+SLOWER = 20.0  # times the wall time of the original model, after which a run is given up
+NOT_CHEAPER = 3.0  # the same for an option, which has to be cheaper
+LEAST = 30.0  # s: no run is given up before
+ROUNDS = 15  # pairs of timed runs; the interval of their median is from the 3rd to the 13th value
+SETTLED = ("matters", "drawn")  # outcomes that are not tried again after others were removed
+ASKING = 8  # features that are tried at a time
 T = TypeVar("T")
 TriedFeature = tuple[Feature, Entry]
 Judge = Callable[[list[mujoco.MjModel], EditedModel], tuple[str, Displacements, str]]
 Changed = tuple[EditedModel, EditedModel, Entry]
-"""An edited model, the same with an option changed, and what came of it."""
+"""An edited model, the same model with an option changed, and the result of the change."""
 
 
 class DietStore:
-    """What came of models in runs.
+    """The results of models in runs, kept as files.
 
     Parameters
     ----------
     folder : Path, optional
-        Made if it is not there; without one nothing is kept.
+        The folder of the files, which is made if it does not exist; without it nothing is kept.
     """
 
     def __init__(self, folder: Path | None = None):
@@ -91,14 +92,15 @@ class DietStore:
             folder.mkdir(parents=True, exist_ok=True)
 
     def once(self, models: list[mujoco.MjModel], runs: Any, make: Callable[[], Any]) -> Any:
-        """What came of models in runs, made if it is not kept; of lists and numbers, as in JSON.
+        """Read the result of models in runs, or make and keep it; it consists of JSON values.
 
         Parameters
         ----------
         models : list of MjModel
         runs : object
-            All else that it depends on, such that it pickles.
+            All other data that the result depends on; it is pickled.
         make : callable
+            Makes the result.
         """
         if not self.folder:
             return make()
@@ -113,20 +115,20 @@ class DietStore:
 
 @dataclass(frozen=True)
 class Diet:
-    """What was found out of a scene.
+    """The result of a diet.
 
     Attributes
     ----------
     entries : list of Entry
-        Its features.
+        The features of the scene, and the options that were tried.
     reduced : EditedModel
-        Without all that is harmless.
+        The model without its harmless features, and with its cheaper options.
     whole : Entry
-        All of that together, as one feature.
+        All of these changes together, as one feature.
     tuned : bool
-        Whether the reduced model has other options, so that it is held against what is true.
+        Whether the reduced model has other options, so that its runs are compared with a reference.
     said : list of Entry
-        What was monitored, and what options were held against.
+        Sentences on what was monitored, and what options were compared with.
     """
 
     entries: list[Entry]
@@ -137,7 +139,7 @@ class Diet:
 
     @property
     def table(self) -> tuple[Entry, ...]:
-        """All entries, as they are written."""
+        """All entries in the order in which they are written."""
         return (*self.said, *self.entries, self.whole)
 
 
@@ -152,7 +154,7 @@ def run_diet(
     jobs: int | None,
     dask: str | None,
 ) -> None:
-    """What ``proofmass diet`` does; `proofmass.cli` says what it is given."""
+    """Run ``proofmass diet``; `proofmass.cli` describes its arguments."""
     from proofmass.studies.diet.page import write_diet  # matplotlib is slow to load
 
     file = output or Path("diet") / model.name
@@ -160,7 +162,7 @@ def run_diet(
         if file.exists() and model.exists() and file.samefile(model):
             raise InputError(file, "--output", "is the model itself; give another file")
         if (table := file.with_suffix(".csv")).exists():
-            read_entries(table)  # what is no table of a diet is not replaced by one
+            read_entries(table)  # fails if the file is not the table of a diet: it is not replaced
         scene = scene_of(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
         with pool(jobs, dask) as workers, errors.status("starting") as status:
             found = DietSearch(
@@ -180,7 +182,13 @@ def run_diet(
 
 
 def finish(scene: DietScene, found: Diet, file: Path) -> None:
-    """Write the reduced model and the table, and try the model as it was written."""
+    """Write the reduced model and the table, after a trial of the model as it is written.
+
+    Raises
+    ------
+    InputError
+        The written model does not give the same results, since digits were lost.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
     half = file.with_name(f"{file.stem}.part.xml")
     try:
@@ -207,7 +215,7 @@ def finish(scene: DietScene, found: Diet, file: Path) -> None:
 
 
 def result_parts(entries: Sequence[Entry]) -> Iterator[str | Table]:
-    """What standard output shows: what to make of it, what could be run, and what is needed."""
+    """The parts of standard output: sentences, a table of models that run, and needed features."""
     yield from (f"{text}\n" for text in sentences(entries))
     rows = Table(box=None, header_style="bold", pad_edge=False)
     for name in ("feature", "outcome", "time", "memory", "moves", "most of all"):
@@ -232,7 +240,7 @@ def result_parts(entries: Sequence[Entry]) -> Iterator[str | Table]:
 
 
 def cells(entry: Entry) -> tuple[str, ...]:
-    """A row of what is shown: time and memory as shares saved."""
+    """A row of the table on standard output."""
     run, channel, share = entry.worst
     saved = ("–", "–")
     if entry.costs:
@@ -248,22 +256,22 @@ def cells(entry: Entry) -> tuple[str, ...]:
 
 @dataclass
 class DietSearch:
-    """Finds what a scene does not need.
+    """The search for the features that a scene does not need, and for cheaper options.
 
     Attributes
     ----------
     scene : DietScene
-        From `scene_of`.
+        The scene, from `scene_of`.
     blind : bool
-        Whether geoms that are only drawn go as well.
+        Whether geoms that are only drawn are removed as well.
     rounds : int
-        Pairs of timed runs of models with and without a feature; 0: nothing is timed, and nothing
-        is taken that only the clock can tell.
+        Pairs of timed runs of models with and without a feature.  With 0 nothing is timed, and
+        options whose gain only the time can show are not tried.
     tune : bool
         Whether options of the engine are made cheaper as well.
     workers : Executor, optional
-        Where runs go, from `proofmass.studies.run.pool`; local ones if not given.  Timed runs have
-        a processor of their own.
+        Makes the runs, from `proofmass.studies.run.pool`; local workers if not given.  Timed runs
+        have a processor of their own.
     store : DietStore
         Results of earlier trials, which are not made again.
     progress : callable
@@ -282,7 +290,7 @@ class DietSearch:
     found: dict[tuple[str, str], Entry] = field(default_factory=dict)
 
     def run(self) -> Diet:
-        """Look at all features, until none is left that can go."""
+        """Try all features until no other can be removed, then options; return the result."""
         if self.workers is None:
             with pool() as local:
                 return replace(self, workers=local).run()
@@ -308,7 +316,7 @@ class DietSearch:
         return Diet(list(self.found.values()), lean, whole, tuned, said)
 
     def optioned(self, reduced: EditedModel) -> tuple[EditedModel, list[Entry]]:
-        """The edited model with cheaper options, and what came of each that was tried."""
+        """The edited model with cheaper options, and the results of all that were tried."""
         now, changed = self.changed(reduced, COUNTED)
         orders = ORDERS if integrators(now, self.scene) else ORDERS[:1]
         now, more = min(
@@ -330,7 +338,10 @@ class DietSearch:
     def changed(
         self, now: EditedModel, makers: tuple[Rungs, ...]
     ) -> tuple[EditedModel, list[Changed]]:
-        """The model with the first option of each kind that holds, or the last that does not."""
+        """The model with the first harmless option of each maker, and the results.
+
+        If no option of a maker is harmless, the result of its last one is given.
+        """
         found: list[Changed] = []
         for make in makers:
             again = True
@@ -342,12 +353,12 @@ class DietSearch:
                     if holds or rung is rungs[-1]:
                         found.append((now, edited, entry))
                     if holds:
-                        now, again = edited, make is steps  # which may be longer still
+                        now, again = edited, make is steps  # a still longer step may be harmless
                         break
         return now, found
 
     def explored(self, now: EditedModel, feature: Feature) -> list[TriedFeature]:
-        """What becomes of a feature, or of its parts where it cannot go as a whole."""
+        """The results of a feature, or of its parts if it cannot be removed as a whole."""
         last = self.found.get((feature.kind, feature.name))
         if last and last.outcome in SETTLED:
             return []
@@ -359,7 +370,7 @@ class DietSearch:
         return [(feature, self.timed(now, edited, entry))]
 
     def together(self, now: EditedModel, wanted: list[Feature]) -> EditedModel:
-        """An edited model without as many of the features as can go together."""
+        """An edited model without the features, or without those that can be removed in turn."""
         edited, entry = self.tried(now, all_of(wanted))
         if entry.outcome == "harmless":
             return edited
@@ -372,9 +383,9 @@ class DietSearch:
     def tried(
         self, now: EditedModel, feature: Feature, tuned: bool = False
     ) -> tuple[EditedModel, Entry]:
-        """An edited model without a feature, and what comes of it in the runs of the scene.
+        """An edited model without a feature, and its result in the runs of the scene.
 
-        One that is `tuned` has other options, and is held against what is true.
+        A model that is `tuned` has other options, so its runs are compared with a reference.
         """
         self.progress(f"{feature.kind} {feature.name}")
         try:
@@ -405,7 +416,10 @@ class DietSearch:
     def judge_changes(
         self, models: list[mujoco.MjModel], edited: EditedModel
     ) -> tuple[str, Displacements, str]:
-        """Outcome, changes and message of an edited model's models in the runs of the scene."""
+        """Outcome, message, and changes of the channels of compiled models in the scene's runs.
+
+        There is one compiled model for each run; its changes are shares of what is allowed.
+        """
         optional = set() if edited.monitored else edited.probes
         return self.judged(
             models,
@@ -418,7 +432,7 @@ class DietSearch:
     def judge_errors(
         self, models: list[mujoco.MjModel], edited: EditedModel
     ) -> tuple[str, Displacements, str]:
-        """The same of errors; of changes where there is nothing to hold a run against."""
+        """The same with errors instead of changes, in runs that have a reference."""
         optional = set() if edited.monitored else edited.probes
         return self.judged(
             models,
@@ -440,7 +454,10 @@ class DietSearch:
         run_of: Callable[[MonitoredRun], Run],
         shares_of: Callable[[MonitoredRun, Curves], dict[str, float]],
     ) -> tuple[str, Displacements, str]:
-        """Outcome, shares of what is allowed, and message of an edited model in some runs."""
+        """Outcome, shares of what is allowed, and message of compiled models in the scene's runs.
+
+        A run is given up after `slower` times the wall time of the original model.
+        """
         shares: Displacements = {}
         for monitored, model in zip(self.scene.monitored_runs, models, strict=True):
             curves = self.worked(
@@ -459,7 +476,7 @@ class DietSearch:
     def timed(
         self, now: EditedModel, edited: EditedModel, entry: Entry, tuned: bool = False
     ) -> Entry:
-        """The same with what a step and the memory cost, before and after, if the model runs."""
+        """The entry with the costs of both models, in time and memory, if the edited one runs."""
         if entry.outcome not in ("harmless", *SETTLED) or not self.rounds:
             return entry
         monitored = self.scene.longest
@@ -480,14 +497,14 @@ class DietSearch:
         return replace(entry, costs=pace.costs, saved=pace.saved)
 
     def worked(self, what: Callable[..., T], *args: Any, **more: Any) -> T:
-        """What a worker makes of something."""
+        """Call a function in a worker, or here if there are no workers."""
         if self.workers is None:
             return what(*args, **more)
         return self.workers.submit(what, *args, **more).result()
 
 
 def all_of(wanted: list[Feature]) -> Feature:
-    """Many features as one."""
+    """One feature that removes several features."""
 
     def cut(edited: EditedModel) -> None:
         for feature in wanted:
@@ -497,12 +514,12 @@ def all_of(wanted: list[Feature]) -> Feature:
 
 
 def rodded(run: Run, edited: EditedModel) -> Run:
-    """A run with the rods of an edited model."""
+    """A run with its rods in as many segments as they have in an edited model."""
     return replace(run, rods=edited.segmented(run.rods))
 
 
 def key_of(monitored: MonitoredRun) -> object:
-    """All that a run's errors depend on beside its model, such that it pickles the same again."""
+    """All that a run's errors depend on besides its model, such that it always pickles alike."""
     if (bound := monitored.bound) is None:
         return None
     case = bound.case and (

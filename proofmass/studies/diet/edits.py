@@ -1,12 +1,12 @@
-"""A model that is edited: an `MjSpec`, the rods that complete it, and what may be removed from it.
+"""A model that is edited: an `MjSpec`, the rods that complete it, and the edits themselves.
 
-Every element without a name gets one while it is studied, such as ``geom 3 of crank``, and loses it
-when the model is written.  A model without sensors gets sensors at every joint, or at those
-elements that are to be monitored.
+Every element without a name gets one for the study, such as ``geom 3 of crank``, which is removed
+when the model is written.  A model without sensors gets sensors at every joint, or at the elements
+that are to be monitored.
 
-The edits are functions of an edited model and of names; they change it in place.  An element that
-is gone already, with another feature, stays gone.  A written model has all its digits, and nothing
-that was added for the study.
+The edits are functions of an edited model and of names; they change the model in place.  An edit of
+an element that another edit has removed does nothing.  A model is written with all digits of its
+numbers, and without the names and sensors that were added for the study.
 """
 
 import ctypes
@@ -49,7 +49,7 @@ NAMED = (
     "keys",
 )
 JOINT, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
-PROBES = {  # of each kind of joint: what is read, of the joint or of its body
+PROBES = {  # sensors that are added for each kind of joint, at the joint or at its body
     JOINT.mjJNT_HINGE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
     JOINT.mjJNT_SLIDE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
     JOINT.mjJNT_BALL: (S.mjSENS_FRAMEQUAT, S.mjSENS_FRAMEANGVEL),
@@ -64,40 +64,39 @@ PROBES = {  # of each kind of joint: what is read, of the joint or of its body
 
 FRAME = PROBES[JOINT.mjJNT_FREE]
 MONITORED = {"joints": "joint", "bodies": "body", "sites": "site", "sensors": "sensor"}
-"""Lists of what can be monitored by name, and what one of them is called."""
+"""Lists of the spec whose elements can be monitored by name, and the word for one element."""
 READ_AS = {"joints": OBJ.mjOBJ_JOINT, "bodies": OBJ.mjOBJ_XBODY, "sites": OBJ.mjOBJ_SITE}
 
 
 class EditedModel:
-    """An MJCF file, and what was cut from it.
+    """The model of an MJCF file, and the edits that were made to it.
 
     Parameters
     ----------
     file : Path
         The MJCF file.
     rods : tuple of Rod
-        The rods of a sidecar, which complete the model; several sidecars may give them other
-        shapes.
+        The rods of a sidecar, which complete the model; other sidecars may give the same rods
+        other shapes.
     probing : bool
-        Whether a model without sensors gets one for everything that moves.
+        Whether a model without sensors gets sensors for everything that moves.
     cuts : tuple of callable
         Functions that change the edited model in place; they are called one after the other.
     monitored : tuple of str
-        Names of joints, bodies, sites and sensors: these alone are read, and nothing else is
-        probed.
+        Names of joints, bodies, sites and sensors; only these are monitored if there are any.
 
     Attributes
     ----------
     spec : MjSpec
         The model without the rods.
     share : int
-        The number by which the segments of each rod are divided.
+        The number by which the numbers of segments of all rods are divided.
     given : set of (str, str)
         Elements that had no name: the list of the spec that each is in, and the name it was given.
     probes : set of str
-        Sensors that were added.
+        Names of the sensors that were added.
     cuts : tuple of callable
-        Functions that changed the edited model so far.
+        Functions that have changed the edited model so far.
     """
 
     def __init__(
@@ -110,7 +109,7 @@ class EditedModel:
     ):
         self.file, self.rods, self.share = file, rods, 1
         self.source, self.monitored = (file, rods, probing), monitored
-        self.alone = Lock()  # two threads that compile one spec crash
+        self.alone = Lock()  # MuJoCo crashes if two threads compile the same spec
         self.spec = mujoco.MjSpec.from_file(str(file))
         self.given = {(kind, name) for kind in NAMED for name in unnamed(self.spec, kind)}
         self.probes = set[str]()
@@ -119,33 +118,35 @@ class EditedModel:
         elif probing and not self.spec.sensors:
             self.probes = set(probes(self.spec))
         if not rods:
-            self.spec.compile()  # so that what is cut goes from its keys as well
+            self.spec.compile()  # so that MuJoCo removes the values of deleted joints from the keys
         self.cuts: tuple[Cut, ...] = ()
         for cut in cuts:
             cut(self)
             self.cuts += (cut,)
 
     def without(self, cut: Cut) -> "EditedModel":
-        """The same with one more cut; made anew, since a spec that waits for rods cannot be copied.
+        """The edited model with one more cut.
+
+        It is made anew from the file, since a spec that lacks its rods cannot be copied.
 
         Raises
         ------
         ValueError
-            It cannot be made.
+            The cut cannot be made.
         """
         return EditedModel(*self.source, (*self.cuts, cut), self.monitored)
 
     def again(self) -> "EditedModel":
-        """The same, to be used up."""
+        """A new copy of the edited model, whose spec may be changed."""
         return EditedModel(*self.source, self.cuts, self.monitored)
 
     def compiled(self, rods: tuple[Rod, ...] = ()) -> mujoco.MjModel:
-        """The model, with these rods or its own.
+        """The compiled model, with these rods or its own.
 
         Raises
         ------
         ValueError
-            Something names what is no longer there.
+            The model does not compile, since an element refers to one that was removed.
         """
         try:
             if self.rods:
@@ -156,15 +157,15 @@ class EditedModel:
             raise ValueError(str(error)) from None
 
     def segmented(self, rods: tuple[Rod, ...]) -> tuple[Rod, ...]:
-        """Rods in as few segments as they have by now."""
+        """Rods in as many segments as the edits have left them."""
         return tuple(replace(rod, segments=rod.segments // self.share) for rod in rods)
 
     def find(self, kind: str, name: str) -> Any:
-        """An element of one of the spec's lists; None where it is gone."""
+        """An element of one of the spec's lists; None if it was removed."""
         return next((e for e in getattr(self.spec, kind) if e.name == name), None)
 
     def drop(self, kind: str, name: str) -> None:
-        """Delete an element, and the probes that read it; nothing is done where it is gone."""
+        """Delete an element, and the added sensors that read it, unless it was removed before."""
         if element := self.find(kind, name):
             word = READ_AS.get(kind)
             for sensor in list(self.spec.sensors):
@@ -176,12 +177,13 @@ class EditedModel:
 def read(
     file: Path, rods: tuple[Rod, ...] = (), probing: bool = False, monitored: tuple[str, ...] = ()
 ) -> EditedModel:
-    """An edited model of a file as it is.
+    """Read a model from a file, without edits.
 
     Raises
     ------
     InputError
-        No such file, it does not compile, or nothing in it has a name that is to be monitored.
+        There is no such file, it does not compile, or it has no element of a name that is to be
+        monitored.
     """
     if not file.is_file() or file.suffix != ".xml":
         raise InputError(file, "", "no such model; give an MJCF file, NAME.xml")
@@ -202,7 +204,7 @@ def read(
 
 
 def names(spec: mujoco.MjSpec) -> list[str]:
-    """The names of all that can be monitored."""
+    """The names of all elements that can be monitored."""
     return list(
         dict.fromkeys(
             e.name
@@ -214,7 +216,7 @@ def names(spec: mujoco.MjSpec) -> list[str]:
 
 
 def unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
-    """Give names to the elements of a list that have none, and tell them."""
+    """Give names to the elements of a list that have none, and yield these names."""
     taken = {element.name for element in getattr(spec, kind)}
     for k, element in enumerate(getattr(spec, kind)):
         if not element.name:
@@ -228,7 +230,7 @@ def unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
 
 
 def probes(spec: mujoco.MjSpec) -> Iterator[str]:
-    """Add a sensor for everything that moves, and tell their names."""
+    """Add sensors at every joint, and yield their names."""
     for joint in spec.joints:
         scalar = joint.type in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE)
         for kind in PROBES[joint.type]:
@@ -243,10 +245,10 @@ def probes(spec: mujoco.MjSpec) -> Iterator[str]:
 
 
 def probes_of(spec: mujoco.MjSpec, monitored: tuple[str, ...]) -> Iterator[str]:
-    """Add sensors for the joints, bodies and sites that are called so, and tell their names.
+    """Add sensors at the joints, bodies and sites with these names, and yield the sensors' names.
 
-    The sensors of a joint read its value and its rate, those of a body or a site its place, its
-    attitude and both velocities.
+    The sensors of a joint read its value and its rate, those of a body or a site its position, its
+    orientation and both velocities.
     """
     for kind, word in MONITORED.items():
         for element in [e for e in getattr(spec, kind) if e.name in monitored and kind in READ_AS]:
@@ -262,8 +264,8 @@ def probes_of(spec: mujoco.MjSpec, monitored: tuple[str, ...]) -> Iterator[str]:
 
 
 GEOM = mujoco.mjtGeom
-AUTO = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO  # where a body has none of its own
-ROUNDING = 1e-9
+AUTO = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO  # only for bodies without a given inertia
+ROUNDING = 1e-9  # deviation of a key from a plane that is only rounding
 
 
 def switch_off(edited: EditedModel, bit: int) -> None:
@@ -277,24 +279,24 @@ def set_option(edited: EditedModel, name: str, value: float) -> None:
 
 
 def masks_off(edited: EditedModel, name: str) -> None:
-    """Let a geom collide with nothing."""
+    """Set the masks of a geom so that it collides with nothing."""
     if geom := edited.find("geoms", name):
         geom.contype = geom.conaffinity = 0
 
 
 def unlimit(edited: EditedModel, name: str) -> None:
-    """Take the limits off a joint."""
+    """Remove the limits of a joint."""
     if joint := edited.find("joints", name):
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
 def flatten(edited: EditedModel, name: str) -> None:
-    """Delete a material; elements that are made of it keep their colour.
+    """Delete a material; geoms and sites that are made of it keep its colour.
 
     Raises
     ------
     ValueError
-        A tendon is made of it: MuJoCo does not let a tendon's material be taken off.
+        A tendon is made of it: MuJoCo does not allow the removal of a tendon's material.
     """
     material = edited.find("materials", name)
     if material is None:
@@ -313,14 +315,14 @@ def flatten(edited: EditedModel, name: str) -> None:
 
 
 def undraw(edited: EditedModel, name: str) -> None:
-    """Delete a geom that collides with nothing; its body keeps the inertia that it gave."""
+    """Delete a geom that collides with nothing; its body keeps the inertia of the geom."""
     if geom := edited.find("geoms", name):
         weigh(edited, geom.parent)
         edited.spec.delete(geom)
 
 
 def enclose(edited: EditedModel, name: str) -> None:
-    """Replace a mesh by the box of the same inertia, which the compiler fits to it."""
+    """Replace a mesh by the box with the same inertia, which the compiler fits to the mesh."""
     geom = edited.find("geoms", name)
     if geom is None or geom.type != GEOM.mjGEOM_MESH:
         return
@@ -333,9 +335,9 @@ def enclose(edited: EditedModel, name: str) -> None:
 
 
 def weigh(edited: EditedModel, body: mujoco._specs.MjsBody) -> None:
-    """Write down the inertia that the compiler finds for a body in its geoms.
+    """Give a body explicitly the inertia that the compiler computes from its geoms.
 
-    Where it finds it in spite of an inertia that is given, all bodies get what it finds.
+    If the compiler does so even for bodies whose inertia is given, all bodies get theirs.
     """
     compiler, model = edited.spec.compiler, edited.compiled()
     by_rule = compiler.inertiafromgeom != AUTO or compiler.settotalmass > 0
@@ -349,19 +351,19 @@ def weigh(edited: EditedModel, body: mujoco._specs.MjsBody) -> None:
 
 
 def coarser(edited: EditedModel, share: int) -> None:
-    """Cut every rod into so many times fewer segments."""
+    """Divide the number of segments of every rod by a factor."""
     edited.share = share
 
 
 def planar(edited: EditedModel, name: str, normal: Array) -> None:
-    """Replace a free joint by two slides and a hinge, or a ball by a hinge, about `normal`.
+    """Replace a free joint by two slides and a hinge, or a ball joint by a hinge, in a plane.
 
-    The normal is that of the world.  In every key the joint must be in that plane.
+    The hinge turns about `normal`, which is given in the frame of the world.
 
     Raises
     ------
     ValueError
-        A key leaves the plane.
+        The pose or the velocity of the joint in a key is not in that plane.
     """
     joint = edited.find("joints", name)
     if joint is None:
@@ -385,7 +387,7 @@ def planar(edited: EditedModel, name: str, normal: Array) -> None:
 
 
 def flat_pose(model: mujoco.MjModel, key: int, joint: object, axes: Array) -> tuple[Array, Array]:
-    """Values and rates of slides and hinge that stand for a free joint or a ball in a key."""
+    """Values and rates of slides and hinge that replace a free joint or a ball joint in a key."""
     there = model.joint(joint.name)  # type: ignore[attr-defined]
     pose = model.key_qpos[key, there.qposadr[0] :]
     speed = model.key_qvel[key, there.dofadr[0] :]
@@ -409,7 +411,7 @@ def flat_pose(model: mujoco.MjModel, key: int, joint: object, axes: Array) -> tu
 
 
 def fill(edited: EditedModel, joints: list[str], poses: list[tuple[Array, Array]]) -> None:
-    """Put values and rates of new joints into all keys."""
+    """Set values and rates of new joints in all keys."""
     model = edited.compiled()
     for key, (values, rates) in zip(edited.spec.keys, poses, strict=True):
         pose, speed = model.key(key.name).qpos.copy(), model.key(key.name).qvel.copy()
@@ -425,9 +427,9 @@ NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
 
 
 def write(edited: EditedModel, file: Path, dressed: bool = False) -> None:
-    """Write a model; files that it names are found from there as they were from its source.
+    """Write a model, with paths of its meshes and textures relative to the new file.
 
-    One that is `dressed` keeps its probes and the names that it was given.
+    A model that is written `dressed` keeps the sensors and names that were added to it.
     """
     spec = edited.again().spec
     keys = {key.name: (list(key.qpos), list(key.qvel)) for key in spec.keys}
@@ -443,7 +445,7 @@ def write(edited: EditedModel, file: Path, dressed: bool = False) -> None:
 
 
 def undress(edited: EditedModel, spec: mujoco.MjSpec) -> None:
-    """Take off what an edited model was given to be studied."""
+    """Remove the sensors and names that were added to a spec."""
     for sensor in list(spec.sensors):
         if sensor.name in edited.probes:
             spec.delete(sensor)
@@ -455,9 +457,10 @@ def undress(edited: EditedModel, spec: mujoco.MjSpec) -> None:
 
 @contextmanager
 def all_digits() -> Iterator[None]:
-    """Let the engine write numbers as exact as they are, not in six digits, where it can.
+    """Make the engine write numbers with all their digits instead of six, if it can.
 
-    The switch is its own, and not one of the bindings.
+    The function that sets the digits is private to the engine's library: the Python bindings do
+    not have it.
     """
     folder = Path(mujoco.__file__).parent
     libraries = [
@@ -481,7 +484,7 @@ def all_digits() -> Iterator[None]:
 
 
 def shortest(text: str) -> str:
-    """The same XML with numbers as short as they can be.
+    """XML with every number written in as few digits as it needs.
 
     >>> shortest('<geom rgba="0.40000000596046448 1 1 1" size="0.10000000000000001 1e-05 3"/>')
     '<geom rgba="0.4 1 1 1" size="0.1 1e-05 3"/>'
@@ -505,7 +508,7 @@ def shortest(text: str) -> str:
 
 
 def bare(text: str, rods: tuple[Rod, ...], keys: dict[str, tuple[list[float], list[float]]]) -> str:
-    """A completed model as it is without its rods, with its own keys."""
+    """The MJCF text of a model that rods complete, without these rods, and with its own keys."""
     root = ElementTree.fromstring(
         text, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     )

@@ -1,13 +1,13 @@
-"""What may be removed from a scene or made cheaper: features of its `MjSpec`, and engine options.
+"""Features that may be removed from a scene, and engine options that may be made cheaper.
 
-A feature may have parts, which are tried where it cannot go as a whole; one half of the geoms is an
-example.  So all features that are not needed go at once, and those that matter are found in a few
-runs.
+A feature may have parts, which are tried if it cannot be removed as a whole.  For example, the
+parts of a feature of many geoms are its halves.  So all features that are not needed are removed at
+once, and those that matter are found in a few runs.
 
-For each engine option a function gives, for an edited model as it is, what to try in its place: the
-cheapest first, until one holds.  A longer step, an integrator with fewer evaluations of the forces
-and fewer iterations are cheaper by counting.  Another solver, Jacobian or cone may be cheaper or
-not: it is taken only where the measured time is less.
+For each engine option a function gives the values to try with an edited model, the cheapest first,
+until one of them is harmless.  A longer step, an integrator with fewer evaluations of the forces
+and fewer iterations have a lower cost, which can be counted.  Another solver, Jacobian or cone may
+be cheaper or not, so it is taken only if the measured time is less.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -39,11 +39,11 @@ from proofmass.studies.diet.trial import STEPPED, by_steps, most_iterations
 from proofmass.studies.measure import Measurement, measure
 from proofmass.wording import number
 
-ENABLES = "mjENBL_"  # begins the names of flags that MJCF has without it
+ENABLES = "mjENBL_"  # prefix of the names of flags, which they do not have in MJCF
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH
 DRAWN = "drawn geom"
-WHOLE = {  # lists of elements that are deleted as they are, and what one of them is called
+WHOLE = {  # lists of the spec whose elements are deleted entirely, and the word for one element
     "joints": "joint",
     "equalities": "equality",
     "actuators": "actuator",
@@ -65,18 +65,18 @@ WHOLE = {  # lists of elements that are deleted as they are, and what one of the
 
 @dataclass(frozen=True)
 class Feature:
-    """Something that a scene may not need.
+    """A part of a model that its scene may not need, or another value of an engine option.
 
     Attributes
     ----------
     kind, name : str
-        What it is, and which.
+        The kind of feature, and the name of this one.
     cut : callable
-        Takes it out of an edited model, in place; may raise ValueError.
+        Removes it from an edited model, in place; may raise ValueError.
     parts : tuple of Feature
-        To try if it cannot go as a whole.
+        Features to try if it cannot be removed as a whole.
     edit : str
-        The same as lines of MJCF to paste; empty where elements are taken out.
+        Lines of MJCF that do the same; empty if elements are removed.
     """
 
     kind: str
@@ -89,7 +89,7 @@ class Feature:
 def bundle(
     kind: str, names: list[str], cut: Callable[[EditedModel, str], None]
 ) -> Iterator[Feature]:
-    """A feature of many, whose parts are its halves; none of none."""
+    """A feature of several elements, whose parts are its halves; nothing if there are no names."""
     if not names:
         return
 
@@ -108,7 +108,7 @@ def bundle(
 
 
 def ladder(kind: str, rungs: Iterable[tuple[str, Cut]]) -> Iterator[Feature]:
-    """The first rung that holds: each is tried where the one before does not."""
+    """The first of some features, whose only part is the next: that is tried if the first fails."""
     below: tuple[Feature, ...] = ()
     for name, cut in reversed(list(rungs)):
         below = (Feature(kind, name, cut, below),)
@@ -116,7 +116,7 @@ def ladder(kind: str, rungs: Iterable[tuple[str, Cut]]) -> Iterator[Feature]:
 
 
 def features(edited: EditedModel, scene: DietScene) -> Iterator[Feature]:
-    """All that may go from an edited model of a scene, in the order in which it is tried."""
+    """All features that may be removed from an edited model, in the order in which to try them."""
     read, keys = scene.read, scene.keys
     spec = edited.spec
     sensors = [s.name for s in spec.sensors if read is not None and s.name not in read]
@@ -142,18 +142,18 @@ def features(edited: EditedModel, scene: DietScene) -> Iterator[Feature]:
 
 
 def dropper(kind: str) -> Callable[[EditedModel, str], None]:
-    """Deletes an element of one of the spec's lists."""
+    """A function that deletes an element of one of the spec's lists."""
     return lambda edited, name: edited.drop(kind, name)
 
 
 def collides(edited: EditedModel, geom: object) -> bool:
-    """Whether a geom can touch anything."""
+    """Whether a geom can collide with others, by its masks and the model's flag."""
     off = edited.spec.option.disableflags & CONTACT
     return not off and bool(geom.contype or geom.conaffinity)  # type: ignore[attr-defined]
 
 
 def contacts(edited: EditedModel) -> Iterator[Feature]:
-    """All contacts at once, by the flag; else geoms that touch nothing."""
+    """All contacts, which a flag disables; in parts the contacts of single geoms."""
     masked = [g.name for g in edited.spec.geoms if collides(edited, g)]
     if masked or (edited.spec.pairs and not edited.spec.option.disableflags & CONTACT):
         yield Feature(
@@ -166,7 +166,10 @@ def contacts(edited: EditedModel) -> Iterator[Feature]:
 
 
 def solver(edited: EditedModel, monitored: MonitoredRun) -> Iterator[Feature]:
-    """What the solver does beside its task; see `tolerances` and `solvers` for its options."""
+    """Optional work of the solver: noslip iterations, and flags that are not set by default.
+
+    See `tolerances` and `solvers` for the other options of the solver.
+    """
     if not by_steps(monitored.run):
         return
     option = edited.spec.option
@@ -192,7 +195,7 @@ def solver(edited: EditedModel, monitored: MonitoredRun) -> Iterator[Feature]:
 
 
 def subtree(body: mujoco._specs.MjsBody) -> Feature:
-    """A body with all that hangs on it; its parts are the bodies that do."""
+    """A body with all its descendants; its parts are the subtrees of its child bodies."""
     name = body.name
     return Feature(
         "body",
@@ -203,7 +206,7 @@ def subtree(body: mujoco._specs.MjsBody) -> Feature:
 
 
 def flat(edited: EditedModel) -> Iterator[Feature]:
-    """Free joints and balls of bodies that stay in a plane across one of the world's axes."""
+    """Free joints and ball joints, to be replaced by joints in a plane normal to a world axis."""
     for joint in edited.spec.joints:
         if joint.type in (JOINT.mjJNT_FREE, JOINT.mjJNT_BALL):
             kind = "free joint" if joint.type == JOINT.mjJNT_FREE else "ball"
@@ -217,7 +220,7 @@ def flat(edited: EditedModel) -> Iterator[Feature]:
 
 
 def limits(joint: mujoco._specs.MjsJoint) -> bool:
-    """Whether a joint has limits."""
+    """Whether a joint has active limits."""
     given = bool(np.ptp(joint.range))
     return bool(
         joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE
@@ -226,7 +229,7 @@ def limits(joint: mujoco._specs.MjsJoint) -> bool:
 
 
 def fit(edited: EditedModel, share: int) -> bool:
-    """Whether all rods can be cut into so many times fewer segments."""
+    """Whether the number of segments of all rods can be divided by a factor."""
     return bool(edited.rods) and all(
         rod.segments // share >= 2 and rod.segments % share == 0 for rod in edited.rods
     )
@@ -235,49 +238,49 @@ def fit(edited: EditedModel, share: int) -> bool:
 Rungs = Callable[[EditedModel, DietScene], list[Feature]]
 FEWER = (1, 2, 3, 5, 10, 20, 50)  # iterations that are tried
 USUAL = {"iterations": 100, "ls_iterations": 50}  # MuJoCo's defaults
-LOOSER = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)  # where the solver may stop, not lower
-LONGER = (64, 32, 16, 8, 4, 2)  # times as long as a step is
-LATEST = 60.0  # s
+LOOSER = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)  # tolerances that are tried, if they are larger
+LONGER = (64, 32, 16, 8, 4, 2)  # factors on the time step that are tried
+LATEST = 60.0  # s, wall time of a run whose iterations are counted
 INTEGRATOR, SOLVER, JACOBIAN = mujoco.mjtIntegrator, mujoco.mjtSolver, mujoco.mjtJacobian
 ELLIPTIC, PYRAMIDAL = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtCone.mjCONE_PYRAMIDAL
 EVALUATIONS = {INTEGRATOR.mjINT_RK4: 4}
-"""Of the forces in a step; 1 where nothing is said."""
-CHEAPER = {  # of each integrator: with fewer evaluations, or fewer derivatives to factorize
+"""Evaluations of the forces per step; 1 for all other integrators."""
+CHEAPER = {  # integrators with fewer evaluations, or fewer derivatives to factorize
     INTEGRATOR.mjINT_RK4: (INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICITFAST),
     INTEGRATOR.mjINT_IMPLICIT: (INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICITFAST),
 }
 
 
 def stepped(scene: DietScene) -> list[MonitoredRun]:
-    """The runs of a scene that go by time steps."""
+    """The runs of a scene that have time steps."""
     return [monitored for monitored in scene.monitored_runs if by_steps(monitored.run)]
 
 
 def following(scene: DietScene, option: str) -> list[MonitoredRun]:
-    """Those of them that take an option from the model, and not from the sidecar."""
+    """The runs with time steps that take an option from the model, and not from the sidecar."""
     return [monitored for monitored in stepped(scene) if option not in monitored.run.settings]
 
 
 def rung(option: str, words: str, value: float, name: str = "") -> Feature:
-    """One value of an option, and its name where MJCF has one for it."""
+    """A value of an option as a feature; `name` is the value's name in MJCF, if it has one."""
     edit = f'<option {option}="{name or repr(value)}"/>'
     return Feature(OPTION, words, partial(set_option, name=option, value=value), edit=edit)
 
 
 def exchanged(option: str, now: SupportsInt, other: SupportsInt) -> Feature:
-    """Another value of an option that has names for its values."""
+    """Another value of an option as a feature, if the values have names in MJCF."""
     before, after = format_option(now), format_option(other)
     return rung(option, f"{option} {before} to {after}", int(other), after)
 
 
 def work(edited: EditedModel) -> float:
-    """Evaluations of the forces in a second."""
+    """Evaluations of the forces per second of the motion [1/s]."""
     option = edited.spec.option
     return EVALUATIONS.get(INTEGRATOR(option.integrator), 1) / float(option.timestep)
 
 
 def tolerances(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """A solver that may stop earlier, or after so few iterations that it never gets there."""
+    """Larger tolerances of the solver, then fewer iterations than it takes to reach them."""
     monitored_runs, option = following(scene, "tolerance"), edited.spec.option
     if not monitored_runs:
         return []
@@ -298,7 +301,7 @@ def tolerances(edited: EditedModel, scene: DietScene) -> list[Feature]:
 
 
 def caps(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """Iterations beyond the usual number, which are allowed and not taken."""
+    """The default limit of iterations, if the model allows more."""
     now, most = edited.spec.option.iterations, USUAL["iterations"]
     if now <= most or not following(scene, "iterations"):
         return []
@@ -306,7 +309,7 @@ def caps(edited: EditedModel, scene: DietScene) -> list[Feature]:
 
 
 def searches(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """Iterations of the line search beyond the usual number."""
+    """The default limit of iterations of the line search, if the model allows more."""
     now, most = edited.spec.option.ls_iterations, USUAL["ls_iterations"]
     if now <= most or not stepped(scene):
         return []
@@ -314,7 +317,7 @@ def searches(edited: EditedModel, scene: DietScene) -> list[Feature]:
 
 
 def steps(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """Longer steps; in runs through time at most one from sample to sample."""
+    """Longer time steps; a step of a run through time is not longer than a sample interval."""
     if not (monitored_runs := following(scene, "timestep")):
         return []
     now = float(edited.spec.option.timestep)
@@ -323,10 +326,10 @@ def steps(edited: EditedModel, scene: DietScene) -> list[Feature]:
     ]
     widths = [float(np.ptp(run.x)) / (run.x.size - 1) for run in runs if run.kind in STEPPED]
     values = [times * now for times in LONGER]
-    if widths:  # a sweep that settles at each pose has no time between its samples
+    if widths:  # empty if all runs are settled sweeps, whose samples have no time between them
         count = whole_steps(min(widths), now)
         values = [min(widths) / fewer for times in LONGER if (fewer := ceil(count / times)) < count]
-    # of what is off by rounding no digit is written
+    # 12 digits, so that no digits of rounding are written
     values = list(dict.fromkeys(float(f"{step:.12g}") for step in values))
     return [
         rung("timestep", f"time step {number(now)} to {number(step)} s", step) for step in values
@@ -334,7 +337,7 @@ def steps(edited: EditedModel, scene: DietScene) -> list[Feature]:
 
 
 def integrators(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """Integrators that evaluate less in a step."""
+    """Integrators with less work per step."""
     now = INTEGRATOR(edited.spec.option.integrator)
     return [
         exchanged("integrator", now, other)
@@ -344,7 +347,7 @@ def integrators(edited: EditedModel, scene: DietScene) -> list[Feature]:
 
 
 def solvers(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """The other solvers, where there is something to solve."""
+    """The other solvers, if the solver takes any iterations."""
     monitored_runs, now = following(scene, "solver"), SOLVER(edited.spec.option.solver)
     if not monitored_runs or not taken(edited, monitored_runs[0], edited.spec.option.tolerance):
         return []
@@ -356,7 +359,7 @@ def solvers(edited: EditedModel, scene: DietScene) -> list[Feature]:
 
 
 def jacobians(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """The other way to keep Jacobian and inertia, sparse or dense."""
+    """The other storage of Jacobian and inertia matrix, sparse or dense."""
     now, monitored_runs = JACOBIAN(edited.spec.option.jacobian), stepped(scene)
     if not monitored_runs:
         return []
@@ -366,14 +369,14 @@ def jacobians(edited: EditedModel, scene: DietScene) -> list[Feature]:
 
 
 def cones(edited: EditedModel, scene: DietScene) -> list[Feature]:
-    """Pyramids for elliptic friction cones."""
+    """Pyramidal friction cones, if the model has elliptic ones."""
     if edited.spec.option.cone != ELLIPTIC or not stepped(scene):
         return []
     return [rung("cone", "cone elliptic to pyramidal", int(PYRAMIDAL), "pyramidal")]
 
 
 def format_option(value: object) -> str:
-    """What an option's value is called in MJCF, but for Newton, CG, PGS and RK4 in capitals.
+    """The name of an option's value in MJCF.
 
     >>> import mujoco
     >>> format_option(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
@@ -390,15 +393,16 @@ def format_option(value: object) -> str:
 
 
 def taken(edited: EditedModel, monitored: MonitoredRun, tolerance: float) -> int:
-    """Iterations that a run takes with a tolerance; all that it may, if it fails."""
+    """Most iterations per step that a run takes with a tolerance; their limit if the run fails."""
     model = edited.compiled(monitored.run.rods)
     found = measure(most_iterations, model, monitored.brief, tolerance, timeout=LATEST)
     return int(edited.spec.option.iterations) if isinstance(found, Measurement) else found
 
 
 COUNTED: tuple[Rungs, ...] = (tolerances, caps, searches)
-"""What is taken where it holds."""
+"""Options that are changed if that is harmless."""
 ORDERS: tuple[tuple[Rungs, ...], ...] = ((steps, integrators), (integrators, steps))
-"""Which goes first makes a difference: the way that is left with less work is taken."""
+"""Both orders of two options, since the result depends on the order: that with less work is
+taken."""
 CLOCKED: tuple[Rungs, ...] = (cones, solvers, jacobians)
-"""What is taken where it holds and the clock shows that it saves time."""
+"""Options that are changed if that is harmless and saves measured time."""

@@ -1,7 +1,7 @@
-"""The page of a diet: what each model does not need, what that saves, and each feature as a row.
+"""The page of a diet: the features that each model does not need, and a row for each feature.
 
-A row of its chart is an edit: what a step and the memory cost with what it takes out or changes,
-and without.  Numbers that are none are None.
+A row of the chart is an edit: the time of a step and the memory before it and after it.  Values
+that are not numbers are None in the data of the chart.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -38,25 +38,25 @@ from proofmass.studies.diet.table import (
 )
 from proofmass.wording import number
 
-ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] a feature, the figure, what stands above and below
-LEFT_END = -50.0  # % saved: a timing that was disturbed more does not stretch the axis
-LETTERS = 42  # of a feature's name
-SMALL, LARGE = 1e-9, 1e9  # changes over what is allowed that are distinguished
+ROW, WIDE, HEAD = 0.19, 7.2, 0.5  # [inch] height of a row, width of the figure, upper/lower margin
+LEFT_END = -50.0  # % saved, at the left end of the axis at most: a disturbed timing may be less
+LETTERS = 42  # most letters of a feature's name in the figure
+SMALL, LARGE = 1e-9, 1e9  # ends of the axis of changes over the allowed ones
 LOOKS = {
     "harmless": ("o", FIRST.colour),
     "drawn": ("o", "white"),
     NO_GAIN: ("o", "white"),
     "matters": ("X", "#333333"),
 }
-"""Marker and filling by outcome: what goes, what could, what stays."""
+"""Marker and filling by outcome."""
 SCRIPTS = ("axes.js", "rows.js", "savings.js")
-"""Of the chart."""
+"""Scripts of the chart."""
 MUTED = "#333333"
-"""Of what stays."""
+"""Colour of features that stay."""
 CHANGES = ((SMALL, "0"), (1.0, "allowed"), (LARGE, "more"))
-"""On the axis of changes over what is allowed."""
+"""Ticks and their labels on the axis of changes over the allowed ones."""
 ZERO = 20.0
-"""Place of what saves nothing on an axis of what is saved [%]: timings may be a little worse."""
+"""Place of zero on an axis of savings [%]: a measured saving may be slightly negative."""
 
 
 def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Written:
@@ -102,14 +102,14 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> Writte
 
 
 def colour_of(outcome: str) -> str:
-    """The colour of an outcome: of what stays a muted one."""
+    """The colour of an outcome; that of features that stay is muted."""
     return MUTED if outcome == "matters" else FIRST.colour
 
 
 def part(
     file: Path, entries: Sequence[Entry], folder: Path, css: Mapping[str, str]
 ) -> dict[str, Any]:
-    """All that the page shows of one model."""
+    """The data of the section of one model, and its figure in a folder."""
     stem = f"{slug(file.stem)}-diet"
     shown = ranked(entries)
     monitored = [e.message for e in entries if e.kind == SAID]
@@ -137,7 +137,7 @@ def part(
 
 
 def in_short(whole: Entry) -> list[tuple[str, str, str]]:
-    """Names, values and remarks of what a diet saves as a whole; nothing if nothing goes."""
+    """Names, values and remarks of the savings of a whole diet; empty if nothing is removed."""
     if whole.kind != WHOLE or not whole.costs or not whole.moved:
         return []
     before, after = whole.costs
@@ -158,12 +158,12 @@ def in_short(whole: Entry) -> list[tuple[str, str, str]]:
 
 
 def change_at(share: float) -> float:
-    """Place of a change over what is allowed on its axis [%]."""
+    """Place of a change, over the allowed one, on its axis [%]."""
     return place(min(max(share, SMALL), LARGE), SMALL, LARGE)
 
 
 def change_strip(entry: Entry, css: Mapping[str, str]) -> Strip | None:
-    """How far the channels move; None of what the model cannot be run without."""
+    """The strip of the largest change of a channel; None if the model does not run without it."""
     if entry.outcome not in LOOKS:
         return None
     marker, filling = LOOKS[entry.outcome]
@@ -184,7 +184,7 @@ def change_strip(entry: Entry, css: Mapping[str, str]) -> Strip | None:
 def saved_strip(
     entry: Entry, css: Mapping[str, str], share: float, interval: Sequence[float] = ()
 ) -> Strip | None:
-    """What a removal saves, as a share of the most that one saves, from `ZERO`."""
+    """The strip of a saving, as a share of the largest saving of a feature, from `ZERO` on."""
     if not entry.costs or isnan(share):
         return None
     ends = [min(max(ZERO + (100 - ZERO) * one, 0.0), 100.0) for one in (share, *interval)]
@@ -198,7 +198,7 @@ def saved_strip(
 
 
 def cells(entry: Entry, css: Mapping[str, str], most: Mapping[str, float]) -> dict[str, Any]:
-    """A row of the table, every number already a word."""
+    """A row of the table, with all numbers formatted as text."""
     run, channel, share = entry.worst
     where = f"{channel} in {run}" if channel and share else ""
     low_high = (entry.saved[0], entry.saved[-1]) if entry.saved else ()
@@ -228,27 +228,28 @@ def cells(entry: Entry, css: Mapping[str, str], most: Mapping[str, float]) -> di
 
 Css = Mapping[str, str]
 WORDS = {
-    "harmless": "it goes",
-    "drawn": "it could go, and is kept for the eye",
-    NO_GAIN: "it could be changed, and saves no time that is measured",
+    "harmless": "it is removed or changed",
+    "drawn": "it is not needed, but drawn, and kept",
+    NO_GAIN: "it could be changed, but saves no measurable time",
     "matters": "it stays",
 }
-"""What becomes of a feature, by its outcome."""
+"""Descriptions of the outcomes."""
 SHAPES = {NO_GAIN: "D"}
-"""Markers other than those of the figure, which has one for two outcomes."""
+"""Markers that differ from those of the figure, which has the same marker for two outcomes."""
 LEAST = 1e-3
-"""Share of a cost that an interval is drawn to: an axis of decades has no zero."""
+"""Least share of a cost to which an interval is drawn, since a logarithmic axis has no zero."""
 
 
 def savings_data(parts: Iterable[tuple[str, str, Iterable[Entry]]], css: Css) -> dict[str, Any]:
-    """All that the chart shows.
+    """The data of the chart.
 
     Parameters
     ----------
     parts : iterable of tuple
-        Name, stem, and entries in the order of their table, whose row k has the id ``STEM-k``.
+        Name, stem, and entries of each model, in the order of its table, whose row k has the id
+        ``STEM-k``.
     css : mapping of str to str
-        Classes of colours, by outcome.
+        CSS classes of the colours, by outcome.
     """
     parts = [(name, stem, list(entries)) for name, stem, entries in parts]
     rows = [
@@ -294,7 +295,7 @@ def mark_of(outcome: str) -> tuple[str, bool]:
 
 
 def times(entry: Entry) -> list[float]:
-    """Time of a step without a feature, and the interval of it [s]; of none the time alone."""
+    """Time of a step without a feature, and the ends of its interval, if there is one [s]."""
     before, after = entry.costs
     if not entry.saved:
         return [after.seconds]
@@ -303,7 +304,7 @@ def times(entry: Entry) -> list[float]:
 
 
 def format_time(seconds: float) -> str:
-    """A time of a step in words.
+    """The time of a step as text.
 
     >>> format_time(1.234e-5), format_time(0.0021)
     ('12.3 µs', '2.1 ms')
@@ -312,7 +313,7 @@ def format_time(seconds: float) -> str:
 
 
 def sentence(entry: Entry) -> str:
-    """What became of a feature or an option, what it costs, and what its removal changes."""
+    """Sentences on the outcome of a feature or an option, its costs, and the largest change."""
     before, after = entry.costs
     text = f"{entry.outcome.capitalize()}: {WORDS[entry.outcome]}."
     one, two = ("before", "after") if entry.kind == OPTION else ("with it", "without")
@@ -334,7 +335,7 @@ def sentence(entry: Entry) -> str:
 
 
 def diet_figure(entries: Sequence[Entry]) -> Figure:
-    """Three columns over the features that the model can be run without: change, time, memory."""
+    """The figure of features without which the model runs: columns of change, time and memory."""
     height = ROW * max(len(entries), 2) + 2 * HEAD
     figure = Figure(figsize=(WIDE, height))
     axes = figure.subplots(1, 3, sharey=True, width_ratios=[1.2, 1, 1])
@@ -366,7 +367,7 @@ def diet_figure(entries: Sequence[Entry]) -> Figure:
 
 
 def label(ax: Axes, entry: Entry, y: float) -> None:
-    """What was taken out, left of the columns."""
+    """Write the name of a feature to the left of the columns."""
     words = entry.title
     cut = words if len(words) <= LETTERS else f"{words[: LETTERS - 1]}…"
     ax.annotate(
@@ -383,7 +384,7 @@ def label(ax: Axes, entry: Entry, y: float) -> None:
 
 
 def change(ax: Axes, entry: Entry, y: float) -> None:
-    """How far the channels move."""
+    """Draw the largest change of a channel."""
     marker, filling = LOOKS[entry.outcome]
     share = entry.worst[2] if entry.moved else 0.0
     place = min(max(share, SMALL), LARGE) if share == share else LARGE
@@ -402,7 +403,7 @@ def change(ax: Axes, entry: Entry, y: float) -> None:
 def bars(
     ax: Axes, entries: Sequence[Entry], places: Sequence[float], value: Callable[[Entry], float]
 ) -> None:
-    """What is saved: filled where it goes, only an outline where it stays."""
+    """Draw bars of savings: filled for harmless features, only an outline for others."""
     for y, entry in zip(places, entries, strict=True):
         if entry.costs:
             goes = entry.outcome == "harmless"

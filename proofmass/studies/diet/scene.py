@@ -1,13 +1,14 @@
-"""What a scene is for: the runs that it must still do, and how far each channel may move in them.
+"""A scene of a diet: a model, the runs that it must still do, and the changes that are allowed.
 
-With sidecars these are their runs in MuJoCo; a channel may move by a tenth of what its error leaves
-of its tolerance.  Without, the model is let go from its key, and a channel may move as much as by a
-nudge of that pose.
+If the model has sidecars, the runs are theirs in MuJoCo, and a channel may change by a tenth of the
+difference between its tolerance and its error.  Otherwise the run is a free motion from the model's
+key, and a channel may change as much as by a very small change of the start pose, called a nudge.
 
-Another option of the engine moves every channel by more than that, for the better or the worse,
-and is held against what is true: with sidecars the reference, whose error may grow by a tenth of
-what it leaves of its tolerance; without, the fine solution of the same model, of which a channel
-may be off by a tenth more than it is with the options as they are, or by as much as was said.
+Another option of the engine changes every channel by more than that, to a smaller or a larger
+error.  So runs with other options are compared with a reference.  If there are sidecars it is
+theirs, and the error may grow by a tenth of the difference between tolerance and error.  Otherwise
+it is a fine solution of the same model; the error of a channel against it may be 1.1 times the
+error with the model's own options, or as large as the caller allows.
 """
 
 import tomllib
@@ -37,25 +38,25 @@ from proofmass.studies.measure import Measurement, measure
 from proofmass.wording import format_list, number
 from proofmass.worker import isolated
 
-ROUNDING = 1e-9  # of a channel's largest value; 1e7 times that of one number
-NUDGE = 1e-12  # [rad or m] what a start pose so near changes is no change
-CHAOS = 0.1  # of a channel's largest value: a motion that the nudge changes by more is chaos
-FEWEST = 10  # samples before that
+ROUNDING = 1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
+NUDGE = 1e-12  # [rad or m] of every joint at the start; the changes that it causes are allowed
+CHAOS = 0.1  # share of a channel's largest value; if the nudge changes it by more, it is chaotic
+FEWEST = 10  # samples before chaos that a run must have
 SAMPLES = 501
-SHARE = 0.1  # of what an error leaves of its tolerance: a change that uses it up would be a loss
-LATEST = 600.0  # s
-COMPILING = 120.0  # s, as a run has that states no limit
-FEW = 500  # steps whose iterations are counted
-TIMED = 2000  # steps that are timed
-BRIEF = 0.05  # s, of a run that is timed or counted, where fewer steps take as long
+SHARE = 0.1  # share of the difference between tolerance and error by which a channel may change
+LATEST = 600.0  # s, wall time of a run of the original model
+COMPILING = 120.0  # s, wall time of compiling, as a run has that states no limit
+FEW = 500  # steps whose iterations are counted, at most
+TIMED = 2000  # steps that are timed, at most
+BRIEF = 0.05  # s, wall time of a run that is timed or counted; it has fewer steps if they are slow
 FINER = (
     4,
     8,
-)  # times shorter steps, of solutions that are called fine; the last one is the reference
-FINE = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}  # beside shorter steps
-WORSE = 0.1  # of its error, by which that may grow where no tolerance says more
-LONGER = 64  # steps from sample to sample, so that as many times longer steps can be tried
-SPARSE = 50  # samples that are left at least
+)  # divisors of the time step in fine solutions; the last one is the reference
+FINE = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}  # other options of these
+WORSE = 0.1  # share of an error by which it may grow, if no tolerance allows more
+LONGER = 64  # steps between samples, so that steps up to so many times longer can be tried
+SPARSE = 50  # samples that must remain
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,7 @@ class Bound:
     allowed : dict of str to float
         The largest allowed error of each channel [its unit].
     reference : dict of str to ndarray
-        The fine solution, channel by channel [its unit]; empty where the reference of a case is the
-        reference.
+        The fine solution of each channel [its unit]; empty if there is a case.
     case : Case, optional
         The case whose reference is evaluated, at the state that the drives had in the run.
     """
@@ -81,7 +81,7 @@ class Bound:
     case: Case | None = None
 
     def errors(self, curves: Curves) -> dict[str, float]:
-        """Largest error of each channel, over what it may be."""
+        """Largest error of each channel, over the allowed one."""
         reference = (
             self.reference
             if self.case is None
@@ -102,7 +102,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class MonitoredRun:
-    """A run that must come out the same.
+    """A run whose channels must not change by more than is allowed.
 
     Attributes
     ----------
@@ -113,12 +113,13 @@ class MonitoredRun:
     allowed : dict of str to ndarray
         Largest allowed change of each channel at each sample [its unit].
     before : Curves
-        The curves of the model as it is.
+        The curves of the original model.
     level : frozenset of str
-        Channels that are known up to a constant, and read as their change: potential energies.
+        Channels that are known up to a constant, such as potential energies, so that their change
+        since the start is used.
     bound : Bound, optional
-        The reference for other options; without it they may change a channel as little as a
-        feature.
+        The reference for other options; without it the changes that are allowed for a feature are
+        allowed for an option.
     """
 
     name: str
@@ -130,11 +131,14 @@ class MonitoredRun:
 
     @property
     def brief(self) -> Run:
-        """As few samples of the run as have `FEW` steps or take `BRIEF`, but two at least."""
+        """The first samples of the run, with `FEW` steps or `BRIEF` of wall time; at least two."""
         return self.shortened(self.run)
 
     def shortened(self, run: Run, few: int = FEW) -> Run:
-        """As few samples of one of its runs as have `few` steps or take `BRIEF`, two at least."""
+        """The first samples of a run, with `few` steps or `BRIEF` of wall time; at least two.
+
+        The run is this one, or that of its bound.
+        """
         length = float(np.ptp(self.before.x)) or 1.0
         samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
         stride = max(1, self.before.steps // samples)
@@ -145,19 +149,20 @@ class MonitoredRun:
 
 @dataclass(frozen=True)
 class DietScene:
-    """A model and what it is for.
+    """A model and the runs that it must still do.
 
     Attributes
     ----------
     edited : EditedModel
-        The model as it is.
+        The original model.
     monitored_runs : tuple of MonitoredRun
+        The runs.
     read : set of str, or None
-        Sensors that the sidecars read; None: without them, all.
+        Sensors that the sidecars read; None, without sidecars, means all.
     keys : set of str
         Keys that runs start from.
     said : tuple of str
-        What is monitored, and what options are held against, in sentences.
+        Sentences on what is monitored, and what options are compared with.
     """
 
     edited: EditedModel
@@ -168,24 +173,24 @@ class DietScene:
 
     @property
     def longest(self) -> MonitoredRun:
-        """The run that takes longest, of those that go by time steps if there are any."""
+        """The run with the longest wall time, of those with time steps if there are any."""
         return max(self.monitored_runs, key=lambda w: (by_steps(w.run), w.before.seconds))
 
 
 def scene_of(
     file: Path, seconds: float, monitored: tuple[str, ...] = (), error: float | None = None
 ) -> DietScene:
-    """A model with the sidecars beside it that speak of it.
+    """The scene of a model, with the sidecars in its folder that are about it.
 
     Parameters
     ----------
     file : Path
         The MJCF file.
     seconds : float
-        Length of the run of a model without sidecars [s].
+        Duration of the run of a model without sidecars [s].
     monitored : tuple of str
-        Joints, bodies, sites and sensors that alone matter; all that is measured, or moves, if
-        empty.
+        Names of joints, bodies, sites and sensors that are monitored; if empty, all sensors are, or
+        all that moves.
     error : float, optional
         Largest allowed difference from the fine solution when the engine has other options, as a
         share of the channel's range [1]; for models without sidecars only.
@@ -193,8 +198,8 @@ def scene_of(
     Raises
     ------
     InputError
-        The model or a sidecar cannot be used, the model as it is does not run, or a name that is
-        monitored is not there.
+        The model or a sidecar cannot be used, the original model does not run, or no element has a
+        name that is to be monitored.
     """
     if error is not None and not 0 <= error < np.inf:
         raise InputError(
@@ -251,19 +256,19 @@ def scene_of(
         {case.start for case in cases},
         (
             words,
-            "Options are held against the references of the sidecars: an error may grow by a "
-            "tenth of what it leaves of its tolerance.",
+            "Options are compared with the references of the sidecars: an error may grow by a "
+            "tenth of the difference between its tolerance and itself.",
         ),
     )
 
 
 def sensors_of(edited: EditedModel, monitored: Collection[str]) -> set[str]:
-    """The sensors, and rods, with these names, and those that read something with these names."""
+    """The sensors and rods with these names, and the sensors at elements with these names."""
     return {*monitored, *(s.name for s in edited.spec.sensors if s.objname in monitored)}
 
 
 def own_sensors(edited: EditedModel) -> set[str] | None:
-    """The sensors that are monitored; None if all are."""
+    """The sensors that are monitored in a model without sidecars; None if all are."""
     if not edited.monitored:
         return None
     return {
@@ -272,12 +277,12 @@ def own_sensors(edited: EditedModel) -> set[str] | None:
 
 
 def reads(monitored: MonitoredRun, sensors: set[str]) -> list[str]:
-    """The channels of a run that these sensors show."""
+    """The channels of a run that these sensors measure."""
     return [name for name in monitored.allowed if name.partition(".")[0] in sensors]
 
 
 def only(monitored: MonitoredRun, sensors: set[str]) -> MonitoredRun:
-    """A run of which nothing but the channels of these sensors is looked at."""
+    """A run of which only the channels of these sensors are monitored."""
     names = reads(monitored, sensors)
     run = replace(monitored.run, channels=tuple(names))
     bound = monitored.bound and replace(
@@ -293,7 +298,7 @@ def only(monitored: MonitoredRun, sensors: set[str]) -> MonitoredRun:
 
 
 def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]:
-    """What is monitored of a model without a sidecar, and what does not act on it."""
+    """Sentences on what is monitored of a model without sidecars, and on its independent groups."""
     named = [
         f"{word} {e.name}"
         for kind, word in MONITORED.items()
@@ -320,7 +325,7 @@ def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]
         )
     try:
         found = isolated(groups, edited.compiled(), monitored.run, timeout=LATEST)
-    except Exception:  # then nothing is said of it
+    except Exception:  # without the groups there is no sentence on them
         return
     if len(found) < 2 or edited.monitored:
         return
@@ -334,7 +339,7 @@ def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]
 
 
 def solvers_of(case: Case, kind: Kind) -> list[str]:
-    """The settings in which a case runs in MuJoCo, but for the engine's defaults and its flexes."""
+    """The MuJoCo settings of a run, without the engine's defaults and those with flexes."""
     return [
         s
         for s in case.run[kind].solvers
@@ -345,18 +350,18 @@ def solvers_of(case: Case, kind: Kind) -> list[str]:
 
 
 def sidecars(file: Path) -> Iterator[Case]:
-    """The cases beside a model that are about it; each file is read in a worker."""
+    """The cases in the model's folder that are about it; each file is read in a worker."""
     for path in sorted(file.parent.glob("*.toml")):
         try:
             named = isolated(model_named, path, timeout=LOADING)
-        except tuple(FAILURES):  # it is the sidecar of a model only if it has its name
+        except tuple(FAILURES):  # then the sidecar counts by its own name
             named = path.stem + ".xml"
         if named == file.name:
             yield load(path, strict=True)
 
 
 def model_named(path: Path) -> str:
-    """The file that a sidecar says it is about; the one of its own name where it cannot be read."""
+    """The model file that a sidecar names; that of its own name if it names none or is broken."""
     own = path.stem + ".xml"
     try:
         return str(tomllib.loads(read_text(path)).get("model", own))
@@ -365,12 +370,12 @@ def model_named(path: Path) -> str:
 
 
 def compile_elsewhere(file: Path) -> None:
-    """Compile a model that no sidecar speaks of in a worker, before it is compiled here.
+    """Compile a model without a sidecar in a worker, before it is compiled in this process.
 
     Raises
     ------
     InputError
-        It takes too long or too much memory.
+        Compiling takes too long or too much memory.
     """
     try:
         isolated(compiles, file, timeout=COMPILING)
@@ -387,9 +392,10 @@ def compiles(file: Path) -> bool:
 
 
 def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> MonitoredRun:
-    """A run of a case; a channel may move by a share of what its error leaves of its tolerance.
+    """A run of a case, with the allowed changes and errors of its channels.
 
-    One without a tolerance, or beyond it already, may move by rounding.
+    A channel may change by a share of the difference between its tolerance and its error, or by
+    rounding if it has no tolerance, or an error beyond it.
     """
     before = done(case.model_path, edited.compiled(run.rods), run)
     kind = cast(Kind, run.kind)
@@ -400,7 +406,7 @@ def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Mon
         error = float(np.abs(curve - reference[name]).max())
         left, rounding = SHARE * ((most or 0.0) - error), ROUNDING * scale(before, name)
         allowed[name] = np.full(curve.size, max(left, rounding))
-        # a tolerance may be narrower than that rounding: no option may lead beyond it
+        # a tolerance may be smaller than that rounding, and no option may exceed a tolerance
         largest[name] = error + (
             max(left, 1e-3 * rounding) if most is not None else max(WORSE * error, rounding)
         )
@@ -415,9 +421,10 @@ def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Mon
 
 
 def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
-    """The model as it is for some seconds, or until a nudge of the start pose has grown too much.
+    """The free motion of the original model, for some seconds or until it is chaotic.
 
-    A channel may move by what the nudge moves it, and by rounding.
+    It is chaotic from where a nudge of the start pose changes a channel by `CHAOS` of its size.  A
+    channel may change as much as by the nudge, or by rounding if that is more.
     """
     model = edited.compiled()
     names = [model.key(k).name for k in range(model.nkey)]
@@ -460,7 +467,7 @@ def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
 
 
 def seen(edited: EditedModel, curves: Curves) -> Curves:
-    """The curves of the sensors that are monitored."""
+    """The curves of the monitored sensors alone."""
     if (sensors := own_sensors(edited)) is None:
         return curves
     return replace(
@@ -474,7 +481,7 @@ def seen(edited: EditedModel, curves: Curves) -> Curves:
 
 
 def levelled(curves: Curves, names: Collection[str]) -> Curves:
-    """Curves of which some are read as their change since the start."""
+    """Curves, with the values of some channels replaced by their change since the start."""
     if not names:
         return curves
     return replace(
@@ -489,13 +496,14 @@ def levelled(curves: Curves, names: Collection[str]) -> Curves:
 def with_fine_solution(
     file: Path, edited: EditedModel, monitored: MonitoredRun, error: float | None = None
 ) -> tuple[MonitoredRun, str]:
-    """A free motion with what other options of the engine are held against, and that in words.
+    """A free motion with the reference for other options of the engine, and a sentence on it.
 
-    The reference is the fine solution of the same model: steps that are 8 times shorter,
-    constraints solved by Newton's method to 1e-14.  Where the model as it is leaves it by a tenth
-    of a channel's largest value nothing is known from there on, and options are held to what
-    features are held to.  A channel may be off it by a tenth more than as it is, by rounding, or by
-    a share `error` of its range.
+    The reference is the fine solution of the same model, with 8 times shorter steps, and
+    constraints solved by Newton's method to 1e-14.  If the original model differs from it by a
+    tenth of a channel's largest value, nothing is known from there on: then there is no reference,
+    and the changes that are allowed for a feature are allowed for an option.  The error of a
+    channel may be 1.1 times its error with the model's own options, rounding, or a share `error` of
+    its range, whichever is largest.
     """
     model = edited.compiled()
     step, x = model.opt.timestep, monitored.run.x
@@ -510,7 +518,7 @@ def with_fine_solution(
         "tolerance": min(1e-14, model.opt.tolerance),
         "iterations": max(100, model.opt.iterations),
     }
-    no = "Options may move a channel by no more than a feature may, for there is no fine solution "
+    no = "Options may change a channel by no more than a feature may: there is no fine solution "
     try:
         coarse, fine = (
             levelled(
@@ -523,7 +531,7 @@ def with_fine_solution(
             for k in FINER
         )
     except InputError as wrong:
-        return monitored, f"{no}to hold them against: {wrong.wrong}."
+        return monitored, f"{no}to compare them with: {wrong.wrong}."
     sizes = {name: scale(monitored.before, name) for name in own}
     off = {name: np.abs(curve - fine[name]) / sizes[name] for name, curve in own.items()}
     chaotic = np.max(list(off.values()), axis=0) > CHAOS
@@ -531,7 +539,7 @@ def with_fine_solution(
         k = int(np.argmax(chaotic))
         name = max(off, key=lambda name: float(off[name][k]))
         return monitored, (
-            f"{no}to hold them against: {name} is off it by a tenth of its size after "
+            f"{no}to compare them with: {name} differs from it by a tenth of its size after "
             f"{number(float(run.x[k]))} s; --seconds ends the run before that."
         )
     allowed, free = dict[str, float](), error or 0.0
@@ -547,15 +555,15 @@ def with_fine_solution(
         most = max((1 + WORSE) * float(off[name].max()), ROUNDING, free * ranges[name] / size)
         if float(np.abs(coarse[name] - fine[name]).max()) / size > most / 2:
             return monitored, (
-                f"{no}to hold them against: {name} still changes between steps of "
+                f"{no}to compare them with: {name} still changes between steps of "
                 f"{number(step / FINER[0])} s and {number(step / FINER[1])} s."
             )
         allowed[name] = most * size
     return replace(monitored, bound=Bound(run, allowed, fine)), (
-        f"Options are held against the fine solution of the same model, with steps of "
+        f"Options are compared with the fine solution of the same model, with steps of "
         f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
-        f"first {number(float(run.x[-1]))} s: no channel may be off it by more than 1.1 times "
-        f"what it is off with the options as they are, {number(ROUNDING)} of its size"
+        f"first {number(float(run.x[-1]))} s: the error of a channel may be 1.1 times its error "
+        f"with the model's own options, {number(ROUNDING)} of its size"
         + (
             f" or {number(free)} of its range, whichever is most."
             if free
@@ -565,7 +573,7 @@ def with_fine_solution(
 
 
 def scale(curves: Curves, name: str) -> float:
-    """Largest value of all the numbers of a channel's sensor; 1 where all of them are rounding."""
+    """Largest value of all channels of a channel's sensor; 1 if all of them are only rounding."""
     sensor = name.partition("[")[0]
     largest = max(
         float(np.abs(v).max()) for n, v in curves.channels.items() if n.partition("[")[0] == sensor
@@ -574,7 +582,13 @@ def scale(curves: Curves, name: str) -> float:
 
 
 def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
-    """A run of the model as it is, or bad input."""
+    """The curves of the original model in a run.
+
+    Raises
+    ------
+    InputError
+        The run fails.
+    """
     found = measure(attempt, model, run, nudge, timeout=LATEST)
     if not isinstance(found, Measurement):
         return found
@@ -585,9 +599,10 @@ def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Cur
 
 
 def moved(monitored: MonitoredRun, curves: Curves, optional: set[str]) -> dict[str, float]:
-    """How far each channel moved, over what it may: up to 1 is no change.
+    """The change of each channel over the allowed one; up to 1 it counts as no change.
 
-    A channel that is gone has moved without bound, unless it is `optional` and never moved.
+    The change of a channel that is missing is infinite.  If it is `optional`, the channel counts as
+    constant instead.
     """
     found = {}
     curves = levelled(curves, monitored.level)
@@ -604,6 +619,6 @@ def moved(monitored: MonitoredRun, curves: Curves, optional: set[str]) -> dict[s
 
 
 def strayed(monitored: MonitoredRun, curves: Curves) -> dict[str, float]:
-    """How far each channel is off what is true, over what it may be."""
+    """The error of each channel against the reference, over the allowed error."""
     assert monitored.bound is not None
     return monitored.bound.errors(levelled(curves, monitored.level))

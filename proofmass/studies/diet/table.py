@@ -1,4 +1,4 @@
-"""A diet as a table with a record for each channel of each feature, and in words."""
+"""The table of a diet, with a row for each channel of each feature, and sentences on it."""
 
 import csv
 import io
@@ -17,59 +17,63 @@ from proofmass.wording import number
 Displacements = dict[str, dict[str, float]]
 EMPTY = ("",) * 7
 SAID = "said"
-"""The kind of an entry that is a sentence: what is monitored, what options are held against."""
+"""The kind of an entry that is only a sentence: what is monitored, or what options are compared
+with."""
 OPTION = "option"
 """The kind of an entry that changes an option of the engine."""
 NO_GAIN = "no gain"
-"""The outcome of an option that could be changed and saves no time that the clock shows."""
+"""The outcome of an option that could be changed, and saves no measurable time."""
 WHOLE = "all of these"
-"""The kind of the last entry: all that goes, taken out together."""
+"""The kind of the last entry: all harmless changes together."""
 COLUMNS = {
-    "kind": f"what was taken out; option: what was changed; {SAID}: the message is a sentence on "
-    f"what is monitored; the last rows, {WHOLE}: all that is harmless at once",
-    "feature": "which",
-    "outcome": "harmless: it goes; drawn: it could, but a picture needs it; no gain: it could, and "
-    "saves no time that is measured; matters: it changes a channel; needed: something "
-    "else names it; otherwise how the model fails without it",
-    "run": "of the scene: case and run; or the motion from the key",
-    "channel": "of that run",
-    "moved_over_allowed": "largest change of that channel over what it may change; once options "
-    "were changed, largest error over what it may be [1]",
-    "seconds_before": "processor time of a step of the model with it, median of the rounds [s]; "
-    "what goes is gone from later trials, and for the last rows it is all there",
-    "seconds_after": "the same without it; of a longer step the time of what a step was before [s]",
+    "kind": f"kind of the feature that was removed; option: an option that was changed; {SAID}: "
+    f"the message is a sentence on what is monitored; the last rows, {WHOLE}: all harmless changes "
+    "at once",
+    "feature": "name of the feature",
+    "outcome": "harmless: it is removed; drawn: it is not needed, but drawn, and kept; no gain: "
+    "the change is harmless, and saves no measurable time; matters: it changes a channel; needed: "
+    "another element refers to it; otherwise how the model fails without it",
+    "run": "case and run of the scene; or the free motion from the key",
+    "channel": "channel of that run",
+    "moved_over_allowed": "largest change of that channel over the allowed one; if options were "
+    "changed, largest error over the allowed one [1]",
+    "seconds_before": "processor time of a step of the model with the feature, median of the "
+    "rounds [s]; later trials are without the harmless features, and the last rows have all",
+    "seconds_after": "the same without the feature; for a longer step the time per original step "
+    "[s]",
     "seconds_saved": "share of the time that is saved, median of pairs of runs [1]",
-    "seconds_saved_least": "lower end of the interval that holds that median with a probability of "
-    "0.99, whatever the noise, if that is independent from pair to pair [1]",
-    "seconds_saved_most": "upper end of it [1]; no change is measured if 0 is within",
-    "bytes_before": "memory of the model and of the state it is stepped with",
+    "seconds_saved_least": "lower end of the interval that contains that median with a probability "
+    "of 0.99, for any noise that is independent from pair to pair [1]",
+    "seconds_saved_most": "upper end of it [1]; if the interval contains 0, no change is measured",
+    "bytes_before": "memory of the model and of its state",
     "bytes_after": "the same without the feature",
     "message": "why it is needed, or how the model fails",
-    "edit": "what to paste into the MJCF instead; empty where elements are taken out",
+    "edit": "MJCF to paste for the same change; empty if elements are removed",
 }
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What became of a feature.
+    """The result of a feature or an option.
 
     Attributes
     ----------
     kind, name : str
-        What it is, and which.
+        The kind of feature, and the name of this one.
     outcome : str
-        harmless: it goes; drawn: it could, but a picture needs it; matters: it changes a channel;
-        needed: something else names it; otherwise how the model fails without it.
+        harmless: it is removed; drawn: it is not needed, but drawn, and kept; no gain: the change
+        is harmless, and saves no measurable time; matters: it changes a channel; needed: another
+        element refers to it; otherwise how the model fails without it.
     moved : dict of str to dict of str to float
-        For each run, how far each channel moves, over what it may.
+        For each run the largest change of each channel, over the allowed one.
     message : str
         Why it is needed, or how the model fails.
     costs : tuple of two Cost
-        With and without it; none if the model fails.
-    saved : Interval
-        Share of time that its removal saves: least, median, most; empty without costs.
+        With and without it; empty if the model fails.
+    saved : TimeRange
+        Share of time that its removal saves: lower end, median, upper end; empty without costs.
     edit : str
-        What to paste into the MJCF instead; empty where elements are taken out.
+        MJCF to paste for the same change; empty if elements are removed.
     """
 
     kind: str
@@ -88,12 +92,12 @@ class Entry:
 
     @property
     def saved_time(self) -> float:
-        """Share of a step's time that it costs; of entries with costs."""
+        """Median share of a step's time that is saved; NaN without times."""
         return self.saved[1] if self.saved else float("nan")
 
     @property
     def measurable(self) -> bool:
-        """Whether 0 is outside the interval of the time that it costs."""
+        """Whether the interval of the saved time does not contain 0."""
         if not self.saved:
             return False
         low, _, high = self.saved
@@ -101,13 +105,13 @@ class Entry:
 
     @property
     def saved_memory(self) -> float:
-        """Memory that it costs [KB]; of entries with costs."""
+        """Memory that is saved [KB]; for entries with costs only."""
         before, after = self.costs
         return (before.size - after.size) / 1024
 
     @property
     def worst(self) -> tuple[str, str, float]:
-        """Run and channel that move most, and how far over what they may."""
+        """The run and channel with the largest change, and that change over the allowed one."""
         return max(
             (
                 (run, name, share)
@@ -120,7 +124,7 @@ class Entry:
 
 
 def write_entries(entries: Iterable[Entry], file: Path) -> None:
-    """Write ``NAME.csv``, and beside it what its columns are, ``diet.columns.md``."""
+    """Write entries to a CSV file, and the description of its columns to ``diet.columns.md``."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -152,17 +156,17 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
 
 
 def ordered(saved: TimeRange | tuple[()]) -> tuple[float | str, ...]:
-    """An interval as the table has it: the median first."""
+    """The cells of an interval in the order of the columns, with the median first."""
     return (saved[1], saved[0], saved[2]) if saved else ("",) * 3
 
 
 def read_entries(file: Path) -> list[Entry]:
-    """The entries that `write_entries` wrote.
+    """Read the entries from a file of `write_entries`.
 
     Raises
     ------
     InputError
-        It is another table.
+        The file is not the table of a diet.
     """
     with file.open(encoding="utf-8", newline="") as stream:
         reader = csv.DictReader(stream)
@@ -176,7 +180,7 @@ def read_entries(file: Path) -> list[Entry]:
 
 
 def entry(rows: list[dict[str, str]]) -> Entry:
-    """An entry, of its rows."""
+    """The entry that some rows of a table describe."""
     first, moved = rows[0], dict[str, dict[str, float]]()
     for row in rows:
         if row["run"]:
@@ -204,11 +208,17 @@ def entry(rows: list[dict[str, str]]) -> Entry:
 
 
 RANK = {"harmless": 0, "drawn": 1, NO_GAIN: 2, "matters": 3}
+"""Place of an outcome in the order of entries."""
 SURE = "99 %"
+"""Probability of the intervals of time, as text."""
 
 
 def ranked(entries: Sequence[Entry]) -> list[Entry]:
-    """What goes first; all of it at once last of what could be run, unless nothing goes."""
+    """Entries without sentences, sorted by outcome, harmless ones first.
+
+    The entry of all changes comes after those of models that run, and is left out if no change is
+    harmless.
+    """
     entries = [e for e in entries if e.kind != SAID]
     goes = any(e.outcome == "harmless" for e in entries if e.kind != WHOLE)
     return sorted(
@@ -218,7 +228,10 @@ def ranked(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def sentences(entries: Sequence[Entry]) -> Iterator[str]:
-    """What goes, what that saves, what stays and why; the last of the entries is the whole."""
+    """Sentences on what is removed, what that saves, and what stays and why.
+
+    The last of the entries must be that of all changes together.
+    """
     yield from (e.message for e in entries if e.kind == SAID)
     single, whole = [e for e in entries if e.kind not in (WHOLE, SAID)], entries[-1]
     features = [e for e in single if e.kind != OPTION]
@@ -228,15 +241,15 @@ def sentences(entries: Sequence[Entry]) -> Iterator[str]:
     drawn = [e for e in features if e.outcome == "drawn"]
     if gone:
         yield (
-            f"{len(gone)} of {len(features)} features go together: "
+            f"{len(gone)} of {len(features)} features can be removed together: "
             f"{'; '.join(e.title for e in gone)}."
         )
     else:
         matter = sum(e.outcome == "matters" for e in features)
         yield (
-            f"Nothing is left to remove: of {len(features)} features, each taken out, "
-            f"{matter} {'moves' if matter == 1 else 'move'} a channel by more than it may, and "
-            f"{len(features) - matter - len(drawn)} are needed for the model to run."
+            f"Nothing can be removed: of {len(features)} features, each tried by itself, "
+            f"{matter} {'changes' if matter == 1 else 'change'} a channel by more than is allowed, "
+            f"and {len(features) - matter - len(drawn)} are needed for the model to run."
         )
     if cheaper:
         yield f"Options are changed: {'; '.join(e.name for e in cheaper)}."
@@ -252,7 +265,7 @@ def sentences(entries: Sequence[Entry]) -> Iterator[str]:
             yield f"{spent(whole)}, and {number(whole.saved_memory)} KB less memory."
     if stay := [e for e in options if e.outcome == "matters"]:
         yield (
-            "Options that stay, since an error would be too large: "
+            "Options that are not changed, since an error would be too large: "
             + "; ".join(
                 f"{e.name} ({number(e.worst[2], 2)} of what is allowed, of {e.worst[1]})"
                 for e in stay
@@ -261,13 +274,13 @@ def sentences(entries: Sequence[Entry]) -> Iterator[str]:
         )
     if drawn:
         yield (
-            f"Drawn, and kept for the eye: {'; '.join(e.name for e in drawn)}. --blind takes "
-            f"them out as well."
+            f"Only drawn, and kept: {'; '.join(e.name for e in drawn)}. --blind removes them as "
+            f"well."
         )
 
 
 def spent(entry: Entry) -> str:
-    """The share of its time that a run takes without something, with the interval of that."""
+    """A phrase on the share of its former time that a run takes after a change, with interval."""
     if not entry.saved:
         return "Its time was not compared"
     low, middle, high = (1 - share for share in reversed(entry.saved))
@@ -278,7 +291,7 @@ def spent(entry: Entry) -> str:
 
 
 def saving(entry: Entry) -> str:
-    """The share of time that a feature costs, in per cent; "none" where none is measurable.
+    """The share of time that is saved, in per cent; "none" if no change is measurable.
 
     >>> saving(Entry("light", "sun", "harmless", saved=(-0.02, 0.01, 0.03)))
     'none'

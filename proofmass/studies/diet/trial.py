@@ -1,12 +1,13 @@
-"""Running a compiled model: once for its channels, in rounds for its pace.
+"""Runs of a compiled model: once for its channels, or in pairs for its cost.
 
-These functions are called in worker processes, which `paced` starts itself.
+These functions are called in worker processes; `paced` starts its own.
 
 `independent_groups` finds which bodies act on each other while a model moves.  A kinematic tree is
-a body that is joined to the world, with all that hangs on it.  Two trees act on each other through
+a body that is joined to the world, with all its descendants.  Two trees act on each other through
 a contact or an equality (a row of the constraint Jacobian with entries of both), a tendon, an
-actuator or a flex.  Trees that none of these joins, not even through others, move as they would
-alone: gravity and fluids act on each by itself, and what does not move passes nothing on.
+actuator or a flex.  Trees that none of these joins, directly or through other trees, move as they
+would alone: gravity and fluids act on each tree by itself, and bodies that do not move transmit
+nothing.
 """
 
 import copy
@@ -27,23 +28,23 @@ from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 from proofmass.studies.measure import Measurement, own_core, pinned
 from proofmass.worker import Crashed, isolated
 
-PASSIVE = "passive"
-STEPPED = ("dynamics", PASSIVE)  # runs that go by time steps
-SPAN = 0.5  # s, of rounds at least
-LEVEL = 0.99  # probability with which an interval holds the median that it is of
+PASSIVE = "passive"  # the kind of run of a free motion, which is no run of a sidecar
+STEPPED = ("dynamics", PASSIVE)  # kinds of runs with time steps
+SPAN = 0.5  # s, least wall time of all rounds
+LEVEL = 0.99  # probability with which an interval contains its median
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5
-"""Whether the clock of the processor's time tells runs of milliseconds apart; not on Windows."""
+"""Whether the clock of processor time resolves runs of milliseconds; on Windows it does not."""
 
 TimeRange = tuple[float, float, float]
-"""The least, the median and the largest that it may be."""
+"""The lower end of an interval, the median, and the upper end."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Processor time of a step [s], the median of the rounds, and memory of model and data [bytes].
+    """Processor time per step [s], the median of the rounds, and memory of model and data [bytes].
 
-    Of a model with another time step it is the time of as much of the run as a step of the first
-    model covers.
+    For a model with another time step it is the time per step of the first model, over the same
+    duration of the motion.
     """
 
     seconds: float
@@ -52,13 +53,14 @@ class Cost:
 
 @dataclass(frozen=True)
 class Pace:
-    """What two models cost, and the share of the first one's time that the second one saves.
+    """The costs of two models, and the share of the first one's time that the second one saves.
 
     Attributes
     ----------
     costs : tuple of two Cost
-    saved : Interval
-        From the ratios of the times of pairs of runs, one after the other.
+        The costs of the first and of the second model.
+    saved : TimeRange
+        The share, from the ratios of times of pairs of runs, one run after the other.
     """
 
     costs: tuple[Cost, Cost]
@@ -66,14 +68,14 @@ class Pace:
 
 
 def by_steps(run: Run) -> bool:
-    """Whether a run goes by time steps."""
+    """Whether a run has time steps."""
     return run.kind in STEPPED or bool(run.settings.get("settled"))
 
 
 def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
-    """One run of a copy of a model, every joint moved by a `nudge` at first [rad or m].
+    """One run of a copy of a model; every joint is displaced by `nudge` at the start [rad or m].
 
-    An exception that no engine means to raise counts as a crash of that run.
+    An exception that is not one of an engine's own counts as a crash of that run.
     """
     try:
         return driven(model, run, nudge)[0]
@@ -84,7 +86,7 @@ def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
 
 
 def failure_word(found: Measurement) -> str:
-    """What a diet calls the outcome of a run that failed.
+    """The outcome that a diet gives to a feature without which a run failed.
 
     >>> failure_word(Measurement(outcome=Outcome.NO_START))
     'needed'
@@ -108,7 +110,7 @@ def groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
 def paced(
     models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, timeout: float
 ) -> Pace:
-    """`race`, in a process of its own on a processor of its own."""
+    """Call `race` in a process of its own, on a processor of its own."""
     with own_core() as core:
         return isolated(race, models, run, rounds, SPAN, core, timeout=timeout)
 
@@ -120,12 +122,12 @@ def race(
     span: float,
     core: int | None = None,
 ) -> Pace:
-    """What two models cost, run in pairs after a pair that warms up.
+    """The costs of two models that are run in pairs, after a pair that warms up.
 
-    The first model of each pair is drawn by lot, so that a regular disturbance of the machine does
-    not meet one model more often; a disturbance longer than a pair meets both.  Time is that of the
-    processor, not wall time, so that other processes count as little as can be.  Short runs get
-    more rounds, a `span` [s] of them.
+    The first model of each pair is chosen at random, so that a periodic disturbance of the machine
+    does not affect one model more often; a disturbance longer than a pair affects both.  The times
+    are those of the processor, not wall times, so that other processes have as little effect as
+    possible.  There are at least `rounds` pairs, and more if they take less than `span` [s].
     """
     times: list[list[float]] = [[], []]
     sizes, steps, lot = [0, 0], 0, Random(0)
@@ -146,7 +148,7 @@ def race(
 
 
 def clocked(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
-    """The processor time that a run takes once its model is there [s], the run, and its end."""
+    """Processor time of a run without the preparation of its model [s], curves, and end state."""
     model, data = begin(copy.copy(model), run)
     began = time.thread_time()
     curves = follow(model, data, run)
@@ -154,7 +156,7 @@ def clocked(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjDa
 
 
 def saved(ratios: Sequence[float]) -> TimeRange:
-    """The share of time that is saved, of ratios of times after and before, with its interval.
+    """The share of time that is saved, with its interval, from ratios of times after to before.
 
     >>> saved([0.5] * 9)
     (0.5, 0.5, 0.5)
@@ -164,24 +166,24 @@ def saved(ratios: Sequence[float]) -> TimeRange:
 
 
 def median_interval(values: Sequence[float], level: float = LEVEL) -> TimeRange:
-    """The median of values, and an interval that holds that of what they were drawn from.
+    """The median of values, and an interval that contains the median of their distribution.
 
-    Between the k-th value from below and the k-th from above: whatever the distribution is, each of
-    n independent values is below its median with probability 1/2, so that the interval misses it
-    with probability 2 P(B < k), where B is binomial with n and 1/2 (the sign test).  Fewer than 8
-    values bound nothing at 0.99.
+    The interval is from the k-th value from below to the k-th from above.  For any distribution,
+    each of n independent values is below its median with probability 1/2.  So the interval does not
+    contain the median with probability 2 P(B < k), where B is binomial with n and 1/2 (the sign
+    test).  With fewer than 8 values the interval is infinite at the level 0.99.
 
     Parameters
     ----------
     values : sequence of float
         Independent values of one quantity [its unit].
     level : float
-        Least probability [1] with which the interval holds the median.
+        Least probability [1] with which the interval contains the median.
 
     Returns
     -------
     tuple of float
-        Lower end of the interval, median, and upper end [its unit], that of the values.
+        Lower end of the interval, median, and upper end [its unit], the unit of the values.
 
     >>> median_interval(range(1, 16))
     (3, 8.0, 13)
@@ -197,7 +199,7 @@ def median_interval(values: Sequence[float], level: float = LEVEL) -> TimeRange:
 
 
 def most_iterations(model: mujoco.MjModel, run: Run, tolerance: float) -> int:
-    """Iterations that the solver takes at most in a step of a run, with a tolerance."""
+    """Most iterations that the solver takes in a step of a run, with a tolerance."""
     model.opt.tolerance, most = tolerance, 0
 
     def look(_: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -218,19 +220,19 @@ WRAP = mujoco.mjtWrap
 def independent_groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
     """Groups of kinematic trees that do not act on each other in a run.
 
-    Contacts are those that are there in a step of the run; what would touch later is not known.
+    Contacts count if they exist in a step of the run; later contacts are not known.
 
     Parameters
     ----------
     model : mujoco.MjModel
     run : Run
-        Of which the start, the settings and the last time are used; nothing is driven.
+        Its start, settings and last time are used; no drives act.
 
     Returns
     -------
     list of list of str
-        The names of the bodies that are joined to the world, a list for each group.  One group of
-        all where a plugin may join any two.
+        The names of the bodies that are joined to the world, in a list for each group.  All are in
+        one group if the model has plugins, since these may act on any bodies.
     """
     model, data = begin(model, run)
     count = model.ntree
@@ -254,7 +256,7 @@ def constraint_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     if not data.nefc:
         return np.zeros((0, model.nv))
     if not mujoco.mj_isSparse(model):
-        # rows of what turned out to move nothing are left at its end
+        # the buffer is longer than nefc rows, since rows that moved nothing were dropped
         return np.asarray(data.efc_J).ravel()[: data.nefc * model.nv].reshape(data.nefc, model.nv)
     dense = np.zeros((data.nefc, model.nv))
     values, columns = data.efc_J.ravel(), data.efc_J_colind.ravel()
@@ -264,7 +266,7 @@ def constraint_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
 
 
 def tendon_bodies(model: mujoco.MjModel) -> list[list[int]]:
-    """The bodies that each tendon runs over."""
+    """The bodies that each tendon acts on."""
     found = []
     for first, n in zip(model.tendon_adr, model.tendon_num, strict=True):
         bodies = []
@@ -282,9 +284,9 @@ def tendon_bodies(model: mujoco.MjModel) -> list[list[int]]:
 
 
 def actuator_bodies(model: mujoco.MjModel) -> list[list[int]]:
-    """The bodies of the two sites of each actuator that has two.
+    """The bodies of the two sites of each actuator that has two sites.
 
-    One on a tendon acts where the tendon does, one on a joint or a body on a single tree.
+    An actuator on a tendon acts on the tendon's bodies, one on a joint or a body on a single tree.
     """
     two = (mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK)
     return [
@@ -295,7 +297,7 @@ def actuator_bodies(model: mujoco.MjModel) -> list[list[int]]:
 
 
 def flex_bodies(model: mujoco.MjModel) -> list[list[int]]:
-    """The bodies that carry each flex."""
+    """The bodies to which the vertices and nodes of each flex belong."""
     return [
         [*model.flex_vertbodyid[v : v + m].tolist(), *model.flex_nodebodyid[a : a + n].tolist()]
         for v, m, a, n in zip(
@@ -309,7 +311,7 @@ def flex_bodies(model: mujoco.MjModel) -> list[list[int]]:
 
 
 def join(joined: np.ndarray, trees: np.ndarray) -> None:
-    """Note, in place, that these trees act on each other; -1 is the world."""
+    """Mark, in place, that these trees act on each other; -1 is the world."""
     own = np.unique(trees[trees >= 0])
     joined[np.ix_(own, own)] = True
 
@@ -330,5 +332,5 @@ def closed(joined: np.ndarray) -> np.ndarray:
 
 
 def distinct(rows: np.ndarray) -> list[np.ndarray]:
-    """The rows that differ, in the order in which they first come."""
+    """The distinct rows, in the order in which they occur first."""
     return [row for k, row in enumerate(rows) if not (rows[:k] == row).all(axis=1).any()]

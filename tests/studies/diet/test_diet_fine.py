@@ -16,7 +16,7 @@ from proofmass.studies.diet.scene import MonitoredRun, with_fine_solution
 from tests.studies.diet.test_diet_options import falling
 from tests.studies.test_study_verdicts import bob, let_go
 
-NONE = "Options may move a channel by no more than a feature may, for there is no fine solution "
+NONE = "Options may change a channel by no more than a feature may: there is no fine solution "
 STEP = 1e-3  # of the model
 
 
@@ -84,9 +84,9 @@ def test_the_truth_of_a_free_motion_is_its_fine_solution(tmp_path, monkeypatch):
     }
     assert held == replace(fine.monitored, bound=held.bound)
     assert words == (
-        "Options are held against the fine solution of the same model, with steps of 1.25e-4 s and "
-        "constraints solved by Newton's method to 1e-14, over the first 1 s: no channel may be off "
-        "it by more than 1.1 times what it is off with the options as they are, 1e-9 of its size, "
+        "Options are compared with the fine solution of the same model, with steps of 1.25e-4 s "
+        "and constraints solved by Newton's method to 1e-14, over the first 1 s: the error of a "
+        "channel may be 1.1 times its error with the model's own options, 1e-9 of its size, "
         "whichever is more; --error SHARE allows more."
     )
 
@@ -116,8 +116,8 @@ def test_a_share_of_the_range_may_be_allowed(tmp_path, monkeypatch):
         "rate": pytest.approx(0.005),
     }
     assert words.endswith(
-        "no channel may be off it by more than 1.1 times what it is off with the options as they "
-        "are, 1e-9 of its size or 0.01 of its range, whichever is most."
+        "the error of a channel may be 1.1 times its error with the model's own options, 1e-9 of "
+        "its size or 0.01 of its range, whichever is most."
     )
     assert fine.held(X, 0.0)[1].endswith("--error SHARE allows more.")
     # what the model as it is leaves may be more
@@ -175,7 +175,7 @@ def test_where_a_model_leaves_its_fine_solution_nothing_is_held_against_it(tmp_p
     held, words = fine.held(X)
     assert held is fine.monitored
     assert words == (
-        f"{NONE}to hold them against: a is off it by a tenth of its size after 0.5 s; "
+        f"{NONE}to compare them with: a differs from it by a tenth of its size after 0.5 s; "
         "--seconds ends the run before that."
     )
     tenth = Fine(tmp_path, monkeypatch, {"a": off(0.2, 0.5)}, {"a": off(0.0, 0.0)})
@@ -190,7 +190,7 @@ def test_a_fine_solution_that_does_not_run_is_none(tmp_path, monkeypatch):
     monkeypatch.setattr(scene, "done", done)
     held, words = fine.held(X)
     assert held is fine.monitored
-    assert words == f"{NONE}to hold them against: as it is, its run diverged."
+    assert words == f"{NONE}to compare them with: as it is, its run diverged."
 
 
 def test_a_fine_solution_has_converged_to_half_of_what_is_allowed(tmp_path, monkeypatch):
@@ -208,7 +208,7 @@ def test_a_fine_solution_has_converged_to_half_of_what_is_allowed(tmp_path, monk
         if not holds:
             assert held is fine.monitored
             assert words == (
-                f"{NONE}to hold them against: a still changes between steps of "
+                f"{NONE}to compare them with: a still changes between steps of "
                 "2.5e-4 s and 1.25e-4 s."
             )
     assert (

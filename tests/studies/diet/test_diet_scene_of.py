@@ -13,8 +13,8 @@ from tests.studies.diet.test_diet_options import falling
 from tests.studies.test_study_verdicts import fails, watch_of
 
 HELD = (
-    "Options are held against the references of the sidecars: an error may grow by a tenth of "
-    "what it leaves of its tolerance."
+    "Options are compared with the references of the sidecars: an error may grow by a tenth of "
+    "the difference between its tolerance and itself."
 )
 
 
