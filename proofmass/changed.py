@@ -1,8 +1,8 @@
 """Runs of a case with changed numbers of its model: functions that workers call.
 
-`baseline` runs a case as it is, and keeps its errors with their signs.  `with_changes` runs it with
-a changed model, holds it against the reference as `proofmass check` does, and tells from the two at
-which change the first tolerance would be used up.
+`baseline` runs a case without changes, and keeps its errors with their signs.  `with_changes` runs
+it with a changed model, compares it with the reference as `proofmass check` does, and computes from
+both runs by which change the first tolerance would be used up.
 """
 
 import math
@@ -30,7 +30,8 @@ from proofmass.solve import prescribed_run, run_here
 from proofmass.strict import Kind
 
 ENOUGH = 24
-"""Intervals of a sweep that show the rate of an error: a peak between them is a percent higher."""
+"""Intervals of a sweep that suffice for the rate of an error: a peak between samples is about a
+percent higher."""
 ChannelErrors = dict[str, Array]
 MovedTable = TypeVar("MovedTable", DriveTable, LoadTable)
 Changes = Sequence[tuple[Number, float]]
@@ -38,17 +39,18 @@ Changes = Sequence[tuple[Number, float]]
 
 @dataclass(frozen=True)
 class Baseline:
-    """A run of the case as it is.
+    """A run of the unchanged case.
 
     Attributes
     ----------
     kind, solver : str
-        The run and what runs it.
+        The kind of run, and the solver.
     errors : dict of str to ndarray (n,)
         Signed errors of the channels that agree [SI].
     allowed, shares : dict of str to float
-        What they may be [SI], and as shares of what `scale_of` says [1].
+        Allowed errors [SI], and the same as shares of the scale that `scale_of` gives [1].
     comparisons : list of Comparison
+        The comparisons of all channels.
     seconds : float
         Wall time of the engine [s].
     """
@@ -67,13 +69,13 @@ class Baseline:
 
     @property
     def seconds(self) -> float:
-        """Wall time of the engine."""
+        """Wall time of the engine [s]; 0 if it is not known."""
         return next((c.seconds for c in self.comparisons if math.isfinite(c.seconds)), 0.0)
 
 
 @dataclass(frozen=True)
 class Limit:
-    """By what factor a change would have to grow to be noticed, and by which channel."""
+    """The factor by which a change must grow to be noticed, and the channel that notices it."""
 
     factor: float = math.inf
     channel: str = ""
@@ -81,23 +83,23 @@ class Limit:
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of a run with changed numbers.
+    """The result of a run with changed numbers.
 
     Attributes
     ----------
     ratio : float
-        The largest error over what is allowed [1], of all channels; infinite if the run fails.
+        The largest error over the allowed one [1], of all channels; infinite if the run fails.
     channel : str
-        The channel of it.
+        The channel with this error.
     failed : str
-        Why the run gave no curves that can be held against the reference.
+        Why the run gave no curves that can be compared with the reference.
     limits : dict of str to (Limit, Limit)
-        By solvers of the run, if errors grow with the change: for the same change and for the
-        opposite one.
+        For each solver of the run the limits of the same change and of the opposite change, if
+        errors grow linearly with the change.
     moved : float
-        By how much the change moves an error at most, over what is allowed [1].
+        The largest change of an error over the allowed error [1].
     moves : str
-        The channel of it.
+        The channel with this change.
     """
 
     ratio: float
@@ -109,7 +111,7 @@ class Trial:
 
 
 def baseline(case: Case, kind: Kind, solver: str) -> Baseline:
-    """Run a case as it is, and tell its errors with their signs."""
+    """Run the unchanged case; the result has its errors with their signs."""
     mobility(case)
     curves = run_here(case, kind, solver)
     if curves.stopped:
@@ -137,7 +139,7 @@ def numbers(case: Case) -> list[Number]:
 
 
 def prescribed(case: Case, kind: Kind) -> Curves:
-    """The motion that a run prescribes, without any channel."""
+    """The motion that a run prescribes, as curves without channels."""
     run = prescribed_run(case, kind)
     moved = case.drive and kind != "equilibrium"
     return Curves(run.x, {}, drive=run.motion(run.x) if moved else None)
@@ -147,7 +149,7 @@ sources = lru_cache(8)(source_of)
 
 
 def source(case: Case) -> Source:
-    """The compiled model of a case with its file."""
+    """The compiled model of a case, with the MJCF file that it comes from."""
     try:
         return sources(case.model_path, case.start, case.rods)
     except BadModel as error:
@@ -155,9 +157,9 @@ def source(case: Case) -> Source:
 
 
 def stride_of(case: Case, kind: Kind) -> int:
-    """Of how many samples of a sweep one is enough to tell a rate; 1 of another run.
+    """The stride of samples of a sweep that suffices for a rate; 1 for another kind of run.
 
-    Both ends stay, since a case is thinned by its number of samples.
+    It divides the number of intervals, so that both ends remain samples.
     """
     n = case.run[kind].n
     if kind != "sweep" or n is None:
@@ -166,7 +168,7 @@ def stride_of(case: Case, kind: Kind) -> int:
 
 
 def thinned(case: Case, kind: Kind, stride: int) -> Case:
-    """The case with one sample of so many, at the same places."""
+    """The case with every stride-th sample of a run."""
     run = case.run[kind]
     if stride == 1 or run.n is None:
         return case
@@ -175,7 +177,7 @@ def thinned(case: Case, kind: Kind, stride: int) -> Case:
 
 
 def mutant(case: Case, changes: Changes, folder: Path) -> Case:
-    """The case with a changed model, as a file in a folder; it is sampled as it was."""
+    """The case with a changed model, which is written to a folder; its samples stay the same."""
     file = folder / case.model_path.name
     file.write_text(written(source(case), changes), encoding="utf-8")
     if case.recorded:
@@ -199,7 +201,7 @@ def mutant(case: Case, changes: Changes, folder: Path) -> Case:
 
 
 def whole_path(case: Case, table: MovedTable) -> MovedTable:
-    """A drive or a load that names the file which it follows by its whole path."""
+    """A drive or a load with the absolute path of the file of its motion profile."""
     if not isinstance(table.profile, ProfileTable) or table.profile.file is None:
         return table
     file = str((case.file.parent / table.profile.file).absolute())
@@ -214,19 +216,19 @@ def with_changes(
     before: Sequence[Baseline],
     stride: int = 1,
 ) -> Trial:
-    """Run a case with changed numbers, and hold it against the reference as `check` does.
+    """Run a case with changed numbers, and compare it with the reference as `check` does.
 
     Parameters
     ----------
     case, kind, solver
-        The run.
+        The case, the kind of run and the solver.
     changes : sequence of (Number, float)
-        What is added to which numbers.
+        Numbers, and the values that are added to them.
     before : sequence of Baseline
-        The runs of that kind; that of this solver is judged, the others lend their errors and
-        tolerances.
+        The unchanged runs of that kind.  That of this solver is compared; the errors and tolerances
+        of the others give limits for their solvers.
     stride : int
-        One sample of so many is run.
+        Every stride-th sample is run.
     """
     own = next(one for one in before if one.solver == solver)
     with tempfile.TemporaryDirectory() as folder:
@@ -255,20 +257,20 @@ def with_changes(
 
 
 def shares(some: ChannelErrors, allowed: dict[str, float]) -> dict[str, float]:
-    """The largest of each channel's numbers, over what the channel may be off."""
+    """The largest absolute value of each channel, over the channel's allowed error."""
     return {name: float(np.max(np.abs(values))) / allowed[name] for name, values in some.items()}
 
 
 def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline) -> ChannelErrors:
-    """Signed errors of the channels that agreed, with a changed model.
+    """Signed errors, with a changed model, of the channels that agreed without the change.
 
-    A reference that reads the model is given the changed one; others know the case's own only, and
+    A reference that reads the model reads the changed one; others do not depend on the model, and
     are evaluated once.
     """
     mobility(changed)
     curves = run_here(changed, kind, solver)
     if curves.stopped:
-        raise InputError(changed.file, "drive", f"it ends early: {curves.stopped}")
+        raise InputError(changed.file, "drive", f"the run ends early: {curves.stopped}")
     reference = (
         evaluate(changed, kind, curves.x, curves.drive)
         if reads_model(case)
@@ -283,7 +285,7 @@ def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline)
 
 
 def limits_of(before: Baseline, rates: ChannelErrors, stride: int) -> tuple[Limit, Limit]:
-    """By what factor of a change and of its opposite a run notices it, from its rates."""
+    """The limits of a change and of its opposite in a run, from the rates of its errors."""
     return tuple(  # type: ignore[return-value]
         min(
             (
@@ -299,7 +301,7 @@ def limits_of(before: Baseline, rates: ChannelErrors, stride: int) -> tuple[Limi
 
 
 def limit(error: Array, allowed: float, rate: Array, channel: str) -> Limit:
-    """By what factor of its rate an error gets as large as it may be.
+    """The factor on the rate of an error with which the error reaches its allowed size.
 
     >>> limit(np.array([0.5, -0.5]), 1.0, np.array([0.1, 0.1]), "y").factor
     5.0

@@ -1,12 +1,13 @@
-"""Which wrong numbers of a model a case would notice, and from which change on.
+"""Coverage of a case: which wrong numbers of its model it would notice, and from which change on.
 
-Each number of the compiled model is changed in what the engines get, and the runs are held against
-the reference and the tolerances of the case.  A change is noticed where a channel differs that
-agreed before, or where the run is refused or failed.  A reference that reads the model itself reads
-the changed one, as it does in `proofmass check`: such a case notices a number by its laws alone.
+Each number of the compiled model is changed for the engines, and the runs are compared with the
+reference within the tolerances of the case.  A change is noticed if a channel differs that agreed
+before, or if the run is refused or fails.  A reference that reads the model itself reads the
+changed model, as it does in `proofmass check`.  Such a case notices a number only by the channels
+that must equal a number.
 
-What was found is kept in a folder, a file for each case, which is written after each group of
-numbers: `coverage_of` goes on where it was stopped, `stored_coverage` reads what is there.
+The findings are kept in a folder, in a file for each case that is written after each group of
+numbers: `coverage_of` continues a search that was stopped, `stored_coverage` reads a complete one.
 """
 
 import json
@@ -35,34 +36,35 @@ from proofmass.terminal import finite
 from proofmass.worker import stopping
 
 FORMAT = 1
-"""Of the files of findings."""
+"""Version of the format of the files of findings."""
 FOLDER = "PROOFMASS_CACHE"
-"""Environment variable: the folder of what was found; ``~/.cache/proofmass`` if it is not set."""
+"""Environment variable with the folder of findings; ``~/.cache/proofmass`` if it is not set."""
 OWN = "changed", "compare", "coverage", "coverage_search", "drive", "reference", "solve"
-"""Modules of the core that a finding depends on."""
+"""Modules of the core whose sources a finding depends on."""
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """What a case notices, and what it does not.
+    """The numbers that a case notices, and those that it does not notice.
 
     Attributes
     ----------
     case, key : str
-        The case, and what the findings depend on, as a digest.
+        The name of the case, and a digest of all that the findings depend on.
     runs : tuple of CheckedRun
+        How closely each solver of each run is checked.
     parameters, numbers : tuple of Finding
-        Of the reference, and of the model.
+        Findings on the parameters of the reference, and on the numbers of the model.
     differing : tuple of str
-        Channels that differ already, ``run solver channel``; they are asked nothing.
+        Channels that differ without a change, as ``run solver channel``; they are not used.
     reads_model : bool
         Whether the reference reads the model's own numbers.
     laws : tuple of str
         Channels that must equal a number.
     left_out : str
-        Why no number of the model was tried; empty if they were.
+        Why no number of the model was tried; empty if numbers were tried.
     seconds : float
-        Wall time that it took [s].
+        Wall time of the search [s].
     """
 
     case: str
@@ -78,13 +80,13 @@ class Coverage:
 
     @property
     def noticed(self) -> list[Finding]:
-        """The numbers that are noticed, the most sensitive first, refused ones last."""
+        """The findings on noticed numbers, smallest change first, and refused changes last."""
         found = [one for one in self.numbers if one.noticed]
         return sorted(found, key=lambda one: (bool(one.refused), one.measure))
 
     @property
     def unnoticed(self) -> dict[str, list[Finding]]:
-        """The numbers that no run notices, by their kinds."""
+        """The findings on numbers that no run notices, by their kinds."""
         found: dict[str, list[Finding]] = {}
         for one in self.numbers:
             if not one.noticed:
@@ -98,19 +100,19 @@ def coverage_of(
     progress: Callable[[str, int, int], None] = lambda *_: None,
     folder: Path | None = None,
 ) -> Coverage:
-    """Find out what a case notices; what was found before is not tried again.
+    """Find the numbers that a case notices; findings of an earlier call are used.
 
-    It is kept, unless one of the runs reached a limit of time or memory as it is.
+    The coverage is kept, unless one of the unchanged runs reached a limit of time or memory.
 
     Parameters
     ----------
     case : Case
     jobs : int, optional
-        Runs side by side; as many as there are processors when not given.
+        Number of runs at a time; that of the processors if not given.
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each group of numbers.
     folder : Path, optional
-        Where findings are kept; `cache_folder` if not given.
+        The folder of findings; `cache_folder` if not given.
 
     Returns
     -------
@@ -119,7 +121,7 @@ def coverage_of(
     Raises
     ------
     InputError
-        The case cannot be run; the folder has a file that something else has written.
+        The case cannot be run, or the folder has a file that proofmass did not write.
     """
     key = key_of(case)
     file = file_of(case, key, folder)
@@ -164,12 +166,12 @@ def coverage_of(
 
 
 def stored_coverage(case: Case, folder: Path | None = None) -> Coverage | None:
-    """What was found of a case as it is now; None if that was not asked, or not to its end."""
+    """The stored coverage of a case in its present state; None if there is no complete one."""
     return read_kept(file_of(case, key_of(case), folder)).coverage
 
 
 def cache_folder() -> Path:
-    """Where findings are kept."""
+    """The default folder of findings."""
     if given := os.environ.get(FOLDER):
         return Path(given)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "proofmass"
@@ -181,7 +183,7 @@ def file_of(case: Case, key: str, folder: Path | None) -> Path:
 
 
 def key_of(case: Case) -> str:
-    """SHA-256 of all that findings depend on: sidecar, model, reference, versions, sources."""
+    """SHA-256 of all that findings depend on: sidecar, model, reference, versions and sources."""
     case.require_model()
     model = str(case.model_path)
     files = {Path(file) for file in (model, *mujoco.mju_getXMLDependencies(model))}
@@ -199,12 +201,12 @@ def key_of(case: Case) -> str:
 
 @cache
 def own_sources() -> str:
-    """Digest of what finds and judges; a version stays while it is developed."""
+    """Digest of the sources that findings depend on, since these may change within a version."""
     return sources_with(Path(__file__).with_name(f"{name}.py") for name in OWN)
 
 
 def versions_of(engine: str) -> dict[str, str]:
-    """Versions of an engine; none of one that cannot be loaded, whose runs fail."""
+    """Versions of an engine; empty if it cannot be loaded, so that its runs fail."""
     try:
         engine_of(engine)
     except NoEngine:
@@ -214,7 +216,7 @@ def versions_of(engine: str) -> dict[str, str]:
 
 @dataclass
 class Kept:
-    """What a file of findings holds: groups by their labels, and all of it once it is complete."""
+    """The content of a file of findings: groups by their labels, or the complete coverage."""
 
     groups: dict[str, list[Finding]] = field(default_factory=dict)
     coverage: Coverage | None = None
@@ -238,12 +240,12 @@ class Kept:
 
 
 def read_kept(file: Path) -> Kept:
-    """What a file holds; nothing if it is not there.
+    """Read a file of findings; the result is empty if there is no such file.
 
     Raises
     ------
     InputError
-        Something else has changed it.
+        The file was not written by proofmass, or changed since.
     """
     if not file.is_file():
         return Kept()
@@ -254,18 +256,18 @@ def read_kept(file: Path) -> Kept:
         return Kept(groups, coverage_from(whole) if whole else None, float(table["seconds"]))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(
-            file, "", "not what proofmass explain wrote there; delete it, and it is made again"
+            file, "", "not a file that proofmass explain wrote; delete it, and it is made again"
         ) from None
 
 
 def finding(table: dict[str, Any]) -> Finding:
-    """A finding from its table."""
+    """A finding from its JSON object."""
     values: dict[str, Any] = {k: math.nan if v is None else v for k, v in table.items()}
     return Finding(**values)
 
 
 def coverage_from(table: dict[str, Any]) -> Coverage:
-    """All of it from its table, as `dataclasses.asdict` makes it."""
+    """A coverage from its JSON object, as `dataclasses.asdict` makes it."""
     values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
     values["runs"] = tuple(map(checked_run, table["runs"]))
     for key in ("parameters", "numbers"):
@@ -274,6 +276,6 @@ def coverage_from(table: dict[str, Any]) -> Coverage:
 
 
 def checked_run(table: dict[str, Any]) -> CheckedRun:
-    """A run from its table."""
+    """A checked run from its JSON object."""
     values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
     return CheckedRun(**values)

@@ -1,20 +1,22 @@
-"""The search for the numbers that a case notices, and for the smallest change of each.
+"""The search for the numbers that a case notices, and for the smallest noticed change of each.
 
-**What is tried.**  A number is changed by `SHARE` of its value, one that is 0 by `SHARE` of a
-natural size, to both sides.  Numbers of a kind that often nothing notices are changed together
-first, by random shares of at least that and to random sides, then to the opposite sides: where
-neither is noticed, they wait.  Where one is, the group is halved.
+**Trial changes.**  A number is increased and decreased by `SHARE` of its value, or by `SHARE` of a
+natural size if it is 0.  Numbers of kinds that are often not noticed are first changed together, by
+random shares of at least `SHARE` and with random signs, then with the opposite signs.  If neither
+change is noticed, the group is left to the next runs; otherwise it is halved.
 
 **The smallest change.**  From the errors e0 before and e1 after a change d the rate of every
-error is (e1 - e0) / d at each sample, and the channel whose tolerance is used up first tells the
-change that is noticed.  This is repeated with twice the change that was found, until the two agree.
+error is (e1 - e0) / d at each sample.  The channel whose tolerance is used up first by these rates
+gives an estimate of the smallest noticed change.  The run is repeated with twice the estimate,
+until they agree within a factor `NEAR`.
 
-The quickest run is asked first, kind by kind.  What it does not notice is asked of the other runs,
-one after the other, as a group of all kinds.  Sweeps are searched at some of their samples, at
-which what is noticed is noticed by the whole run as well, unless the model as it is cannot be swept
-there.  In a group one number may hide another, so that each that nothing noticed is then changed
-alone, to both sides, in each whole run, which tells how much of a tolerance it uses.  At the end
-the other runs are asked for half of the changes that were found.
+The quickest run is tried first, kind by kind.  The numbers that it does not notice are tried in the
+other runs, one after the other, as a group of all kinds.  Sweeps are made at some of their samples:
+a change that is noticed at these is noticed by the whole run as well.  All samples are used if the
+unchanged model cannot be swept at a part of them.  In a group one number may hide another, so each
+number that was not noticed is then changed alone, up and down, in each whole run; this gives the
+share of a tolerance that the change uses.  At the end the other runs are tried with half of the
+changes that were found.
 """
 
 import math
@@ -34,23 +36,23 @@ from proofmass.strict import Kind
 from proofmass.worker import TimedOut, isolated
 
 CHUNK = 6
-"""Numbers of a kind that are tried together."""
+"""Most numbers of a kind in a group."""
 SMALL = 1e-4
-"""Of the change that is tried: the first one, whose rate tells what to try next."""
+"""Share of the trial change in the first run of a number, whose rates tell the next change."""
 NEAR = 4.0
-"""A change is found if it is up to so many times less than one that was tried and noticed."""
+"""An estimate is accepted if the noticed change it comes from is at most so many times as large."""
 ROUNDS = 8
-"""Changes to try for the smallest one that is noticed."""
+"""Most runs in the search for the smallest noticed change."""
 DOWN = 1e-2
-"""Of a change with which a run fails: the next one, which may tell a rate."""
+"""Factor on a change with which a run fails, for the next run, which may have rates."""
 IN_TURN = 3
-"""Changes with which a run fails, one after the other, until it is given up."""
+"""Number of successive changes with which a run fails, after which the search ends."""
 MOST = 2.0
-"""Of the change that is tried alone: the largest in a group."""
+"""Largest change in a group, as a multiple of the trial change of a number alone."""
 LONGER = 4.0
-"""Of the limit of time of a run: that of a trial that reached it, when it is asked once more."""
+"""Factor on the limit of time for the second run of a trial that reached it."""
 SOONER = 0.8
-"""Of the change that is found: what another solver has to promise to be asked."""
+"""Another solver is tried if its rates promise less than this share of the change that is found."""
 QUIET = {
     "inertia",
     "damping",
@@ -61,9 +63,9 @@ QUIET = {
     "start rate",
     "range",
 }
-"""Kinds that often nothing notices: they begin with a group, the others one by one."""
+"""Kinds that are often not noticed; they are tried in groups first, the others one by one."""
 POSITIVE = {"damping", "armature", "friction", "stiffness"}
-"""Kinds that are not tried below 0."""
+"""Kinds whose numbers are not made negative."""
 MATERIAL = (
     "mass",
     "mass of a rod",
@@ -76,12 +78,12 @@ MATERIAL = (
     "stiffness of a rod about y",
     "friction",
 )
-"""What mechanisms are made of: the kinds that a case should notice."""
+"""Kinds of material properties of mechanisms, which a case should notice."""
 WHOLE = "all together"
-"""Label of what is asked at the end."""
+"""Label of the complete findings, after the last step of the search."""
 Some = TypeVar("Some")
 Each = Callable[..., Iterable[Any]]
-"""A `map`, or that of a pool."""
+"""The function `map`, or the `map` of a pool."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +94,14 @@ class CheckedRun:
     ----------
     run, solver : str
     checked, channels : int
-        Channels that agree with a tolerance, and all of the run.
+        Number of channels that agree within a tolerance, and of all channels of the run.
     channel : str
-        The channel nearest its tolerance.
+        The channel whose error is nearest to its tolerance.
     error, allowed : float
-        Its error and what it may be, as shares of what `scale_of` says [1]; 0 if none is checked.
+        Its error and the allowed one, as shares of the scale that `scale_of` gives [1]; 0 if no
+        channel is checked.
     why : tuple of str
-        The reasons of the tolerances, each once.
+        The reasons of the tolerances, without repetition.
     units : tuple of str
         Units of the channels that are checked.
     """
@@ -116,24 +119,27 @@ class CheckedRun:
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of changing one number, of the model or of the reference.
+    """The result of changing one number, of the model or of the reference.
 
     Attributes
     ----------
     kind, of, unit : str
-        The number, in words; `kind` is ``parameter`` for one of the reference.
+        The kind of the number, its element, and its unit; `kind` is ``parameter`` for a number of
+        the reference.
     value, tried : float
         The number, and the change that was tried [its unit].
     noticed : bool
+        Whether a run notices the change.
     change : float
-        The smallest change that is noticed, with its sign [its unit]; NaN where it is not known.
+        The smallest noticed change, with its sign [its unit]; NaN if it is not known.
     run, solver, channel : str
-        What notices it; where nothing does, what the change moves most, if that was asked.
+        The channel that notices it; for a number that is not noticed the channel that the change
+        moves most, if that was tried.
     refused : str
-        Why the run fails with the change, where no channel tells a smaller one.
+        Why the run fails with the change, if no channel notices a smaller one.
     moved : float
-        Of a number that nothing notices: how much of its tolerance that channel moves by with the
-        change that was tried [1]; NaN where no channel is left to tell it.
+        For a number that is not noticed the change of the error of that channel, as a share of its
+        tolerance, by the change that was tried [1]; NaN if no channel is left to compare.
     """
 
     kind: str
@@ -151,35 +157,35 @@ class Finding:
 
     @property
     def name(self) -> str:
-        """Kind and element, in words."""
+        """Kind and element as text."""
         return f"{self.kind} of {self.of}"
 
     @property
     def share(self) -> float:
-        """The smallest change as a share of the number; NaN of one that is 0."""
+        """The smallest noticed change as a share of the number; NaN if the number is 0."""
         return abs(self.change / self.value) if self.value else math.nan
 
     @property
     def measure(self) -> float:
-        """The smallest change over that which was tried, by which findings are sorted."""
+        """The smallest noticed change over the tried one, by which findings are sorted."""
         return abs(self.change / self.tried) if self.tried else math.inf
 
 
 class Search:
-    """The search of one case: its runs as they are, and groups of numbers that are changed.
+    """The search of one case: its unchanged runs, and runs with changed groups of numbers.
 
     Parameters
     ----------
     case : Case
     pool : ThreadPoolExecutor
-        Whose threads wait for workers.
+        The threads that wait for workers.
 
     Attributes
     ----------
     before : list of Baseline
-        The runs that were asked for, as they are.
+        The unchanged runs of all solvers with a tolerance.
     left_out : str
-        Why no number is tried; empty if they are.
+        Why no number is tried; empty if numbers are tried.
     """
 
     def __init__(self, case: Case, pool: ThreadPoolExecutor) -> None:
@@ -189,7 +195,10 @@ class Search:
         self.strides = {kind: stride_of(case, kind) for kind in case.run}
 
     def run(self, found: dict[str, list[Finding]]) -> Iterator[tuple[int, int, str]]:
-        """Try all groups that are not found yet; yields how many are, after each of them."""
+        """Try all groups that are not in `found`, and add them.
+
+        Yields after each group the number of groups that are found, that of all, and the label.
+        """
         case = self.case
         names = [(kind, s) for kind, run in case.run.items() for s in run.solvers]
         asked = [self.pool.submit(self.base, *name) for name in names]
@@ -236,9 +245,10 @@ class Search:
         yield total, total, WHOLE
 
     def keep_whole(self) -> None:
-        """Search sweeps at all samples that at some of them fail as they are.
+        """Use all samples of a sweep whose unchanged run fails at a part of them.
 
-        So is one with dry friction whose drive turns back between the samples that are left.
+        An example is a sweep with dry friction, if the drive turns back between the samples that
+        remain.
         """
         for run in self.runs():
             if self.strides[run.kind] > 1 and self.trial(run, []).failed:
@@ -251,7 +261,7 @@ class Search:
         return isolated(function, self.case, *args, timeout=timeout, memory=limits.memory)
 
     def base(self, kind: Kind, solver: str) -> Baseline | None:
-        """A run as it is; None of a solver of which no channel has a tolerance."""
+        """The unchanged run of a solver; None if none of its channels has a tolerance."""
         case, channels = self.case, self.case.channels_of(kind)
         if not any(case.tolerance_for(kind, solver, name) for name in channels):
             return None
@@ -274,7 +284,7 @@ class Search:
         return found
 
     def failed(self) -> Iterator[str]:
-        """The runs that have no curves as they are, in words."""
+        """Phrases on the unchanged runs that have no curves."""
         for one in self.before:
             for c in one.comparisons[:1]:
                 if c.outcome in FAILED:
@@ -282,22 +292,22 @@ class Search:
 
     @property
     def limited(self) -> bool:
-        """Whether a run reached a limit of time or memory as it is, and may not the next time."""
+        """Whether an unchanged run reached a limit of time or memory, which it may keep later."""
         outcomes = {c.outcome for one in self.before for c in one.comparisons}
         return bool(outcomes & {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY})
 
     def runs(self) -> list[Baseline]:
-        """The runs that check something: at rest before in time, the quickest first."""
+        """The runs with checked channels: runs at rest first, then by wall time."""
         there = [one for one in self.before if one.errors]
         return sorted(there, key=lambda one: (one.kind == "dynamics", one.seconds))
 
     def trial(self, run: Baseline, changes: Changes, whole: bool = False) -> Trial:
-        """A run with changed numbers; one that fails with its worker is a trial as well."""
+        """A run with changed numbers; a run that ends with its worker gives a failed trial."""
         alike = [one for one in self.before if one.kind == run.kind and one.errors]
         stride = 1 if whole else self.strides[run.kind]
         asked = run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
         why = ""
-        for longer in (1.0, LONGER):  # the run as it is keeps within its limit of time
+        for longer in (1.0, LONGER):  # the limit of time is that of the unchanged run
             try:
                 found: Trial = self.call(*asked, longer=longer)
             except TimedOut as error:
@@ -309,7 +319,7 @@ class Search:
         return Trial(math.inf, failed=why)
 
     def tried(self, group: Sequence[Number]) -> list[Finding]:
-        """What the first run tells of a group of numbers of one kind."""
+        """Findings of the first run on a group of numbers of one kind."""
         run = self.runs()[0]
         alone = list(group)
         if group[0].kind in QUIET:
@@ -318,26 +328,26 @@ class Search:
         return [found.get(number) or not_noticed(number) for number in group]
 
     def asked(self, run: Baseline, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
-        """The findings after another run was asked for all numbers that nothing noticed."""
+        """The findings after another run was tried with all numbers that were not noticed."""
         pending = [number for number, one in known.items() if not one.noticed]
         alone = parted(pending, lambda some: self.moves(run, some), self.pool.map)
         return {**known, **self.one_by_one(run, alone, self.pool.map)}
 
     def moves(self, run: Baseline, group: Sequence[Number]) -> bool:
-        """Whether a run notices a group that is changed as one, to these sides or to the others."""
+        """Whether a run notices a group whose numbers are changed together, with either signs."""
         return any(self.trial(run, changes).ratio > 1 for changes in draws(group))
 
     def one_by_one(
         self, run: Baseline, group: Sequence[Number], each: Each
     ) -> dict[Number, Finding]:
-        """Those of a group that are noticed alone."""
+        """Findings on those numbers of a group that are noticed when they are changed alone."""
         found = each(lambda number: self.single(run, number), group)
         return {number: one for number, one in zip(group, found, strict=True) if one}
 
     def alone(self, run: Baseline, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
-        """The findings after a whole run was asked for each number alone that nothing noticed.
+        """The findings after each number that was not noticed is changed alone in a whole run.
 
-        Of what is not noticed either, it is stated what it moves most.
+        For a number that is still not noticed, the finding has the channel that it moves most.
         """
 
         def farthest(number: Number) -> Finding:
@@ -355,7 +365,7 @@ class Search:
         return {**known, **dict(zip(silent, self.pool.map(farthest, silent), strict=True))}
 
     def single(self, run: Baseline, number: Number, whole: bool = False) -> Finding | None:
-        """What a run notices of a number; None if it does not notice the change that is tried."""
+        """The finding of a run on a number; None if the run does not notice the trial change."""
         small = SMALL * number.step
         trial = self.trial(run, [(number, small)], whole)
         if trial.failed:
@@ -372,7 +382,7 @@ class Search:
         return None
 
     def nearest(self, run: Baseline, number: Number, change: float, trial: Trial) -> float:
-        """The change that a run would notice by the rates of a trial; 0 if it tells none."""
+        """The smallest change that a run would notice by the rates of a trial; 0 without rates."""
         estimate = [
             side * limit.factor * change
             for side, limit in zip((1, -1), trial.limits[run.solver], strict=True)
@@ -388,7 +398,11 @@ class Search:
         known: tuple[float, Trial] | None = None,
         whole: bool = False,
     ) -> Finding | None:
-        """The smallest change that a run notices, from a guess; `known` is one that it notices."""
+        """The finding with the smallest change that a run notices; None if it notices none.
+
+        The search begins with the change `begin`; `known` is a change that is noticed, with its
+        trial.
+        """
         least, change, failed, quiet = known, begin, 0, 0.0
         for _ in range(ROUNDS):
             trial = self.trial(run, [(number, change)], whole)
@@ -406,11 +420,11 @@ class Search:
                 )
             estimate = self.nearest(run, number, change, trial)
             if not estimate or (least is None and abs(estimate) > number.step):
-                break  # the rate that promised it was rounding
+                break  # the rate was only rounding
             following = math.copysign(min(2 * abs(estimate), number.step), estimate)
             if trial.ratio <= 1:
                 quiet = max(quiet, abs(change))
-            if least and quiet:  # the rates are wrong: it goes with a square, for one
+            if least and quiet:  # the rates are wrong, since the error is quadratic, for example
                 following = math.copysign(math.sqrt(quiet * abs(least[0])), least[0])
             change = following
         if least is None:
@@ -421,7 +435,7 @@ class Search:
     def by_another(
         self, run: Baseline, number: Number, change: float, trial: Trial
     ) -> Finding | None:
-        """What another solver of the run notices, if the rates promise a smaller change there."""
+        """The finding of another solver of the run, if the rates promise a smaller change there."""
         own = trial.limits[run.solver][0].factor
         others = [one for one in self.runs() if one.kind == run.kind and one is not run]
         for other in others:
@@ -436,7 +450,7 @@ class Search:
         return None
 
     def sooner(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
-        """The findings after other runs were asked for half of the changes that were found."""
+        """The findings after other runs were tried with half of the changes that were found."""
         found = dict(known)
         for run in self.runs():
             for alike in (True, False):
@@ -462,11 +476,11 @@ class Search:
         found: Mapping[Number, Finding],
         alike: bool,
     ) -> list[Number]:
-        """Those that a run notices at half of the change that is found so far.
+        """The numbers of which a run notices half of the smallest change found so far.
 
-        Of a run that is `alike`, of the same kind, rates have shown what it notices; it may still
-        refuse a change of any size, so that in a group all of them are as small as to add up to
-        less than is noticed.
+        For a run that is `alike`, of the same kind, the rates have shown already which changes it
+        notices, but it may still refuse a change of any size.  So the changes in a group are then
+        so small that together they are less than is noticed.
         """
 
         def asks(some: Sequence[Number]) -> bool:
@@ -478,7 +492,7 @@ class Search:
         return [number for number in alone if asks([number])]
 
     def differing(self) -> Iterator[str]:
-        """The channels that differ already, in words."""
+        """The channels that differ without a change, as ``run solver channel``."""
         fine = (Outcome.AGREES, Outcome.UNCHECKED, Outcome.UNSUPPORTED)
         for c in (c for one in self.before for c in one.comparisons if c.outcome not in fine):
             yield f"{c.run} {c.solver} {c.channel}"
@@ -508,7 +522,7 @@ class Search:
                 )
 
     def parameters(self) -> Iterator[Finding]:
-        """What is noticed of the parameters of the reference, by what comparisons tell already."""
+        """Findings on the reference's parameters, from the detectable changes of comparisons."""
         for name, value in changeable(self.case).items():
             blank = Finding("parameter", name, "", value, SHARE * abs(value), False)
             estimate = [
@@ -529,7 +543,7 @@ class Search:
 
 
 def grouped(there: Sequence[Number]) -> dict[str, list[Number]]:
-    """Numbers of a kind in groups of a few, by labels."""
+    """Numbers in groups of one kind and of at most `CHUNK`, by labels."""
     groups: dict[str, list[Number]] = {}
     for kind in dict.fromkeys(number.kind for number in there):
         own = [number for number in there if number.kind == kind]
@@ -541,7 +555,7 @@ def grouped(there: Sequence[Number]) -> dict[str, list[Number]]:
 def parted(
     group: Sequence[Some], asks: Callable[[Sequence[Some]], bool], each: Each = map
 ) -> list[Some]:
-    """What is left to be asked alone, of a group that is halved where it is noticed.
+    """The members of a group that are left after halving each part that is noticed.
 
     >>> parted("abcdefgh", lambda some: "c" in some)
     ['c', 'd']
@@ -560,19 +574,20 @@ def parted(
 
 
 def goes_below(kind: str, value: float, step: float) -> bool:
-    """Whether a number is made smaller as well as larger."""
+    """Whether a number is decreased as well as increased."""
     return kind not in POSITIVE or value >= step
 
 
 def sides_of(number: Number) -> tuple[int, ...]:
-    """To which sides a number is changed."""
+    """The signs of the changes of a number."""
     return (1, -1) if goes_below(number.kind, number.value, number.step) else (1,)
 
 
 def draws(group: Sequence[Number]) -> Iterator[Changes]:
-    """Random changes of a group, to both sides where there are two, and those to the other sides.
+    """Random changes of a group, with random signs; then others with the opposite signs.
 
-    None is less than what is tried alone.
+    A number that is not decreased is increased both times.  No change is smaller than that of the
+    number alone.
     """
     chosen = random.Random(" ".join(number.name for number in group))
     sides = [chosen.choice((1, -1)) for _ in group]

@@ -1,19 +1,20 @@
 """Why a run differs: changes of the case that would explain it, best first.
 
-Each hypothesis is one change of the case: another value of a parameter of the reference, or of two;
-another assembly mode; a sign, a unit, an offset or another quantity of channels; a shift along x.
-It is fitted to the curves of the solver.  What it explains are the channels that differ, and that
-agree once it is made; channels that agreed and then differ count against it.
+Each hypothesis is one change of the case: another value of a parameter of the reference, or of two
+parameters; another assembly mode; a sign, a unit, an offset or another quantity of channels; a
+shift along x.  It is fitted to the curves of the solver.  It explains the channels that differ
+without the change and agree with it; channels that agree without the change and differ with it
+count against it.
 
 A parameter p is fitted by least squares of the differences of all checked channels, each as a
 multiple of what its tolerance allows,
 
     minimise over p   sum over channels, samples of ((y - y_ref(p)) / allowed)^2
 
-by the secant method: the slope of y_ref is the difference quotient of the last two values of p.
-A change of a model need not reach every channel as the same change of the reference does: a longer
-rocker may leave its centre of mass in place.  So there is a second fit, to those channels alone
-that ask for the same value of p by themselves.
+by Gauss-Newton steps, in which the slope of y_ref is a difference quotient at the last value of p.
+A change of a model need not affect every channel as the same change of the reference does: for
+example, a longer rocker may keep its centre of mass.  So there is a second fit, to those channels
+alone whose single fits give the same value of p.
 """
 
 import inspect
@@ -54,30 +55,31 @@ from proofmass.solve import plan, run_here, settings_of, simulate
 from proofmass.strict import Kind
 from proofmass.wording import format_list, number, pretty
 
-SMALL = 1e-6  # change of a parameter for a slope: rounding is 1e-10 of the difference it makes
-AGREES = 2.0  # of the tolerance: the engine has its error, and the fit has another
-NEARLY = 1e-3  # of its difference that a channel may keep beyond the tolerance, as by slopes alone
-SHARE = 0.5  # of its difference that a channel may keep: of one near the tolerance anything is
+SMALL = 1e-6  # relative change of a parameter for a slope, whose rounding is then 1e-10 of it
+AGREES = 2.0  # times the tolerance, up to which a channel agrees: engine and fit both have errors
+NEARLY = 1e-3  # share of its difference with which a channel agrees as well, as slopes are inexact
+SHARE = 0.5  # largest such share of a channel within AGREES, whose difference may be small already
 COST = {0: 0.0, 1: 0.01, 2: 0.1, 3: 0.25}
-"""Share of the channels that a cause must explain more than another, by how free its choice is."""
-EARLY = (0.1, 0.4)  # shares of a run that are fitted first
-ALIKE = 0.1  # share of a difference that a slope may leave, if its channel asks for the change
-ITERATIONS = 12  # of a fit; each but the first doubles the right digits
-ENDED = 1e-13  # change of a parameter, as a share of it, at which a fit ends: rounding
-RIVAL = 0.1  # share that a cause leaves by slopes that may be as good as one that explains all
-TINY = 1e-8  # change after which another is rounding, as the digits double
-HALVINGS = 6  # of a step to where the reference does not exist, or fits worse
-LEAST_GAIN = 0.999  # of the misfit that a step may leave; less of a gain is rounding
-PAIRS = 4  # that are fitted: those that leave least by slopes
-KEPT = 5  # causes
-EXACT = 1e-6  # share of the differences that a cause may leave and be called exact
+"""Handicap of a cause in the ranking, as a share of the channels that differ, by how freely it was
+chosen, see `Explanation.free`."""
+EARLY = (0.1, 0.4)  # shares of a run that are fitted by themselves before the whole run
+ALIKE = 0.1  # share of a channel's difference that remains after a change that it agrees with
+ITERATIONS = 12  # most steps of a fit; each but the first doubles the number of correct digits
+ENDED = 1e-13  # relative change of a parameter at which a fit ends: it is rounding
+RIVAL = 0.1  # share left to first order, up to which a cause is fitted after one explains all
+TINY = 1e-8  # relative change of a parameter up to which a step is not halved
+HALVINGS = 6  # trials of a step of a fit, halved if it does not fit better; halvings of a time step
+LEAST_GAIN = 0.999  # share of the misfit that a step may leave; a smaller gain is rounding
+PAIRS = 4  # pairs of parameters that are fitted: those that leave least to first order
+KEPT = 5  # causes that are kept
+EXACT = 1e-6  # share of the differences that a cause may leave to be called exact
 SECONDS = 6.0  # of processor time, after which no other fit begins; a slow reference takes 0.5 s
 MODEL = "number of the model"  # a kind of cause
-SAMPLES = 48  # of a sweep that are enough to fit a number; its ends need not be among them
-MODEL_SECONDS = 6.0  # the same of numbers of the model, with which the engine runs again
-LEFT_OUT = ("inertia", "softness of the loop", "softness of the stop")  # kinds of numbers
+SAMPLES = 48  # samples of a sweep that suffice to fit a number; its end may be left out
+MODEL_SECONDS = 6.0  # as SECONDS, for numbers of the model, with which the engine runs again
+LEFT_OUT = ("inertia", "softness of the loop", "softness of the stop")  # kinds that are not fitted
 FACTORS = {
-    "turned in sign": (-1.0, ""),
+    "with the opposite sign": (-1.0, ""),
     "in degrees, not in radians": (180 / np.pi, "rad"),
     "in radians, not in degrees": (np.pi / 180, "rad"),
     "in thousandths of its unit": (1e3, "m kg N J"),
@@ -86,18 +88,18 @@ FACTORS = {
     "twice as large": (2.0, ""),
     "half as large": (0.5, ""),
 }
-"""What a curve may be multiplied by, in words, and the first words of units that it makes sense
-for."""
+"""Factors on a curve that are tried, by their descriptions, and the units that each is tried for,
+by their first words; the empty text means all units."""
 TURNS = {"a whole turn": 2 * np.pi, "half a turn": np.pi, "a quarter turn": np.pi / 2}
-"""What an angle may be off by [rad]."""
+"""Offsets of an angle that have a name [rad]."""
 LATE = {"one sample": 1, "two samples": 2}
-"""What a curve may be late or early by."""
-AGAIN = 0.3  # [s] that a run took which is made again with half the step
-FALLS = 0.6  # share of a difference that half a step leaves if its order is 3/4
-HIGHEST = 6  # order of an integrator
-WORSE = 1.1  # times the difference, from which on it is said to be larger
-PLACE = 1e-5  # relative difference of a number in the model, as the fit has it
-FEW = 4  # lines that are named
+"""Shifts of a curve that have a name, in samples."""
+AGAIN = 0.3  # [s] longest wall time of a run that is made again with changes
+FALLS = 0.6  # share of a difference that half a time step leaves if the error is of order 3/4
+HIGHEST = 6  # highest order of an integrator
+WORSE = 1.1  # factor on the difference above which a change is said to make it larger
+PLACE = 1e-5  # relative difference up to which a number of the model is the fitted one
+FEW = 4  # most lines of the model that are named
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 FAILED_RUN: tuple[type[Exception], ...] = (InputError, BadModel, *FAILURES)
 Known = dict[str, Array]
@@ -105,28 +107,30 @@ Known = dict[str, Array]
 
 @dataclass(frozen=True)
 class Explanation:
-    """A change of the case that would explain differences.
+    """A change of the case that would explain the differences of a run.
 
     Attributes
     ----------
     kind : str
-        parameter, pair of parameters, assembly mode, factor, offset, quantity or shift.
+        parameter, pair of parameters, assembly mode, factor, offset, quantity, shift, number of the
+        model, or finer: a shorter time step or shorter segments.
     words : str
-        The change, with numbers and units.
+        Description of the change, with numbers and units.
     explains, breaks : tuple of str
-        Channels that differ and then agree, and channels that agree and then differ.
+        Channels that differ and agree with the change, and channels that agree and differ with it.
     left : float
         Root mean square of the differences after the change, over that before [1], of the channels
         that it explains, or of all if it explains none; each channel in units of what is allowed.
     differing : int
         How many channels differ.
     free : int
-        How freely the change was chosen, see `COST`: 0 without a fitted number, such as a sign; 1 a
-        parameter; 2 a number of a channel, which any channel has; 3 two parameters.
+        How freely the change was chosen, see `COST`: 0 without a fitted number, such as a sign; 1
+        one fitted parameter; 2 a fitted factor, offset or shift, which any channel may have; 3 two
+        fitted parameters.
     changes : mapping of str to tuple of float
-        Of a parameter: its value in the sidecar, and the one that the curves ask for [SI].
+        For each fitted parameter its value in the sidecar, and the fitted value [SI].
     same : tuple of str
-        Words of other changes that the curves do not tell apart from this one.
+        Descriptions of other changes that fit the curves equally well.
     """
 
     kind: str
@@ -141,45 +145,45 @@ class Explanation:
 
     @property
     def fitted(self) -> int:
-        """How many numbers were fitted."""
+        """The number of fitted values."""
         return len(self.changes) or int(self.free > 0)
 
     @property
     def score(self) -> int:
-        """Channels that it puts right, less those that it puts wrong."""
+        """Number of channels that it explains, less that of channels that it breaks."""
         return len(self.explains) - len(self.breaks)
 
     @property
     def share(self) -> float:
-        """The same, as a share of the channels that differ."""
+        """The score as a share of the channels that differ."""
         return self.score / self.differing
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What would explain that the run of a solver differs.
+    """The causes that would explain why the run of a solver differs from its reference.
 
     Attributes
     ----------
     case, run, solver : str
-        Which run.
+        Names of the case, the run and the solver.
     differing : tuple of str
         Its channels that differ.
     checked : int
-        How many of its channels have a tolerance and a finite curve.
+        Number of its channels that have a tolerance and a finite curve.
     causes : tuple of Explanation
-        Best first.
+        The causes, best first.
     tried : tuple of str
-        What was tried, in words.
+        Descriptions of the changes that were tried.
     remarks : tuple of str
-        What else was found: lines of the model that have the value of the best cause, and what a
-        shorter time step or shorter segments do.
+        Further findings: lines of the model that have the value of the best cause, and the effect
+        of a shorter time step or shorter segments.
     seconds : float
-        Wall time that it took [s].
+        Wall time of the search [s].
     fault : str
-        Why causes could not be sought; empty if they were.
+        The reason why causes could not be searched for; empty if they were.
     failed : bool
-        Whether the run failed; then there are remarks alone.
+        Whether the run failed; then there are only remarks.
     """
 
     case: str
@@ -196,16 +200,16 @@ class Diagnosis:
 
     @property
     def found(self) -> bool:
-        """Whether there is a cause that explains something."""
+        """Whether there is a cause that explains more channels than it breaks."""
         return bool(self.causes) and self.causes[0].score > 0
 
     @property
     def lines(self) -> list[str]:
-        """The best cause, what it leaves unexplained, the next best, and remarks; a line each."""
+        """Lines of text: the best cause, what it explains, the next best cause, and remarks."""
         if self.fault:
-            return [f"causes were not sought: {self.fault}"]
+            return [f"causes were not searched for: {self.fault}"]
         if self.failed:
-            return list(self.remarks) or ["nothing was found that tells why"]
+            return list(self.remarks) or ["no reason was found"]
         if not self.found:
             return [f"none of those tried: {', '.join(self.tried)}", *self.remarks]
         best, *others = self.causes
@@ -222,12 +226,12 @@ class Diagnosis:
 
     @property
     def text(self) -> str:
-        """All lines, after the word that says what they tell."""
+        """All lines, after the word "cause" or "failed"."""
         head = "failed" if self.failed else "cause"
         return f"{head}: " + f"\n{' ' * 9}".join(self.lines)
 
     def much(self, cause: Explanation) -> str:
-        """How many of the channels that differ a cause explains."""
+        """A phrase on how many of the channels that differ a cause explains."""
         many, there = len(cause.explains), len(self.differing)
         if many < there:
             return f"{many} of {there} channels"
@@ -235,9 +239,9 @@ class Diagnosis:
 
 
 class Residuals:
-    """The curves of a solver less the reference, at the parameters of the case and at others.
+    """The curves of a solver minus the reference, at the parameters of the case and at others.
 
-    They are multiples of what each channel's tolerance allows; channels without a tolerance, or
+    The differences are multiples of each channel's allowed error; channels without a tolerance, or
     with a curve that is not finite, are left out.
     """
 
@@ -265,15 +269,15 @@ class Residuals:
         self.differing = tuple(n for n, y in self.before.items() if np.abs(y).max() > 1.0)
 
     def scaled(self, curves: Mapping[str, Array]) -> Known:
-        """The checked channels of curves in SI units, as multiples of what is allowed."""
+        """The checked channels of curves in SI units, as multiples of the allowed errors."""
         return {name: curves[name] / allowed for name, allowed in self.allowed.items()}
 
     def less(self, reference: Known) -> Known:
-        """The curves of the solver less a reference."""
+        """The curves of the solver minus a reference; both as multiples of the allowed errors."""
         return {name: self.curve[name] - reference[name] for name in self.allowed}
 
     def at(self, changed: Mapping[str, float]) -> Known:
-        """The differences to the reference at other parameters; nothing where there is none."""
+        """The differences to the reference at other parameters; empty if that does not exist."""
         try:
             with memory_in_use(self.memory, more=False), np.errstate(all="ignore"):
                 found = evaluate(
@@ -285,7 +289,7 @@ class Residuals:
         return differences if np.isfinite(size(differences)) else {}
 
     def value(self, key: str, share: float) -> float:
-        """A parameter after a change, which is a share of it, or of the largest if it is 0."""
+        """A parameter after a change by a share of it, or of the largest parameter if it is 0."""
         return self.parameters[key] + share * self.sizes[key]
 
     def unit(self, key: str) -> str:
@@ -293,13 +297,13 @@ class Residuals:
         return unit_of(self.case, key)
 
     def at_shares(self, shares: Mapping[str, float]) -> Known:
-        """The same, by shares of parameters."""
+        """The differences at parameters that are changed by shares; empty as for `at`."""
         if not any(shares.values()):
             return self.before
         return self.at({key: self.value(key, share) for key, share in shares.items()})
 
     def agrees(self, name: str, after: Array) -> bool:
-        """Whether a channel agrees that has these differences, or nearly all of them are gone."""
+        """Whether a channel with these differences agrees, or has lost nearly all of its own."""
         most = float(np.abs(after).max())
         was = float(np.abs(self.before[name]).max())
         if name not in self.differing:
@@ -318,7 +322,10 @@ class Residuals:
         free: int = 0,
         changes: Mapping[str, tuple[float, float]] | None = None,
     ) -> Explanation:
-        """The cause that leaves these differences; channels that are left out stay as they are."""
+        """The explanation with these differences after the change.
+
+        Channels that are not in `after` keep their differences.
+        """
         agree = {n for n, y in after.items() if self.agrees(n, y)}
         explains = tuple(n for n in self.differing if n in agree)
         return Explanation(
@@ -334,10 +341,11 @@ class Residuals:
 
 
 class ModelResiduals(Residuals):
-    """The same at other numbers of the model: the engine runs again with each change.
+    """The curves of a solver at other numbers of the model, minus the reference.
 
-    Of a sweep some samples are enough, which are run alone.  Where the reference reads the model,
-    channels are left out that are held to it: it has each change as well.
+    The engine runs again for each change, a sweep with some of its samples only.  A reference that
+    reads the model changes with it, so in this case only the channels that must equal a number are
+    used.
     """
 
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
@@ -355,7 +363,7 @@ class ModelResiduals(Residuals):
         self.seconds += curves.seconds / self.stride
 
     def at(self, changed: Mapping[str, float]) -> Known:
-        """The differences of the engine's curves with other numbers; nothing if the run fails."""
+        """The differences of the engine's curves with other numbers; empty if the run fails."""
         changes = [(self.numbers[key], v - self.parameters[key]) for key, v in changed.items()]
         try:
             with TemporaryDirectory() as folder:
@@ -372,7 +380,10 @@ class ModelResiduals(Residuals):
         return differences if np.isfinite(size(differences)) else {}
 
     def repeats(self) -> bool:
-        """Whether the engine gives the same curves again: else they are of something else."""
+        """Whether a run of the unchanged model gives the given curves again.
+
+        Otherwise the curves belong to another model, and numbers cannot be fitted to them.
+        """
         again = self.at({})
         apart = {name: y - self.before[name] for name, y in again.items()}
         return bool(apart) and size(apart) <= NEARLY * size(self.before)
@@ -383,13 +394,16 @@ class ModelResiduals(Residuals):
 
 
 def size(differences: Known, names: Sequence[str] | None = None, end: int | None = None) -> float:
-    """Root mean square of differences, of all channels or of some, up to a sample."""
+    """Root mean square of the differences of all channels or of some, up to a sample."""
     parts = [differences[name][:end] for name in (differences if names is None else names)]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def left(before: Known, after: Known, explains: Sequence[str]) -> float:
-    """What is left of the differences: of the channels that are explained, or of all."""
+    """The root mean square of differences after a change over that before.
+
+    It is that of the channels that are explained, or of all channels if none is.
+    """
     names = [n for n in (explains or before) if n in after]
     return size({**before, **after}, names or None) / size(before, names or None)
 
@@ -397,15 +411,15 @@ def left(before: Known, after: Known, explains: Sequence[str]) -> float:
 def find_causes(
     case: Case, run: Kind, solver: str, curves: Curves, thorough: bool = True
 ) -> Diagnosis:
-    """Look for changes of a case that would explain why a run differs from its reference.
+    """Search for changes of a case that would explain why a run differs from its reference.
 
     Parameters
     ----------
     case : Case
     run, solver : str
-        Which run the curves are of.
+        The run and the solver of the curves.
     curves : Curves
-        From `proofmass.solve.solve`.
+        The curves, from `proofmass.solve.solve`.
     thorough : bool
         Whether runs of the engine with other numbers of the model are part of the search.
 
@@ -456,7 +470,7 @@ def find_causes(
 
 
 def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
-    """What is tried of a case, in words."""
+    """Descriptions of the changes that are tried with a case."""
     words = ["sign, unit, factor and offset of each channel", "shifts along x"]
     words += ["other quantities of the reference"]
     if len(modes(there.case)) > 1:
@@ -469,14 +483,19 @@ def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
 
 
 def rank(cause: Explanation) -> tuple[float, float]:
-    """Less is better: by the share of channels that it puts right, less what its numbers cost."""
+    """The key by which causes are ranked, smallest first.
+
+    The first number is the handicap `COST` less the share of channels that the cause explains, or 0
+    if it explains none; the second is the share of the differences that it leaves.
+    """
     return COST[cause.free] - cause.share if cause.score > 0 else 0.0, cause.left
 
 
 def order(cause: Explanation) -> tuple[float, ...]:
-    """As `rank`; of exact causes, by the digits of their numbers, then by how far these change.
+    """The key of `rank`; exact causes are sorted by the digits of their values, then by the change.
 
-    What an exact cause leaves is rounding and tells nothing, but people write round numbers.
+    The share that an exact cause leaves is only rounding.  A value with few digits is more likely,
+    since people write round numbers.
     """
     first, left = rank(cause)
     changes = cause.changes.values()
@@ -485,9 +504,9 @@ def order(cause: Explanation) -> tuple[float, ...]:
 
 
 def ranked(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
-    """The best causes; those that the curves do not tell apart are joined.
+    """The best causes; those that fit the curves equally well are joined into one.
 
-    Those that leave all of the differences are none.
+    Causes that leave all of the differences are dropped.
     """
     kept = list[Explanation]()
     for cause in sorted(causes, key=order):
@@ -507,7 +526,7 @@ def ranked(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
 
 
 def factors(there: Residuals) -> Iterator[Explanation]:
-    """Channels that are a multiple of the reference: by the sign, by a unit, or by any factor."""
+    """Causes in which channels are a multiple of the reference: by sign, unit, or any factor."""
     units = {name: there.case.channels[name].si_unit for name in there.differing}
     moving = [name for name in there.differing if np.ptp(there.reference[name]) > 0]
     for words, (factor, of) in FACTORS.items():
@@ -529,12 +548,12 @@ def factors(there: Residuals) -> Iterator[Explanation]:
             for other in moving
             if there.agrees(other, left := there.curve[other] / factor - there.reference[other])
         }
-        if next(iter(right), "") == name:  # else it was the factor of a channel before
+        if next(iter(right), "") == name:  # otherwise an earlier channel gave the same factor
             yield there.judged("factor", f"{format_list(right)} times {factor:.6g}", right, 2)
 
 
 def offsets(there: Residuals) -> Iterator[Explanation]:
-    """Channels that are off by a constant: by turns, or by any."""
+    """Causes in which channels are off by a constant: by parts of a turn, or by any offset."""
     for name in there.differing:
         unit, allowed = there.case.channels[name].si_unit, there.allowed[name]
         offset = float(np.mean(there.before[name])) * allowed
@@ -557,7 +576,7 @@ def offsets(there: Residuals) -> Iterator[Explanation]:
 
 
 def other_quantities(there: Residuals) -> Iterator[Explanation]:
-    """Channels that carry another quantity of the reference than the sidecar says."""
+    """The cause in which channels equal other quantities of the reference than the sidecar says."""
     case, curves = there.case, there.curves
     known = quantities(case, there.run, curves.x, curves.drive, dict(case.parameters))
     right, words = Known(), []
@@ -577,7 +596,7 @@ def other_quantities(there: Residuals) -> Iterator[Explanation]:
 
 
 def shifts(there: Residuals) -> Iterator[Explanation]:
-    """Channels that are shifted along x: by samples, or by any step."""
+    """Causes in which channels are shifted along x: by one or two samples, or by any step."""
     moving = [n for n in there.differing if np.ptp(there.reference[n]) > 0]
     for words, count in LATE.items():
         for way, mine, own in (
@@ -613,7 +632,7 @@ def shifts(there: Residuals) -> Iterator[Explanation]:
 
 
 def other_modes(there: Residuals) -> Iterator[Explanation]:
-    """The other assembly modes that the reference knows."""
+    """Causes in which the reference has another assembly mode."""
     solver = module_of(there.case)
     if isinstance(solver, Recorded) or not modes(there.case):
         return
@@ -626,9 +645,9 @@ def other_modes(there: Residuals) -> Iterator[Explanation]:
 
 
 def finer(there: Residuals, run: Kind, solver: str) -> Iterator[tuple[Explanation | None, str]]:
-    """What half the time step does, and twice as many segments of rods: a cause, or a remark.
+    """A cause or a remark on half the time step, and one on twice as many segments of rods.
 
-    The run is made again, if it was short.
+    The run is made again for each, if it was short.
     """
     case = there.case
     if there.curves.seconds > AGAIN or not computes(solver):
@@ -642,7 +661,7 @@ def finer(there: Residuals, run: Kind, solver: str) -> Iterator[tuple[Explanatio
 
 
 def step_of(run: Kind, curves: Curves) -> float:
-    """The time step of a run [s]; 0 of one without."""
+    """The time step of a run [s]; 0 if it has none."""
     step = curves.settings.get("timestep")
     return step if run == "dynamics" and isinstance(step, float) else 0.0
 
@@ -658,7 +677,7 @@ def halved(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
 def again(
     there: Residuals, run: Kind, solver: str, words: str, changed: dict[str, Any]
 ) -> tuple[Explanation | None, str]:
-    """What a run gives with shorter steps, as a cause or a remark."""
+    """Make a run with shorter steps or segments; give a cause if errors fall, or a remark."""
     try:
         curves = run_here(there.case.model_copy(update=changed), run, solver)
         finer = Residuals(there.case, run, solver, curves)
@@ -683,9 +702,10 @@ def again(
 
 
 def places(case: Case, cause: Explanation) -> list[str]:
-    """Lines of the model that have the value of a cause.
+    """Remarks on the lines of the model in which the value of a cause stands.
 
-    A parameter has it as the curves ask for it, a number of the model as it is.
+    For a parameter of the reference it is the fitted value, for a number of the model the value
+    that it has now.
     """
     found = []
     text = read_text(case.model_path).splitlines()
@@ -703,10 +723,10 @@ def places(case: Case, cause: Explanation) -> list[str]:
 
 
 def parameters(there: Residuals, deadline: float, pairs: bool = True) -> Iterator[Explanation]:
-    """Other values of each parameter, and of pairs of them if no single one explains all.
+    """Causes by other values of each parameter, and of pairs if no single one explains all.
 
-    The changes that slopes promise come first; they are fitted, the best first, in the time that
-    there is.
+    All changes are first estimated to first order by slopes.  They are then fitted, those with the
+    best estimates first, until the deadline; the others are given as estimated.
     """
     slopes = {
         key: slope
@@ -728,9 +748,9 @@ def parameters(there: Residuals, deadline: float, pairs: bool = True) -> Iterato
 
 
 def numbers_of_model(there: Residuals, score: int) -> Iterator[Explanation]:
-    """Other numbers of the model, where no single change of the reference explains all.
+    """Causes by other numbers of the model, if no single change of the reference explains all.
 
-    The engine runs again for each, if it is quick.
+    The engine runs again for each number, so nothing is tried if its run is long.
     """
     if score >= len(there.differing) or there.curves.seconds > AGAIN * there.stride:
         return
@@ -744,7 +764,7 @@ def numbers_of_model(there: Residuals, score: int) -> Iterator[Explanation]:
 
 
 def slope_of(there: Residuals, shares: Mapping[str, float], key: str) -> Known:
-    """What the reference changes by, per share of a parameter, at changed parameters."""
+    """The derivative of the reference by the share of a parameter, at changed parameters."""
     start = {name: there.value(name, share) for name, share in shares.items()}
     before = there.at(start) if any(shares.values()) else there.before
     for step in (SMALL, -SMALL):
@@ -759,7 +779,7 @@ def slope_of(there: Residuals, shares: Mapping[str, float], key: str) -> Known:
 def solved(
     differences: Known, slopes: Mapping[str, Known], names: Sequence[str], end: int | None = None
 ) -> Array:
-    """The changes that leave least of some channels, up to a sample, if slopes hold."""
+    """The least-squares changes of some channels' differences, up to a sample, by slopes."""
     matrix = np.stack(
         [np.concatenate([slope[n][:end] for n in names]) for slope in slopes.values()], axis=1
     )
@@ -768,7 +788,7 @@ def solved(
 
 
 def straight(there: Residuals, keys: tuple[str, ...], slopes: Mapping[str, Known]) -> Explanation:
-    """The cause that some parameters have other values, as slopes at the first values promise."""
+    """The cause by other values of some parameters, estimated by slopes at their first values."""
     mine = {key: slopes[key] for key in keys}
     causes = []
     for names in {tuple(there.allowed), of_one_mind(there, there.before, mine)} - {()}:
@@ -785,8 +805,10 @@ def straight(there: Residuals, keys: tuple[str, ...], slopes: Mapping[str, Known
 def fitted(
     there: Residuals, keys: tuple[str, ...], slopes: Mapping[str, Known], deadline: float
 ) -> Explanation:
-    """The best fit of some parameters: to all channels, to those that ask for the same change, or
-    to the first samples first, where the mechanism may take another way later.
+    """The best fit of some parameters.
+
+    It is fitted to all channels; to those that ask for the same change; and to the first samples
+    before all of them, since the mechanism may follow another branch later.
     """
     every, start = tuple(there.allowed), dict.fromkeys(keys, 0.0)
     mine = {key: slopes[key] for key in keys}
@@ -822,7 +844,7 @@ def fit(
     deadline: float,
     end: int | None = None,
 ) -> dict[str, float]:
-    """Gauss-Newton: the changes, as shares of parameters, that leave least of some channels."""
+    """Fit the changes, as shares of parameters, to some channels by the Gauss-Newton method."""
     after = there.at_shares(shares)
     for _ in range(ITERATIONS):
         slopes = {k: slope_of(there, shares, k) for k in shares}
@@ -846,7 +868,10 @@ def fit(
 def of_one_mind(
     there: Residuals, differences: Known, slopes: Mapping[str, Known]
 ) -> tuple[str, ...]:
-    """The most channels that ask for the same change of one parameter; none of several."""
+    """The largest group of channels whose fits give the same change of one parameter.
+
+    Empty if there are several parameters.
+    """
     best: tuple[str, ...] = ()
     if len(slopes) > 1:
         return best
@@ -868,7 +893,7 @@ def of_one_mind(
 def cause_of(
     there: Residuals, shares: Mapping[str, float], after: Known, note: str = ""
 ) -> Explanation:
-    """The cause that some parameters have other values, which leaves these differences."""
+    """The cause by other values of some parameters, with the differences that it leaves."""
     changes = {k: (there.parameters[k], there.value(k, s)) for k, s in shares.items()}
     words = []
     for key, (old, new) in changes.items():
@@ -880,22 +905,22 @@ def cause_of(
 
 
 def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
-    """What the curves of a failed run say until it failed.
+    """Describe a failed run by its curves before the failure.
 
     Parameters
     ----------
     case : Case
     run, solver : str
-        Which run failed.
+        The run and the solver that failed.
     curves : Curves
-        Until the last sample before the loss.
+        The curves until the last sample before the failure.
 
     Returns
     -------
     Diagnosis
-        Its remarks tell what left its tolerance first, how the constraint violation grew, whether
-        the time step is beyond the limit of the integrator at the stiffest spring, and with which
-        shorter step the run comes to its end.
+        Its remarks say which channels left their tolerance first, how the constraint violation
+        grew, whether the time step is beyond the stability limit of the integrator at the stiffest
+        spring, and with which shorter step the run comes to its end.
 
     Raises
     ------
@@ -913,7 +938,7 @@ def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diag
 
 
 def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
-    """The channel that left its tolerance first, and where."""
+    """A remark on the channels that left their tolerance first, and at which x."""
     there = Residuals(case, run, solver, curves)
     over = {name: int(np.argmax(np.abs(there.before[name]) > 1.0)) for name in there.differing}
     if not over and curves.x.size > 1:
@@ -926,7 +951,7 @@ def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterat
 
 
 def violation_growth(curves: Curves) -> Iterator[str]:
-    """How the constraint violation grew before the loss."""
+    """A remark on the growth of the constraint violation before the failure."""
     size = curves.violations
     if size is None or size.size < 2 or not size.max() > 0:
         return
@@ -941,7 +966,7 @@ def violation_growth(curves: Curves) -> Iterator[str]:
 
 
 def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
-    """Whether the time step is too long for the stiffest spring, by theory."""
+    """A remark on whether the time step is too long for the stiffest spring, by theory."""
     if not (step := step_of(run, curves)):
         return
     model = compiled(case)
@@ -959,7 +984,7 @@ def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iter
 
 
 def shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
-    """The longest of the steps dt/2, dt/4, .. with which a run comes to its end, if it is short."""
+    """A remark on the longest step of dt/2, dt/4, .. with which the run, if short, succeeds."""
     if not (step := step_of(run, curves)):
         return
     least, seconds = step, curves.seconds

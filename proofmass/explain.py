@@ -1,4 +1,4 @@
-"""``proofmass explain``: what a case notices, and what it does not, in words for a terminal."""
+"""``proofmass explain``: the wrong numbers that a case notices or not, as text for a terminal."""
 
 import json
 import math
@@ -24,13 +24,13 @@ from proofmass.wording import format_solver, number, pretty
 
 WIDTH = 80
 FORCES_AND_ENERGIES = ("N", "N m", "J")
-"""Units of channels that inertia and damping act on in a prescribed motion."""
+"""Units of the channels that depend on inertia and damping in a prescribed motion."""
 ACTS_IN_MOTION = ("inertia", "armature", "damping")
 LOADS = ("mass", "centre of mass", "gravity", "stiffness", "load", "rest angle", "spring length")
 SOFTNESS = ("softness of the loop", "softness of the stop")
 START = ("zero", "direction")
 NOTHING = 1e-6
-"""Share of a tolerance, by which a channel that depends on a number would move at least."""
+"""Share of a tolerance: if a change moves a channel by less, the channel does not depend on it."""
 PLURALS = {
     "mass": "masses",
     "mass of a rod": "masses of the rods",
@@ -48,19 +48,19 @@ PLURALS = {
     "armature": "armature",
     "inertia": "inertias",
 }
-"""Kinds of several numbers, of which an s does not make the word."""
+"""Plurals of kinds of numbers that are not formed by an added s."""
 TRIED = (
     "Tried are masses, inertias, centres of mass, places and directions of bodies, joints, sites "
     "and loops, zeros, springs, damping, armature, friction, ranges, gravity, loads, gears, how "
-    "hard loops and stops are held, and lengths, stiffnesses, masses and loads of rods: each "
-    f"changed by {100 * SHARE:.0f} %, one that is 0 by {100 * SHARE:.0f} % of what lengths, masses "
-    "and times of the mechanism make of its unit, up and down. Left out are what is only drawn, "
-    "what is normal to the plane of motion, and the settings of the engines."
+    "soft loops and joint limits are, and lengths, stiffnesses, masses and loads of rods: each "
+    f"changed by {100 * SHARE:.0f} %, one that is 0 by {100 * SHARE:.0f} % of a size made of the "
+    "mechanism's length, mass and time, up and down. Left out are elements that are only drawn, "
+    "numbers normal to the plane of motion, and the settings of the engines."
 )
 
 
 def run_explain(path: Path, as_json: bool, jobs: int | None) -> None:
-    """What ``proofmass explain`` does; `proofmass.cli` says what it is given."""
+    """Run ``proofmass explain``; `proofmass.cli` describes its arguments."""
     with answering("the groups that were tried are kept"):
         case = load(one_case(path))
         with counting() as advance:
@@ -76,7 +76,7 @@ def run_explain(path: Path, as_json: bool, jobs: int | None) -> None:
 
 
 def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
-    """All that is found, part by part; texts are wrapped."""
+    """The text and tables on a coverage, in the order of the output; texts are wrapped."""
     yield from wrapped(f"{case.name}: {case.title}")
     yield ""
     yield "Who checks what"
@@ -86,7 +86,7 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
             f"{format_solver(solver)}: recorded curves; no number of the model acts on them", "  "
         )
     if found.differing:
-        yield from wrapped(f"differ already, and are asked nothing: {', '.join(found.differing)}")
+        yield from wrapped(f"differ already, and are not used: {', '.join(found.differing)}")
     yield ""
     yield "What the reference reads"
     yield from wrapped(format_reference_coverage(case, found), "  ")
@@ -108,7 +108,7 @@ def explained(case: Case, found: Coverage) -> Iterator[str | Table]:
 
 
 def of_model(case: Case, found: Coverage) -> Iterator[str | Table]:
-    """What is noticed of the numbers of the model."""
+    """The text and tables on the numbers of the model."""
     if found.left_out or not found.numbers:
         yield from wrapped(not_tried(case, found))
         return
@@ -132,13 +132,13 @@ def of_model(case: Case, found: Coverage) -> Iterator[str | Table]:
 
 
 def not_tried(case: Case, found: Coverage) -> str:
-    """That no number of the model was tried, and why."""
+    """The sentence that no number of the model was tried, and why."""
     why = found.left_out or "no run of the case checks anything"
     return f"No number of {case.model} was tried: {why}."
 
 
 def wrapped(text: str, indent: str = "") -> Iterator[str]:
-    """Lines of a text; all but the first stand further in."""
+    """The lines of a text, all but the first with two more spaces of indent."""
     yield from wrap(
         text,
         WIDTH,
@@ -149,7 +149,7 @@ def wrapped(text: str, indent: str = "") -> Iterator[str]:
 
 
 def checks(found: Coverage) -> Iterator[str]:
-    """How closely each solver is checked, and why not closer."""
+    """Lines on how closely each solver is checked, with the reasons of its tolerances."""
     for one in found.runs:
         head = f"{one.run}, {format_solver(one.solver)}: "
         if not one.checked:
@@ -165,7 +165,7 @@ def checks(found: Coverage) -> Iterator[str]:
 
 
 def format_reference_coverage(case: Case, found: Coverage) -> str:
-    """What the reference takes from the model, and what a wrong number then means."""
+    """A sentence on what the reference reads from the model, and the effect of a wrong number."""
     if case.recorded:
         return f"the recorded curve {case.reference}; nothing of the model"
     if found.reads_model:
@@ -177,7 +177,7 @@ def format_reference_coverage(case: Case, found: Coverage) -> str:
 
 
 def tables_of(some: Sequence[Finding]) -> Iterator[str | Table]:
-    """Numbers with the smallest change that is noticed, by the runs that notice them."""
+    """Tables of numbers with their smallest noticed changes, one for each run and solver."""
     for run, solver in dict.fromkeys((one.run, one.solver) for one in some):
         yield f"  by {run}, {format_solver(solver)}"
         table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 0, 0, 2))
@@ -192,27 +192,27 @@ def tables_of(some: Sequence[Finding]) -> Iterator[str | Table]:
 
 
 def cells_of(one: Finding) -> tuple[str, str, str]:
-    """A number in words, the smallest change that is noticed, and the same as a share."""
+    """The name of a number, its smallest noticed change, and that change as a share."""
     name = one.of if one.kind == "parameter" else one.name
     change = f"{number(abs(one.change), 2)} {pretty(one.unit)}".removesuffix(" 1").strip()
     return name, change, f"{number(100 * one.share, 2)} %" if one.value else ""
 
 
 def refusals(some: Sequence[Finding]) -> Iterator[str]:
-    """Numbers with which runs fail, those with one kind and reason as one."""
+    """Phrases on numbers with which runs fail, one for each kind and reason."""
     for (kind, why), group in groupby(some, key=lambda one: (one.kind, one.refused)):
         yield f"{phrase(kind, list(group))}: {why}"
 
 
 def not_noticed(case: Case, found: Coverage) -> Iterator[str]:
-    """Numbers that nothing notices, by their kinds, with the reason where one is known."""
+    """Phrases on numbers that no run notices, one for each kind, with the reason if it is known."""
     for kind, some in found.unnoticed.items():
         why = reason(case, found, kind, some)
         yield phrase(kind, some) + (f": {why}" if why else "")
 
 
 def phrase(kind: str, some: Sequence[Finding]) -> str:
-    """Numbers of a kind in words.
+    """A phrase that names the numbers of a kind.
 
     >>> one, two = (Finding("inertia", name, "1", 1.0, 0.1, False) for name in ("a", "b"))
     >>> phrase("inertia", [one]), phrase("inertia", [one, two])
@@ -225,7 +225,7 @@ def phrase(kind: str, some: Sequence[Finding]) -> str:
 
 
 def steady(case: Case) -> set[str]:
-    """The driven joints, and their bodies, if drives keep a constant rate."""
+    """The driven joints and their bodies, if the rate of the drives is constant."""
     if case.leader is None or not case.leader.steady:
         return set()
     model = compiled(case)
@@ -234,7 +234,7 @@ def steady(case: Case) -> set[str]:
 
 
 def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ()) -> str:
-    """Why numbers of a kind are not noticed, where the case itself tells it; or nothing."""
+    """Why numbers of a kind are not noticed, if that follows from the case; otherwise empty."""
     if found.reads_model and kind not in SOFTNESS:
         return "the reference reads them from the model as well"
     moving = [one for one in found.runs if one.run == "dynamics" and one.checked]
@@ -268,7 +268,7 @@ def reason(case: Case, found: Coverage, kind: str, some: Sequence[Finding] = ())
 
 
 def little(some: Sequence[Finding]) -> str:
-    """How little numbers move any channel, where that was measured of all of them; or nothing.
+    """A phrase on how little numbers move any channel; empty if it was not measured for all.
 
     >>> ball = Finding("mass", "ball", "kg", 2.0, 0.2, False, moved=1e-12)
     >>> little([ball])

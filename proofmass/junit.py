@@ -1,4 +1,4 @@
-"""A check as JUnit XML, which continuous integration shows: a suite a case, a test a channel."""
+"""A check as JUnit XML for continuous integration: a suite for a case, a test for a channel."""
 
 import math
 import re
@@ -13,14 +13,14 @@ from proofmass.outcome import OPEN, Outcome
 from proofmass.wording import number
 
 BARRED = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML cannot have."""
+"""Characters that XML does not allow."""
 
 
 def as_junit(result: Result) -> bytes:
     """The XML file of a result.
 
-    A channel that is not checked is skipped, one that differs or failed is a failure, and an
-    input at fault is a suite of its own with an error.  The time of a run is shared out evenly
+    A channel that is not checked is a skipped test, one that differs or failed is a failure, and an
+    input with an error is a suite of its own with an error.  The time of a run is divided evenly
     among its channels, so that the sums are those of the runs.
     """
     root = ElementTree.Element("testsuites", name="proofmass")
@@ -42,7 +42,7 @@ def as_junit(result: Result) -> bytes:
 
 
 def clean(text: str) -> str:
-    """A text without the characters that XML cannot have.
+    """A text in which characters that XML does not allow are replaced by "?".
 
     >>> clean("a\\x00b")
     'a?b'
@@ -51,7 +51,7 @@ def clean(text: str) -> str:
 
 
 def add_test(suite: ElementTree.Element, c: Comparison, channels: int) -> None:
-    """A channel of a solver of a run."""
+    """Add the test of a channel of a solver in a run."""
     test = ElementTree.SubElement(
         suite,
         "testcase",
@@ -73,7 +73,7 @@ def skipped(c: Comparison) -> str:
 
 
 def failure(c: Comparison) -> str:
-    """What is wrong with a channel, with its numbers."""
+    """The message of a channel that differs or failed, with its error and tolerance."""
     if c.outcome != Outcome.DIFFERS:
         return f"{c.outcome}: {c.message}"
     numbers = f"error {number(c.error_max)} {c.unit}".strip()
@@ -84,7 +84,7 @@ def failure(c: Comparison) -> str:
 
 
 def add_unchecked(suite: ElementTree.Element, case: str) -> None:
-    """A case of which nothing was checked is a failure."""
+    """Add the failure of a case of which nothing was checked."""
     test = ElementTree.SubElement(
         suite, "testcase", classname=clean(case), name="something is checked", time="0"
     )
@@ -92,7 +92,7 @@ def add_unchecked(suite: ElementTree.Element, case: str) -> None:
 
 
 def add_error(root: ElementTree.Element, error: InputError) -> None:
-    """An input at fault."""
+    """Add the suite of an input with an error."""
     suite = ElementTree.SubElement(root, "testsuite", name=clean(str(error.file)))
     name = clean(error.key or "is read")
     test = ElementTree.SubElement(
@@ -118,5 +118,5 @@ def total(root: ElementTree.Element) -> None:
 
 
 def seconds(value: float) -> str:
-    """Seconds to the microsecond; 0 where they are not known."""
+    """A time [s] to the microsecond; 0 if it is not known."""
     return f"{value:.6f}" if math.isfinite(value) else "0"

@@ -1,4 +1,4 @@
-"""How many degrees of freedom a planar model has, and whether its loops hold something twice."""
+"""The degrees of freedom of a planar model, and whether its loops are over-constrained."""
 
 from contextlib import suppress
 from functools import lru_cache
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
 
 
 def mobility(case: Case) -> int | None:
-    """Degrees of freedom of a model in its start pose: joints less independent loop equations.
+    """Degrees of freedom of a model in its start pose: joints minus independent loop equations.
 
     Returns
     -------
     int or None
-        None for what is no planar linkage, and for a start pose that does not close: the engines
-        say what is wrong with it.
+        None for a model that is no planar linkage, and for a start pose that does not close, which
+        the engines report.
 
     Raises
     ------
     InputError
-        The loops are over-constrained: forces in them would not be determined.
+        The loops are over-constrained, so that forces in them are not determined.
     """
     from proofmass.analytic.planar import Overconstrained  # scipy is slow to load
 
@@ -37,8 +37,8 @@ def mobility(case: Case) -> int | None:
 
 
 def leaves_dof(case: Case) -> bool:
-    """Whether the drives of a case leave degrees of freedom, which rest in a sweep."""
-    with suppress(InputError, ValueError):  # which the run names
+    """Whether the drives of a case leave degrees of freedom, which a sweep has in equilibrium."""
+    with suppress(InputError, ValueError):  # the run reports such an error
         if case.reference == SPATIAL:
             from proofmass.analytic import spatial  # scipy is slow to load
 
@@ -51,12 +51,12 @@ def leaves_dof(case: Case) -> bool:
 SPATIAL = "spatial"
 """The reference of models that move in space, whose loops may be over-constrained."""
 KEPT = 64
-"""Models that are remembered: a search for what a case notices compiles thousands."""
+"""Models whose result is kept in memory; `proofmass explain` compiles thousands."""
 
 
 @lru_cache(KEPT)
 def model_dof(model: "MjModel", start: str) -> int:
-    """Degrees of freedom of a compiled model, found once for all runs."""
+    """Degrees of freedom of a compiled model, which are computed once for all runs."""
     from proofmass.analytic.planar import read
     from proofmass.analytic.planar.kinematics import count_dof, nearest
 

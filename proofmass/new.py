@@ -1,8 +1,8 @@
-"""``proofmass new``: a model and its sidecar that pass at once, with comments on what to change.
+"""``proofmass new``: a model and a sidecar that pass at once, with comments on what to change.
 
-It is a four-bar with bars of 1, 2, 2.5 and 3 m, whose crank turns once.  The reference is the
-general planar solver, which follows the model: bars and pins can be changed without another word in
-the sidecar.
+The model is a four-bar with bars of 1, 2, 2.5 and 3 m, whose crank makes one turn.  The reference
+is the general planar solver, which reads the model: bars and pins can be changed without a change
+of the sidecar.
 """
 
 import re
@@ -101,19 +101,19 @@ def write_new(name: str, folder: Path) -> list[Path]:
     Parameters
     ----------
     name : str
-        Of the case; the files are ``NAME.xml`` and ``NAME.toml``.
+        Name of the case; the files are ``NAME.xml`` and ``NAME.toml``.
     folder : Path
-        Made if it is not there.
+        The folder of the files, which is made if it does not exist.
 
     Returns
     -------
     list of Path
-        What was written: the model and the sidecar, and the schema if it was not there.
+        The files that were written: the model, the sidecar, and the schema if there was none.
 
     Raises
     ------
     InputError
-        No name of a file, or a file of that name is there.
+        The name cannot be that of a file, or a file of that name exists.
     """
     if not NAME.fullmatch(name):
         raise InputError(

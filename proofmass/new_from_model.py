@@ -1,15 +1,16 @@
 """``proofmass new NAME --from MODEL.xml``: a sidecar for a model that has none, found by measuring.
 
-The reference is the general planar solver, if it covers the model.  It tells how many degrees of
-freedom that has and how far each joint can be driven; where one is left, the best of them is the
-drive.  Where there are more and springs hold what the one joint with an actuator leaves, that joint
-is driven in a sweep; else the mechanism is let go.  Another model is let go as well: with the
-reference for motions in space if that covers it, and else with the model's own equations, solved
-closely, as far as its motion is known.
+The reference is the general planar solver, if it covers the model.  It gives the number of degrees
+of freedom, and how far each joint can be driven.  With one degree of freedom the best of the joints
+is the drive.  With more of them, and an actuator on one joint only, that joint is driven in a sweep
+if springs keep the other joints in equilibrium; otherwise the run is a free motion.  A model that
+the planar solver does not cover has a free motion as well: its reference is that for motions in
+space if it covers the model, and otherwise the model's own equations, solved closely, as far as the
+motion is known.
 
-Then all runs are made in all engines: what an engine does not cover is left out, with the reason as
-a comment; comments tell how far each run is off as well, and a run in time that is off by more than
-its engine's tolerance gets a finer step.
+Then all runs are made in all engines.  Runs that an engine does not cover are left out, with the
+reason as a comment.  Comments give the error of each run as well, and a run in time whose error
+exceeds its engine's tolerance gets a finer step.
 """
 
 from collections.abc import Iterator
@@ -49,24 +50,24 @@ from proofmass.strict import Kind
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
 LOOKING = 240.0
-"""Wall time to compile a model, and to follow its joints or to solve its motion closely [s]."""
+"""Wall time to compile a model, and to drive its joints or to solve its motion closely [s]."""
 TURN = 2 * pi
-SHARE = 0.9  # of the way that a joint can be driven, so that no limit position is met
-LEAST = 0.01  # of a turn, or of the mechanism's size: a drive that goes no further shows nothing
-SHARES = 1.0, 0.5, 0.25, 0.1, 0.05  # of a way that are tried where springs hold what a drive leaves
-LET_GO = 1.0  # s, of a free motion
+SHARE = 0.9  # share of a joint's distance to its limit position that is driven, to stay before it
+LEAST = 0.01  # least distance of a drive, as a share of a turn or of the mechanism's size
+SHARES = 1.0, 0.5, 0.25, 0.1, 0.05  # shares of a distance that are tried if springs act
+LET_GO = 1.0  # s, duration of a free motion
 ROUNDED = 1e-12
-"""Share of a curve's range that its proposed tolerance allows at least: another machine's rounding,
-which steps add up."""
-SLACK = 3.0  # times the error that was measured: another machine's rounding, a motion a bit longer
+"""Least tolerance that is proposed, as a share of a curve's range: the rounding of another machine,
+which adds up over the steps."""
+SLACK = 3.0  # proposed tolerance over the measured error: other rounding, a slightly longer motion
 MEANT = {
     "planar": "reads the numbers of the model: a wrong one is wrong in both",
     "spatial": "reads the numbers of the model: a wrong one is wrong in both",
     "refined": "the model's own equations, solved closely: it judges the time stepping alone",
 }
 VERDICTS = partial(compare, detectable=False)
-FINER = 2, 4  # times the model's steps, where that is not close enough
-KNOWN = 0.9  # of the time until which a motion is known, by one grid of samples, for another grid
+FINER = 2, 4  # divisors of the model's step, if the error with that is too large
+KNOWN = 0.9  # share of the time until which a motion is known, since other samples may give less
 SENSORS = {
     "jointpos": '<jointpos name="{name}" joint="{name}"/>',
     "jointvel": '<jointvel name="{name}_rate" joint="{name}"/>',
@@ -81,18 +82,19 @@ SENSORS = {
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a joint can be driven, the others following.
+    """The range in which a joint can be driven while the other joints follow.
 
     Attributes
     ----------
     joint : str
+        The name of the joint.
     start, low, high : float
-        Its value in the start pose, and the ends of its way [rad or m].
+        Its value in the start pose, and both ends of the range [rad or m].
     share : float
-        The way as a share of a turn, or of the mechanism's size [1].
+        The longer side of the range as a share of a turn, or of the mechanism's size [1].
     turns, motor, grounded : bool
-        Whether it makes a whole turn, whether an actuator drives it, and whether it is on a body
-        that is fixed.
+        Whether it makes a whole turn, whether an actuator drives it, and whether its body is joined
+        to the ground.
     """
 
     joint: str
@@ -106,12 +108,12 @@ class Reach:
 
     @property
     def rank(self) -> tuple[bool, bool, bool, float]:
-        """A motor first, then a whole turn, then a joint on a fixed body, then the longest way."""
+        """The order of preference: a motor, a whole turn, a joint on the ground, a long range."""
         return self.motor, self.turns, self.grounded, self.share
 
     @property
     def way(self) -> tuple[float, float]:
-        """Where the drive begins and ends: at the start pose, and on the longer side."""
+        """First and last value of the drive: that of the start pose, and one on the longer side."""
         if self.turns:
             return self.start, self.start + TURN
         end = max(self.low, self.high, key=lambda end: abs(end - self.start))
@@ -120,29 +122,31 @@ class Reach:
 
 @dataclass(frozen=True)
 class ModelLook:
-    """What is proposed for a model, before anything ran.
+    """The properties of a model, and the run and reference that are proposed for it.
 
     Attributes
     ----------
     start : str
-        Its key with the start pose; empty if it has none.
+        The key with the start pose; empty if the model has none.
     dof : int
+        The number of degrees of freedom.
     reaches : tuple of Reach
-        Of all joints that can be driven, the best first.
+        The ranges of all joints that can be driven, the best first.
     sensors : tuple of str
-        Names of those it has.
+        Names of the model's sensors.
     placed : bool
-        Whether one with a name tells where something is, or how it is turned.
+        Whether a sensor with a name measures a position or an orientation.
     joints, sites, bodies : tuple of str
-        Names of what could be measured: hinges and slides, sites, bodies on balls and free joints.
+        Names of elements that can be measured: hinges and slides, sites, and bodies on ball joints
+        and free joints.
     timestep : float
-        The model's [s].
+        The model's time step [s].
     reference : str
-        What its motion is held against.
+        The reference of the motion.
     until : float
-        How long it is let go [s].
+        Duration of a free motion [s].
     why : str
-        Why a reference that comes before is none; empty of the first.
+        Why the references before this one do not cover the model; empty for the first reference.
     """
 
     start: str
@@ -160,24 +164,24 @@ class ModelLook:
 
     @property
     def determined(self) -> bool:
-        """Whether a drive determines the motion, which engines follow as closely as they say."""
+        """Whether a drive determines the motion, so that the engines' own tolerances apply."""
         return self.reference == "planar" and self.dof == 1
 
     @property
     def driven(self) -> bool:
-        """Whether one joint is driven, and the others follow it, or springs hold them."""
+        """Whether one joint is driven, and the others follow it, or springs determine them."""
         return self.determined or bool(self.reaches)
 
 
 def look_at(path: Path) -> ModelLook:
-    """Look at a model.
+    """Find the properties of a model, and a run and a reference for it.
 
     Raises
     ------
     BadModel
-        It does not compile.
+        The model does not compile.
     InputError
-        Nothing of its motion is known.
+        Its motion is not known for any time.
     """
     model = compile_model(path)
     names = keys(model)
@@ -207,7 +211,7 @@ def look_at(path: Path) -> ModelLook:
                 else float(Branch(mechanism, (joint.name,)).walk(np.array([[end]]))[0].q[-1, j])
                 for end in (max(at - unit, low), min(at + unit, high))
             )
-        except ValueError:  # the others do not follow it, or have servos that are not covered
+        except ValueError:  # the other joints do not follow, or have servos that are not covered
             continue
         share = max(at - below, above - at) / unit
         if share > LEAST:
@@ -219,7 +223,7 @@ def look_at(path: Path) -> ModelLook:
 
 
 def springs_hold(mechanism: Mechanism) -> bool:
-    """Whether springs act, so that what a drive leaves may rest on them."""
+    """Whether there are springs, which may determine the joints that a drive leaves free."""
     m = mechanism
     springs: tuple[PlanarJoint | PointSpring | SumSpring, ...]
     springs = (*m.joints, *m.point_springs, *m.sum_springs)
@@ -227,7 +231,7 @@ def springs_hold(mechanism: Mechanism) -> bool:
 
 
 def rests_until(model: MjModel, start: str, joint: str, at: float, end: float) -> float:
-    """How far a joint can be driven towards an end while springs hold the others at rest."""
+    """The value to which a joint can be driven towards an end with the others in equilibrium."""
     for share in SHARES:
         last = at + share * (end - at)
         with suppress(ValueError):
@@ -237,7 +241,7 @@ def rests_until(model: MjModel, start: str, joint: str, at: float, end: float) -
 
 
 def look_of(model: MjModel, start: str, dof: int, reaches: tuple[Reach, ...] = ()) -> ModelLook:
-    """A look at a model, with the names that it has."""
+    """The properties of a model, with the names of its elements."""
     return ModelLook(
         start,
         dof,
@@ -252,12 +256,14 @@ def look_of(model: MjModel, start: str, dof: int, reaches: tuple[Reach, ...] = (
 
 
 def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelLook:
-    """Look at a model that is no planar linkage.
+    """Find the properties and a reference of a model that is no planar linkage.
+
+    `planar` says why it is none.
 
     Raises
     ------
     InputError
-        Nothing moves, the model fails, or its motion is not known for any time.
+        The model's own run fails, or its motion is not known for any time.
     """
     look = look_of(model, start, int(model.nv))
     if not model.nv:
@@ -285,7 +291,7 @@ def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelL
 
 @dataclass
 class Proposal:
-    """A sidecar in the making: its runs by kind, and what is said of them."""
+    """A sidecar that is being written: its runs by kind, comments, tolerances and time steps."""
 
     name: str
     model: str
@@ -296,11 +302,11 @@ class Proposal:
     steps: dict[str, float] = field(default_factory=dict)
 
     def text(self) -> str:
-        """The sidecar's text."""
+        """The text of the sidecar."""
         return "\n".join(self.lines()) + "\n"
 
     def lines(self) -> Iterator[str]:
-        """Its lines."""
+        """The lines of the sidecar."""
         yield f"# Proposed for {self.model} by `proofmass new`; docs/sidecar.md has every key."
         yield from (f"# {line}" for line in self.messages)
         yield f'title = "{self.name}"'
@@ -332,29 +338,30 @@ class Proposal:
 
 
 def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
-    """Write a sidecar for a model, beside it; and a copy of the model with more sensors.
+    """Write a sidecar for a model to the same folder; and a copy of the model with more sensors.
 
-    The copy is written if no sensor of the model tells of a place, as those of forces and rates.
+    The copy is written if no sensor of the model measures a position or an orientation.
 
     Parameters
     ----------
     name : str
-        Of the case.
+        Name of the case.
     model : Path
         An MJCF file; it is not changed.
 
     Returns
     -------
     files : list of Path
-        What was written.
+        The files that were written.
     messages : list of str
-        What was found, and what no engine covers.
+        What was found, the error of each run, and which runs an engine does not cover.
 
     Raises
     ------
     InputError
-        A file is there already; the model does not compile, has no joint that can be driven, or
-        nothing with a name that could be measured; or nothing of its motion is known.
+        A file exists already; the model does not compile, has no joint that can be driven, no
+        degree of freedom, or no named element that could be measured; or its motion is not known
+        for any time.
     """
     sidecar, own = (model.with_name(f"{name}{ending}") for ending in (".toml", ".xml"))
     if sidecar.exists():
@@ -386,7 +393,7 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         except InputError:
             if not look.driven or look.determined:
                 raise
-            messages = proposed(name, model, replace(look, reaches=()), sidecar)  # no engine rests
+            messages = proposed(name, model, replace(look, reaches=()), sidecar)  # no equilibria
     except BaseException:
         for file in written:
             file.unlink(missing_ok=True)
@@ -395,7 +402,7 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
 
 
 def proposed(name: str, model: Path, look: ModelLook, sidecar: Path) -> list[str]:
-    """Write the sidecar that a look at a model leads to, and tell what was found."""
+    """Write the sidecar for a model, and return the messages."""
     kinds: list[Kind] = ["dynamics"]
     if look.driven:
         kinds = ["sweep", "dynamics"] if look.determined else ["sweep"]
@@ -406,7 +413,7 @@ def proposed(name: str, model: Path, look: ModelLook, sidecar: Path) -> list[str
 
 
 def found_in(look: ModelLook) -> str:
-    """What a model is, in words."""
+    """A sentence on the degrees of freedom of a model, and the run that is proposed."""
     if not look.driven:
         why = f"{look.why[0].upper()}{look.why[1:]}. " if look.why else ""
         known = ", as far as its motion is known" if look.until < LET_GO else ""
@@ -424,9 +431,9 @@ def found_in(look: ModelLook) -> str:
 
 
 def more_sensors(look: ModelLook) -> list[str]:
-    """Sensors of all joints, sites and loose bodies that have a name.
+    """The MJCF of sensors for all joints, sites and loose bodies that have a name.
 
-    Names that sensors of the model have already are left to these.
+    Sensors whose name is that of a sensor of the model are left out.
     """
     asked = [
         *product(look.joints, ("jointpos", "jointvel")),
@@ -450,9 +457,9 @@ def with_sensors(model: Path, more: list[str]) -> str:
 
 
 def measure(proposal: Proposal, sidecar: Path) -> None:
-    """Run what is proposed, leave out what no engine covers, and write the sidecar.
+    """Make the proposed runs, leave out those that an engine does not cover, and write the sidecar.
 
-    What a drive does not determine has tolerances only by what was measured.
+    If a drive does not determine the motion, tolerances are proposed from the measured errors.
     """
     for kind in list(proposal.runs):
         for solver in list(proposal.runs[kind]):
@@ -475,7 +482,7 @@ def measure(proposal: Proposal, sidecar: Path) -> None:
 
 
 def closest(proposal: Proposal, sidecar: Path, kind: Kind, solver: str) -> list[Comparison]:
-    """Run a solver; in time with finer steps as long as it is farther off than it may be."""
+    """Run a solver; in dynamics with finer steps as long as its error exceeds the tolerance."""
     own = proposal.look.timestep
     for step in (own, *(own / n for n in FINER if kind == "dynamics")):
         if step < own:
@@ -489,7 +496,7 @@ def closest(proposal: Proposal, sidecar: Path, kind: Kind, solver: str) -> list[
 
 
 def worst(found: list[Comparison]) -> str:
-    """How far a run is off, in words."""
+    """A phrase on the largest error of a run."""
     errors = [c for c in found if isfinite(c.error_max)]
     if not errors:
         return f"{found[0].outcome}: {found[0].message}"
@@ -504,7 +511,7 @@ def worst(found: list[Comparison]) -> str:
 
 
 def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iterator[str]:
-    """A tolerance for each unit of a run, from what it was off by."""
+    """Lines of the sidecar with a tolerance for each unit of a run, from its errors."""
     errors: dict[str, float] = {}
     least: dict[str, float] = {}
     for c in found:
@@ -528,12 +535,12 @@ def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iter
 
 
 def format_unit(unit: str) -> str:
-    """A unit before the next word; nothing for a number without one."""
+    """A unit and a space; empty for a number without a unit."""
     return "" if unit == "1" else f"{unit} "
 
 
 def rounded_up(value: float) -> float:
-    """The next number with one digit.
+    """A value rounded up to one digit.
 
     >>> rounded_up(0.0123), rounded_up(3e-7)
     (0.02, 3e-07)

@@ -1,4 +1,4 @@
-"""`[refine]` of a sidecar: a row for each number of segments, order of convergence, and limit."""
+"""`[refine]` of a sidecar: runs with several numbers of segments, their order and their limit."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from proofmass.units import si_unit
 from proofmass.worker import isolated
 
 Ran = tuple[list[Comparison], Curves | None]
-"""Of one run: its comparisons, and its curves if it did not fail."""
+"""The comparisons of a run, and its curves if it did not fail."""
 
 
 @dataclass(frozen=True)
@@ -27,15 +27,15 @@ class RefinedRow:
     Attributes
     ----------
     case, solver, segments, channel, unit
-        What was run, and what of it was looked at.
+        The case, the solver, the number of segments, the channel and its unit.
     error : float
-        Largest difference to the reference [its unit].
+        Largest difference from the reference [its unit].
     end : float
         The difference at the last sample, with its sign [its unit].
     x : float
-        That sample [SI].
+        The x of the last sample [SI].
     seconds, steps
-        Cost of the run: wall time [s], and steps.
+        Cost of the run: wall time [s], and number of steps.
     """
 
     case: str
@@ -52,7 +52,7 @@ class RefinedRow:
 
 @dataclass(frozen=True)
 class RefinementStudy:
-    """One solver's runs of a case, by numbers of segments."""
+    """The runs of one solver of a case, by numbers of segments."""
 
     case: Case
     refine: Refine
@@ -60,7 +60,7 @@ class RefinementStudy:
     runs: dict[int, Ran] = field(default_factory=dict)
 
     def add(self, segments: int, found: Ran) -> tuple[list[RefinedRow], list[Comparison]]:
-        """Keep a run; rows and verdicts of all with the last one."""
+        """Add a run; with the last run the rows and verdicts of all, before it none."""
         self.runs[segments] = found
         if len(self.runs) < len(self.refine.segments):
             return [], []
@@ -68,7 +68,7 @@ class RefinementStudy:
         return isolated(judged, self, timeout=limits.timeout, memory=limits.memory)
 
     def rows(self) -> list[RefinedRow]:
-        """What the runs tell, of channels that the solver delivers; of failed ones nothing."""
+        """The rows of the runs that did not fail, for all channels that the solver delivers."""
         kept = {n: (found, curves) for n, (found, curves) in self.runs.items() if curves}
         if not kept:
             return []
@@ -95,13 +95,13 @@ class RefinementStudy:
 
 
 def judged(study: RefinementStudy) -> tuple[list[RefinedRow], list[Comparison]]:
-    """Rows and verdicts of a complete study; in a process of its own, for it asks the reference."""
+    """Rows and verdicts of a complete study, for a worker, since the reference is evaluated."""
     rows = study.rows()
     return rows, judge(study, rows)
 
 
 class Finer(NamedTuple):
-    """A run of a case with all its rods in so many segments, and the study that it is part of."""
+    """A run of a case with a number of segments for all rods, and the study that it belongs to."""
 
     case: Case
     kind: Kind
@@ -111,7 +111,7 @@ class Finer(NamedTuple):
 
 
 def refinements(case: Case) -> Iterator[Finer]:
-    """The runs that ``[refine]`` asks for, solver by solver; none without it."""
+    """The runs that ``[refine]`` asks for, solver by solver; none if a case has no such table."""
     if refine := case.refine:
         run = refine.sampled(case.run[refine.run])
         for solver in filter(computes, run.solvers):
@@ -125,7 +125,7 @@ def refinements(case: Case) -> Iterator[Finer]:
 
 
 def errors(case: Case, run: Kind, solver: str, curves: Curves) -> list[Comparison]:
-    """`compare` for one run among many: only channels that are refined, and only their errors."""
+    """The comparisons of one run of a study: refined channels only, without detectable changes."""
     reference = reference_for(case, run, curves).channels
     return [
         one(case, run, solver, name, curves, reference[name], {})
@@ -135,7 +135,7 @@ def errors(case: Case, run: Kind, solver: str, curves: Curves) -> list[Compariso
 
 
 def order(coarse: RefinedRow, fine: RefinedRow, error_floor: float = 0.0) -> float:
-    """The order that two numbers of segments show; NaN where an error is at the error floor.
+    """The order by the errors of two numbers of segments; NaN if one is at the error floor.
 
     >>> one, two = (RefinedRow("", "", n, "x", "m", 4 / n**2, 0.0, 1.0, 0.0, 0) for n in (2, 4))
     >>> order(one, two), order(one, two, error_floor=0.3)
@@ -147,7 +147,7 @@ def order(coarse: RefinedRow, fine: RefinedRow, error_floor: float = 0.0) -> flo
 
 
 def limit(coarse: RefinedRow, fine: RefinedRow, order: float) -> float:
-    """How far the limit that two numbers of segments point to is off at the last sample.
+    """The error at the last sample of the limit that is extrapolated from two numbers of segments.
 
     >>> one, two = (RefinedRow("", "", n, "x", "m", 0.0, 4 / n**2 + 16 / n**4, 1.0, 0.0, 0)
     ...             for n in (2, 4))
@@ -159,10 +159,11 @@ def limit(coarse: RefinedRow, fine: RefinedRow, order: float) -> float:
 
 
 def judge(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
-    """Verdicts on a complete study, of a run called "refine".
+    """Verdicts on a complete study, as comparisons of a run called "refine".
 
-    For each channel its order, off by so much at the finer number of segments of the worst pair;
-    and, if the sidecar bounds it, its limit, off by so much at the last sample.
+    For each channel there is a verdict on its order: the error is the largest deviation of a pair
+    of runs, at the finer number of segments of this pair.  If the sidecar bounds the limit of a
+    length, there is one on its limit: the error is that of the limit at the last sample.
     """
     cost: dict[str, Any] = {
         "case": study.case.name,
@@ -192,7 +193,7 @@ def judge(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
 
 
 def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
-    """Whether the errors of a channel fall as they should, above the error floor."""
+    """The verdict on whether the errors of a channel above the floor fall with the given order."""
     place = {**cost, "channel": f"order of {rows[0].channel}", "unit": ""}
     floor = f"errors up to {refine.error_floor:g} {rows[0].unit} are left to rounding"
     pairs = [
@@ -222,7 +223,7 @@ def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Co
 
 
 def of_limit(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
-    """Whether two of the runs point to the reference at the last sample."""
+    """The verdict on whether the limit of two runs is the reference at the last sample."""
     coarse, fine = (row for row in rows if row.segments in refine.last)
     allowed = float(refine.richardson or 0.0) / si_unit(fine.unit)[1]
     error = abs(limit(coarse, fine, refine.order))

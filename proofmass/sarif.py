@@ -1,4 +1,4 @@
-"""What is wrong in a check as SARIF 2.1.0, which code hosts show beside the lines of the files."""
+"""The failures of a check as SARIF 2.1.0, which code hosts show at the lines of the files."""
 
 import json
 import re
@@ -25,7 +25,7 @@ KEY = re.compile(r"^\s*((?:[\w-]+|\"[^\"]*\")(?:\s*\.\s*(?:[\w-]+|\"[^\"]*\"))*)
 
 
 def as_sarif(result: Result) -> str:
-    """The SARIF file of a result: its failures, inputs at fault, and cases without a check."""
+    """The SARIF file of a result: its failures, inputs with errors, and cases without a check."""
     cases = {case.name: case for case in result.cases}
     lines = LineIndex()
     found = [
@@ -76,7 +76,7 @@ def rule_id(outcome: str) -> str:
 
 
 def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
-    """The rules that results name."""
+    """The SARIF rules with these identifiers."""
     words = {rule_id(outcome): outcome.sentence for outcome in FAILING}
     words[BAD_INPUT] = "a file is not usable: its key, line or whole is at fault"
     words[NOTHING_CHECKED] = "a case has no curve that a tolerance covers"
@@ -88,7 +88,7 @@ def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def of_channel(c: Comparison, case: Case | None, lines: "LineIndex") -> dict[str, Any]:
-    """A channel that differs or failed, at its line in the sidecar, or in the model."""
+    """The SARIF result of a channel that differs or failed, at its line in sidecar or model."""
     places = []
     if case is not None:
         file, line = case.file, lines.of_key(case.file, ["channels", c.channel], exactly=True)
@@ -100,12 +100,12 @@ def of_channel(c: Comparison, case: Case | None, lines: "LineIndex") -> dict[str
 
 
 def of_case(case: Case, lines: "LineIndex") -> dict[str, Any]:
-    """A case of which nothing was checked."""
+    """The SARIF result of a case of which nothing was checked."""
     return entry(NOTHING_CHECKED, f"{case.name}: {UNCHECKED}", [location(case.file)], case.name)
 
 
 def of_error(error: InputError, lines: "LineIndex") -> dict[str, Any]:
-    """An input at fault, at the line of its key."""
+    """The SARIF result of an input with an error, at the line of its key."""
     sidecar = error.file.suffix == ".toml"
     line = lines.of_key(error.file, key_parts(error.key)) if sidecar else None
     if line is None and (said := re.search(r"\bline (\d+)", f"{error.key} {error.wrong}")):
@@ -115,7 +115,7 @@ def of_error(error: InputError, lines: "LineIndex") -> dict[str, Any]:
 
 
 def entry(rule: str, text: str, places: list[dict[str, Any]], name: str) -> dict[str, Any]:
-    """A result; `name` is what it keeps from one check to the next."""
+    """A SARIF result; `name` identifies it from one check to the next."""
     return {
         "ruleId": rule,
         "level": "error",
@@ -126,7 +126,7 @@ def entry(rule: str, text: str, places: list[dict[str, Any]], name: str) -> dict
 
 
 def location(file: Path, line: int | None = None) -> dict[str, Any]:
-    """A place in a file; a file below the current folder by its relative path."""
+    """A SARIF location in a file, with a relative path if the file is below the current folder."""
     whole = Path(file).absolute()
     try:
         relative = whole.relative_to(Path.cwd())
@@ -138,7 +138,7 @@ def location(file: Path, line: int | None = None) -> dict[str, Any]:
 
 
 def quoted(relative: Path) -> str:
-    """A relative path as a URI has it.
+    """A relative path, quoted as in a URI.
 
     >>> quoted(Path("a b/ü.toml"))
     'a%20b/%C3%BC.toml'
@@ -148,13 +148,13 @@ def quoted(relative: Path) -> str:
 
 
 class LineIndex:
-    """Where keys and names stand in files; each file is read once."""
+    """The lines of keys and names in files; each file is read once."""
 
     def __init__(self) -> None:
         self.texts: dict[Path, list[str]] = {}
 
     def text(self, file: Path) -> list[str]:
-        """The lines of a file; none of one that cannot be read."""
+        """The lines of a file; empty if it cannot be read."""
         if file not in self.texts:
             try:
                 self.texts[file] = read_text(file).splitlines()
@@ -163,7 +163,10 @@ class LineIndex:
         return self.texts[file]
 
     def of_key(self, file: Path, wanted: list[str], exactly: bool = False) -> int | None:
-        """The line of a sidecar in which a key is given, or that of the nearest table around it."""
+        """The line of a key in a sidecar, or of the nearest table that contains it.
+
+        With `exactly` only the line of the key itself is given.
+        """
         best, deepest = None, 0
         table, counts = list[str](), Counter[str]()
         for number, line in enumerate(self.text(file), 1):
@@ -181,7 +184,7 @@ class LineIndex:
         return best if deepest == len(wanted) or not exactly else None
 
     def of_name(self, file: Path, channel: str) -> int | None:
-        """The line of a model that names a sensor, whose name is a channel's up to its axis."""
+        """The line of a model that names a channel's sensor, by the channel with or without its axis."""
         names = (channel, channel.rpartition(".")[0])
         for name in filter(None, names):
             said = re.compile(rf"\bname\s*=\s*([\"']){re.escape(name)}\1")
@@ -192,7 +195,7 @@ class LineIndex:
 
 
 def key_parts(key: str) -> list[str]:
-    """The parts of a dotted key; what is quoted is one.
+    """The parts of a dotted key; a quoted text is one part.
 
     >>> key_parts('settings."mujoco:fine".timestep'), key_parts("tolerance.0.why")
     (['settings', 'mujoco:fine', 'timestep'], ['tolerance', '0', 'why'])

@@ -1,13 +1,13 @@
-"""The JSON Schema of a sidecar: editors complete its keys with it, and mark unknown ones.
+"""The JSON Schema of a sidecar, with which editors complete its keys and mark unknown ones.
 
     proofmass schema -o proofmass.schema.json
 
-Editors that know TOML, such as those with Taplo, read its place in the first line of a sidecar::
+Editors with support of TOML, such as by Taplo, find the schema by the first line of a sidecar::
 
     #:schema proofmass.schema.json
 
-The schema is weaker than `proofmass.sidecar.load_case`: it knows keys and types, not how keys go
-together, nor the names that stand in a model.
+The schema checks less than `proofmass.sidecar.load_case`: keys and types, but neither which keys
+may be combined, nor the names of a model.
 """
 
 import json
@@ -18,7 +18,7 @@ from proofmass.sidecar import OWN, Levels
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 FILLED = {"Channel": ("equals", "unit"), "RunTable": ("solvers",)}
-"""Keys that a case has, and a sidecar may leave to `proofmass.sidecar.fill_defaults`."""
+"""Keys that a case must have, but a sidecar may leave to `proofmass.sidecar.fill_defaults`."""
 REQUIRED = ["title", "source", "reference"]
 JsonObject = dict[str, Any]
 
@@ -54,7 +54,7 @@ def sidecar_schema() -> JsonObject:
 
 
 def as_in_toml(part: Any) -> Any:
-    """A part of a schema without what TOML has not: null.  Titles that repeat a key go as well."""
+    """A part of a schema without null, which TOML does not have, and titles, which repeat keys."""
     if isinstance(part, list):
         return [as_in_toml(one) for one in part if one != {"type": "null"}]
     if not isinstance(part, dict):

@@ -1,30 +1,30 @@
-"""How well the motion of a model is known that no sidecar speaks of.
+"""Self-consistency: how well the motion of a model without a sidecar is known.
 
-The rungs, from below:
+There are four levels of knowledge, called rungs, from the lowest to the highest:
 
-* *unchecked*: it runs, and nothing says whether its motion is what its equations ask for;
-* *self-consistent until T*: two ways of solving its own equations agree until then.  The model may
-  still be the wrong one: contacts and loops are as soft as its file says;
+* *unchecked*: the model runs, and nothing shows whether its motion satisfies its equations;
+* *self-consistent until T*: two ways of solving the model's own equations agree until then.  The
+  model may still be wrong: contacts and loops are as soft as its file says;
 * *agrees*: an independent reference, which a sidecar names, agrees within a tolerance;
-* *exact*: that reference is a closed form, or has a witness of its own.
+* *exact*: that reference is a closed form, or is itself confirmed by a second formulation.
 
 The first two are found for a model by itself, see `proofmass.check.check_model`.  Its motion is
-solved in several ways by an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance of two
-ways is the largest of all points of all bodies until a time; it counts as a share of the model's
-size, or of the way that a point has gone until then, if that is longer.  Three things are looked
-at:
+solved in several ways by an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance between
+two solutions is the largest of all points of all bodies until a time.  It is given as a share of
+the model's size, or of the longest distance that a point has moved until then, if that is longer.
+There are three criteria:
 
 steps
-    The two finest steps differ by less than `WITHIN`, the last two halvings left less of the
-    difference before them than 1 / `FALLS`^2, with an order of no more than `FASTEST`, and the
-    first of them did not make it `JUMPS` times as large.
+    The solutions with the two finest steps differ by less than `WITHIN`; the last two halvings of
+    the step reduced their difference at least by the factor `FALLS`^2, with an order of at most
+    `FASTEST`; and the first of them did not make the difference larger by the factor `JUMPS`.
 close
-    An integrator that chooses its steps is as near to the finest steps, and to itself with a wider
-    allowance.
+    The solution of an integrator that chooses its steps differs by no more than `WITHIN` from that
+    with the finest step, and from its own with a larger error allowance.
 disturbed
-    A start pose that differs by 1e-9 leads to a motion that is as near.
+    A start pose that differs by 1e-9 leads to a motion that differs by no more than `WITHIN`.
 
-A motion is self-consistent until the last time at which two of the three hold.
+A motion is self-consistent until the last time before which two of the three criteria are met.
 """
 
 from collections.abc import Iterator
@@ -42,30 +42,33 @@ from proofmass.wording import format_list, number
 
 Bools = NDArray[np.bool_]
 PROCESSOR = 36.0
-"""Processor time of all ways to solve the motion of a model [s]."""
+"""Processor time of all solutions of a model's motion together [s]."""
 WITHIN = 1e-3
-"""Share of the size within which two ways agree: a pixel of a picture of 1000."""
+"""Share of the size up to which two solutions agree: a pixel in a picture of 1000 pixels."""
 FALLS = 1.6
-"""Errors of first order that contacts scatter fall by this with half the step, rather than by 2."""
+"""Least factor by which half the step must reduce a difference.  Errors of first order fall by 2,
+but contacts scatter them."""
 JUMPS = 2.0
-"""Contacts scatter differences by less; by more, finer steps lead to another motion."""
+"""Factor on a difference.  Contacts scatter differences by less; if half the step makes one larger
+than this, finer steps lead to another motion."""
 FASTEST = 2.1
 """Largest order that counts as convergence.  MuJoCo's steps are of first order, or of second from
 rest; errors that fall faster show that the coarser steps led to another motion.  RK4 is of fourth
-order where nothing touches; there `close` and `disturbed` decide."""
+order without contacts; in that case `close` and `disturbed` decide."""
 ROUNDING = 1e-9
 """Share of the size below which a difference need not fall any more."""
 CHAOTIC = 1e3
-"""Growth of a disturbance beyond which no step could help for long."""
+"""Growth of a disturbance beyond which a finer step does not help for long."""
 BETTER = 0.1, 0.55
-"""Shares of the own error that another setting must have to be named, the first if there is one."""
+"""Shares of the own error up to which another setting is recommended; the second share is used if
+no setting reaches the first."""
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another setting, its error at T [m], and how many times as long as the own it takes.
+    """Another setting, its error until T [m], and its time over that of the model's own setting.
 
-    That is NaN where the clock is too coarse for the own one.
+    `times` is NaN if the clock is too coarse for the own setting.
     """
 
     name: str
@@ -74,12 +77,14 @@ class Alternative:
 
 
 class Rung:
-    """What the ways to solve a model's own motion tell.
+    """The conclusions from several solutions of a model's own motion.
+
+    T is the time until which the motion is self-consistent.
 
     Parameters
     ----------
     motion : OwnMotion
-        Whose first run does not fail, see `why_failed`.
+        The solutions; the first run must not fail, see `why_failed`.
     """
 
     def __init__(self, motion: OwnMotion) -> None:
@@ -87,25 +92,28 @@ class Rung:
         self.count = min(len(run.points) for run in motion.runs)
 
     def padded(self, holds: Bools) -> Bools:
-        """Whether something holds, at each sample that all runs with a step have."""
+        """A criterion at each sample that all runs with a step have; False if it is not given."""
         found = np.zeros(self.count, bool)
         found[: holds.size] = holds[: self.count]
         return found
 
     def apart(self, one: OwnRun, two: OwnRun) -> Array:
-        """The largest distance of two ways until each sample that both have [m]."""
+        """The largest distance between two solutions until each sample that both have [m]."""
         n = min(len(one.points), len(two.points))
         return farthest(one.points[:n] - two.points[:n])
 
     @cached_property
     def sizes(self) -> Array:
-        """What shares are of: the model's size, or the longest way until each sample [m]."""
+        """The lengths that shares refer to, at each sample [m].
+
+        Each is the model's size, or the longest distance moved until then, if that is longer.
+        """
         points = self.fine.points[: self.count]
         return np.maximum(farthest(points - points[:1]), self.motion.extent or 1e-300)
 
     @cached_property
     def differences(self) -> list[Array]:
-        """Of each run with a step to the one with half of it."""
+        """The distance of each run with a step from the run with half that step [m]."""
         return [self.apart(*pair)[: self.count] for pair in pairwise(self.motion.runs)]
 
     @property
@@ -115,7 +123,7 @@ class Rung:
 
     @cached_property
     def by_steps(self) -> Bools:
-        """Whether finer steps converge, sample by sample."""
+        """The criterion `steps` at each sample: whether finer steps converge."""
         if len(self.differences) < 3:
             return np.zeros(self.count, bool)
         first, second, last = self.differences[-3:]
@@ -127,37 +135,37 @@ class Rung:
 
     @cached_property
     def closely(self) -> Bools:
-        """Whether the way that chooses its steps agrees with the finest, sample by sample."""
+        """The criterion `close` at each sample: whether variable and finest steps agree."""
         own, other = (self.apart(self.motion.close, x) for x in (self.motion.rough, self.fine))
         n = min(own.size, other.size, self.count)
         return self.padded(np.maximum(own[:n], other[:n]) <= WITHIN * self.sizes[:n])
 
     @cached_property
     def parted(self) -> Array:
-        """How far a disturbed start leads, until each sample [m]."""
+        """The largest distance that a disturbed start causes until each sample [m]."""
         return self.apart(self.motion.disturbed, self.motion.runs[self.motion.compared])
 
     @cached_property
     def steady(self) -> Bools:
-        """Whether a disturbed start leads to the same motion, sample by sample."""
+        """The criterion `disturbed` at each sample: whether a disturbed motion stays near."""
         n = min(self.parted.size, self.count)
         return self.padded(self.parted[:n] <= WITHIN * self.sizes[:n])
 
     @cached_property
     def last(self) -> int:
-        """The last sample until which two of the three hold; 0 if they never do."""
+        """The last sample until which two of the three criteria are met; 0 if they never are."""
         votes = self.by_steps.astype(int) + self.closely + self.steady
         fails = np.flatnonzero(votes < 2)
         return max(0, int(fails[0]) - 1) if fails.size else len(votes) - 1
 
     @property
     def until(self) -> float:
-        """T [s]."""
+        """The time T [s]."""
         return float(self.motion.times[self.last])
 
     @property
     def closely_until(self) -> float:
-        """Until when the way that chooses its steps is right [s]; 0 if it never is."""
+        """The time until which the integrator that chooses its steps is right [s]; 0 for never."""
         if not self.consistent:
             return 0.0
         fails = np.flatnonzero(~self.closely[: self.last + 1])
@@ -165,7 +173,7 @@ class Rung:
 
     @property
     def whole_run(self) -> bool:
-        """Whether T is the end."""
+        """Whether T is the end of the run."""
         return self.last == len(self.motion.times) - 1
 
     @property
@@ -175,24 +183,26 @@ class Rung:
 
     @cached_property
     def best(self) -> OwnRun:
-        """The way that others are held against: the close one, where the steps agree with it."""
+        """The solution that others are compared with: `close` if the finest steps agree with it."""
         return self.motion.close if self.closely[: self.last + 1].all() else self.fine
 
     @property
     def sure(self) -> bool:
-        """Whether the way that chooses its steps is right until the end of what was asked."""
+        """Whether the integrator that chooses its steps is right until the end of the run."""
         return self.whole_run and self.consistent and self.best is self.motion.close
 
     def error(self, run: OwnRun) -> float:
-        """How far a run is off the best one until T [m]; infinite where it ended before."""
+        """The largest distance of a run from the best until T [m]; infinite if it ends before."""
         found = self.apart(run, self.best)
         return float(found[self.last]) if found.size > self.last else inf
 
     @property
     def known(self) -> float:
-        """To what the motion is known until T [m]: what two ways differ by, or steps have to go.
+        """The uncertainty of the motion until T [m].
 
-        At first order at best, for a higher one that is observed may not last.
+        It is the distance of the finest step from the best solution, or if that is the finest step
+        itself, the error that remains by extrapolation.  The order of the extrapolation is at most
+        1, since a higher order that is observed may not continue.
         """
         if self.best is not self.fine:
             return self.error(self.fine)
@@ -202,7 +212,7 @@ class Rung:
 
     @property
     def order(self) -> float:
-        """Order with which the last two halvings converge until T; NaN where nothing is left."""
+        """Order of convergence of the last two halvings until T; NaN if only rounding is left."""
         if len(self.differences) < 3:
             return nan
         coarse, _, fine = (float(one[self.last]) for one in self.differences[-3:])
@@ -210,25 +220,25 @@ class Rung:
 
     @property
     def growth(self) -> float:
-        """What a disturbance of the start has grown by at the last sample [1]."""
+        """The factor by which a disturbance of the start has grown at the last sample [1]."""
         return self.grown(-1)
 
     def grown(self, k: int) -> float:
-        """What a disturbance of the start has grown by at sample k [1]."""
+        """The factor by which a disturbance of the start has grown at sample k [1]."""
         begun = self.motion.disturbance * (self.motion.extent or 1.0)
         return float(self.parted[k]) / begun
 
     def ways(self) -> Iterator[Alternative]:
-        """Other settings, the model's own first."""
+        """All settings that were tried, the model's own first."""
         own = self.motion.runs[0]
         for run in (*self.motion.runs, *self.motion.others):
             times = run.seconds / own.seconds if own.seconds else nan
             yield Alternative(run.name, self.error(run), times)
 
     def better(self) -> Alternative | None:
-        """The cheapest setting with a tenth of the own error, or about half; None if none has.
+        """The cheapest setting with a tenth of the own error, or about half of it, or None.
 
-        The finest step, which others may be held against, is none.
+        A setting without any error is left out: it is the one that others are compared with.
         """
         own, *others = self.ways()
         for share in BETTER:
@@ -239,14 +249,14 @@ class Rung:
 
     @property
     def softness(self) -> float:
-        """How far stiffer contacts and loops move the motion until T [m]; NaN if there are none."""
+        """The distance that stiffer contacts and loops cause until T [m]; NaN if there are none."""
         if self.motion.stiffer is None:
             return nan
         found = self.apart(self.motion.stiffer, self.motion.runs[self.motion.compared])
         return float(found[self.last]) if found.size > self.last else nan
 
     def why(self) -> str:
-        """Why no more is known."""
+        """Why the motion is not known beyond T; empty if T is the end of the run."""
         if self.whole_run:
             return ""
         if self.last == self.count - 1:
@@ -277,7 +287,7 @@ class Rung:
         return float(self.motion.times[self.count - 1])
 
     def words(self) -> str:
-        """All of it in a few sentences."""
+        """A summary of a few sentences."""
         if not self.motion.dof:
             return "nothing moves: the model has no joints"
         if not self.consistent:
@@ -285,7 +295,7 @@ class Rung:
         return " ".join(self.sentences())
 
     def sentences(self) -> Iterator[str]:
-        """What is said of a self-consistent motion."""
+        """The sentences on a self-consistent motion."""
         own, known, end = self.motion.runs[0], self.known, ", its end" if self.whole_run else ""
         error = self.error(own)
         off = f"off by {format_length(error)}" if error > known else "off by no more than that"
@@ -308,7 +318,7 @@ class Rung:
             yield f"Then {self.why()}; {self.after()}."
 
     def evidence(self) -> Iterator[str]:
-        """What shows that the motion is known until T."""
+        """Phrases on the criteria that are met at T."""
         k = self.last
         if self.by_steps[k]:
             order = "" if np.isnan(self.order) else f" with order {number(self.order, 2)}"
@@ -319,7 +329,7 @@ class Rung:
             yield f"a start that differs by {number(self.motion.disturbance)} leads there as well"
 
     def after(self) -> str:
-        """What the two finest steps say of the end, beside positions."""
+        """A phrase on energies, penetrations and constraint violations of the two finest steps."""
         coarse, fine = self.motion.runs[-2:]
         end = self.count - 1
         swing = float(np.ptp(fine.energy)) or 1.0
@@ -327,7 +337,7 @@ class Rung:
         parts = [f"energies at the end differ by {number(100 * energy, 2)} % of their swing"]
         for what, one, two in (
             ("penetrations", coarse.depth, fine.depth),
-            ("openings of loops", coarse.gap, fine.gap),
+            ("constraint violations", coarse.gap, fine.gap),
         ):
             most = [float(np.max(each[: self.count])) for each in (one, two)]
             if max(most) > 0:
@@ -338,12 +348,12 @@ class Rung:
 
 
 def format_step(run: OwnRun) -> str:
-    """A run's step in words."""
+    """The step of a run as text."""
     return f"{number(1e3 * run.step)} ms"
 
 
 def format_length(metres: float) -> str:
-    """A length in words.
+    """A length as text.
 
     >>> format_length(0.0078), format_length(2.5e-6), format_length(0.0)
     ('7.8 mm', '2.5 µm', '0 m')
@@ -355,13 +365,13 @@ def format_length(metres: float) -> str:
 
 
 def farthest(ways: Array) -> Array:
-    """The longest of some vectors (samples, bodies, points, 3) until each sample."""
+    """The largest length of some vectors (samples, bodies, points, 3) until each sample."""
     lengths = np.linalg.norm(ways, axis=-1).reshape(len(ways), -1)
     return np.asarray(np.maximum.accumulate(lengths.max(axis=1, initial=0.0)))
 
 
 def why_failed(motion: OwnMotion) -> str:
-    """Why the model's own run fails; nothing if it came to its end, or to that of its time.
+    """Why the model's own run fails; empty if it came to its end, or its processor time was over.
 
     >>> from proofmass.sim.protocol import OwnRun
     >>> none = np.zeros((1, 1, 1, 3))

@@ -206,7 +206,10 @@ def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
     monkeypatch.setattr(import_module("proofmass.check"), "CAUSES", 1e-3)
     result = check([edited(tmp_path, "fourbar", LONGER, runs=MUJOCO)], jobs=1, detectable=False)
     assert any(c.outcome == "differs" for c in result.comparisons)
-    assert "causes were not sought: no answer in" in next(iter(result.diagnoses.values())).lines[0]
+    assert (
+        "causes were not searched for: no answer in"
+        in next(iter(result.diagnoses.values())).lines[0]
+    )
 
 
 def test_causes_are_ranked_by_channels_then_by_what_is_left():
@@ -263,7 +266,7 @@ def test_a_failed_run_says_what_happened_until_then(tmp_path):
 
 def test_a_failed_run_of_which_nothing_is_known_has_a_line(tmp_path):
     found = Diagnosis("a", "dynamics", "mujoco", failed=True)
-    assert found.lines == ["nothing was found that tells why"]
+    assert found.lines == ["no reason was found"]
     fault = one_diagnosis(load_case(failed_case(tmp_path)), "dynamics", "mujoco", None, failed=True)
     assert fault.fault
     assert fault.failed

@@ -442,5 +442,5 @@ def test_a_wrong_sign_is_named_as_the_cause(edit, models: Path) -> None:
     kept = [t for t in tolerances if "recorded" in t]
     (models / f"{HACKSAW}.toml").write_text("[[tolerance]]".join([head, *kept]))
     (found,) = check([models / f"{HACKSAW}.toml"], jobs=1, detectable=False).diagnoses.values()
-    assert found.causes[0].words == "r1 turned in sign"
+    assert found.causes[0].words == "r1 with the opposite sign"
     assert not any("numbers of the model" in words for words in found.tried)

@@ -37,8 +37,8 @@ ENTRIES = [STEP, LIGHT, CONTACT, SOLVER, GEOM, NEEDED, ALL]
 def test_an_edit_in_a_sentence() -> None:
     assert sentence(LIGHT) == (
         "Harmless: it is removed or changed. A step takes 100 µs with it, 50 µs without (40 µs to "
-        "60 µs with 99 %). Memory: 20 KB with it, 10 without. The largest change is 0.5 of what is allowed, angle in"
-        " run."
+        "60 µs with 99 %). Memory: 20 KB with it, 10 without. The largest change is 0.5 of what is "
+        "allowed, angle in run."
     )
     assert "100 µs before, 100 µs after (90 µs to 110 µs with 99 %), no change" in sentence(SOLVER)
     assert sentence(CONTACT).endswith("No channel changes.")
