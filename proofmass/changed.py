@@ -1,8 +1,8 @@
 """Runs of a case with changed numbers of its model: functions that workers call.
 
-`baseline` runs a case without changes, and keeps its errors with their signs.  `with_changes` runs
-it with a changed model, compares it with the reference as `proofmass check` does, and computes from
-both runs by which change the first tolerance would be used up.
+`baseline` runs a case without changes, and keeps its errors with their signs.
+`with_changes` runs it with a changed model, compares it with the reference as `proofmass check`
+does, and computes from both runs by which change the first tolerance would be used up.
 """
 
 import math

@@ -7,7 +7,8 @@ changed model, as it does in `proofmass check`.  Such a case notices a number on
 that must equal a number.
 
 The findings are kept in a folder, in a file for each case that is written after each group of
-numbers: `coverage_of` continues a search that was stopped, `stored_coverage` reads a complete one.
+numbers.  `coverage_of` continues a search that was stopped; `stored_coverage` reads a complete
+one.
 """
 
 import json
@@ -130,8 +131,8 @@ def coverage_of(
         raise InputError(
             case.file,
             "run",
-            f"{', '.join(others)}: no number of the model acts on curves that are recorded; a run "
-            "needs an engine that computes",
+            f"{', '.join(others)}: no number of the model acts on curves that are recorded; a "
+            "run needs an engine that computes",
         )
     kept = read_kept(file)
     if kept.coverage is not None:

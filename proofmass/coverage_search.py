@@ -478,9 +478,9 @@ class Search:
     ) -> list[Number]:
         """The numbers of which a run notices half of the smallest change found so far.
 
-        For a run that is `alike`, of the same kind, the rates have shown already which changes it
-        notices, but it may still refuse a change of any size.  So the changes in a group are then
-        so small that together they are less than is noticed.
+        If the run is of the same kind, `alike`, the rates have shown already which changes
+        it notices, but it may still refuse a change of any size.  So the changes in a group are
+        then so small that together they are less than is noticed.
         """
 
         def asks(some: Sequence[Number]) -> bool:

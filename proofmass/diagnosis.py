@@ -124,9 +124,9 @@ class Explanation:
     differing : int
         How many channels differ.
     free : int
-        How freely the change was chosen, see `COST`: 0 without a fitted number, such as a sign; 1
-        one fitted parameter; 2 a fitted factor, offset or shift, which any channel may have; 3 two
-        fitted parameters.
+        How freely the change was chosen, see `COST`: 0 without a fitted number, such as a
+        sign; 1 one fitted parameter; 2 a fitted factor, offset or shift, which any channel may
+        have; 3 two fitted parameters.
     changes : mapping of str to tuple of float
         For each fitted parameter its value in the sidecar, and the fitted value [SI].
     same : tuple of str
@@ -485,14 +485,14 @@ def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
 def rank(cause: Explanation) -> tuple[float, float]:
     """The key by which causes are ranked, smallest first.
 
-    The first number is the handicap `COST` less the share of channels that the cause explains, or 0
-    if it explains none; the second is the share of the differences that it leaves.
+    The first number is the handicap of `COST` less the share of channels that the cause
+    explains, or 0 if it explains none; the second is the share of the differences that it leaves.
     """
     return COST[cause.free] - cause.share if cause.score > 0 else 0.0, cause.left
 
 
 def order(cause: Explanation) -> tuple[float, ...]:
-    """The key of `rank`; exact causes are sorted by the digits of their values, then by the change.
+    """The key of `rank`, with exact causes sorted by digits of their values, then by change.
 
     The share that an exact cause leaves is only rounding.  A value with few digits is more likely,
     since people write round numbers.

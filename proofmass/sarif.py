@@ -184,7 +184,7 @@ class LineIndex:
         return best if deepest == len(wanted) or not exactly else None
 
     def of_name(self, file: Path, channel: str) -> int | None:
-        """The line of a model that names a channel's sensor, by the channel with or without its axis."""
+        """The line of a model that names the sensor of a channel, with or without its axis."""
         names = (channel, channel.rpartition(".")[0])
         for name in filter(None, names):
             said = re.compile(rf"\bname\s*=\s*([\"']){re.escape(name)}\1")

@@ -15,14 +15,16 @@ the model's size, or of the longest distance that a point has moved until then, 
 There are three criteria:
 
 steps
-    The solutions with the two finest steps differ by less than `WITHIN`; the last two halvings of
-    the step reduced their difference at least by the factor `FALLS`^2, with an order of at most
-    `FASTEST`; and the first of them did not make the difference larger by the factor `JUMPS`.
+    The solutions with the two finest steps differ by less than `WITHIN`; the last two
+    halvings of the step reduced their difference at least by the factor `FALLS`^2, with an order
+    of at most `FASTEST`; and the first of them did not make the difference larger by the factor
+    `JUMPS`.
 close
-    The solution of an integrator that chooses its steps differs by no more than `WITHIN` from that
-    with the finest step, and from its own with a larger error allowance.
+    The solution of an integrator that chooses its steps differs by no more than `WITHIN`
+    from that with the finest step, and from its own with a larger error allowance.
 disturbed
-    A start pose that differs by 1e-9 leads to a motion that differs by no more than `WITHIN`.
+    A start pose that differs by 1e-9 leads to a motion that differs by no more than
+    `WITHIN`.
 
 A motion is self-consistent until the last time before which two of the three criteria are met.
 """

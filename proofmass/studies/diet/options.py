@@ -43,7 +43,7 @@ ENABLES = "mjENBL_"  # prefix of the names of flags, which they do not have in M
 CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 JOINT, MESH = mujoco.mjtJoint, mujoco.mjtGeom.mjGEOM_MESH
 DRAWN = "drawn geom"
-WHOLE = {  # lists of the spec whose elements are deleted entirely, and the word for one element
+WHOLE = {  # lists of the spec whose elements are deleted, and the word for one element
     "joints": "joint",
     "equalities": "equality",
     "actuators": "actuator",

@@ -184,7 +184,7 @@ def change_strip(entry: Entry, css: Mapping[str, str]) -> Strip | None:
 def saved_strip(
     entry: Entry, css: Mapping[str, str], share: float, interval: Sequence[float] = ()
 ) -> Strip | None:
-    """The strip of a saving, as a share of the largest saving of a feature, from `ZERO` on."""
+    """The strip of a saving, as a share of the largest of a feature, from `ZERO` on."""
     if not entry.costs or isnan(share):
         return None
     ends = [min(max(ZERO + (100 - ZERO) * one, 0.0), 100.0) for one in (share, *interval)]

@@ -131,13 +131,13 @@ class MonitoredRun:
 
     @property
     def brief(self) -> Run:
-        """The first samples of the run, with `FEW` steps or `BRIEF` of wall time; at least two."""
+        """The first samples, with `FEW` steps or `BRIEF` of wall time, two at least."""
         return self.shortened(self.run)
 
     def shortened(self, run: Run, few: int = FEW) -> Run:
-        """The first samples of a run, with `few` steps or `BRIEF` of wall time; at least two.
+        """The first samples of a run, with `few` steps or `BRIEF` of wall time.
 
-        The run is this one, or that of its bound.
+        There are at least two.  The run is this one, or that of its bound.
         """
         length = float(np.ptp(self.before.x)) or 1.0
         samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
@@ -423,8 +423,8 @@ def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Mon
 def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
     """The free motion of the original model, for some seconds or until it is chaotic.
 
-    It is chaotic from where a nudge of the start pose changes a channel by `CHAOS` of its size.  A
-    channel may change as much as by the nudge, or by rounding if that is more.
+    It is chaotic from where a nudge of the start pose changes a channel by `CHAOS` of its
+    size.  A channel may change as much as by the nudge, or by rounding if that is more.
     """
     model = edited.compiled()
     names = [model.key(k).name for k in range(model.nkey)]
@@ -539,8 +539,8 @@ def with_fine_solution(
         k = int(np.argmax(chaotic))
         name = max(off, key=lambda name: float(off[name][k]))
         return monitored, (
-            f"{no}to compare them with: {name} differs from it by a tenth of its size after "
-            f"{number(float(run.x[k]))} s; --seconds ends the run before that."
+            f"{no}to compare them with: {name} differs from it by a tenth of its "
+            f"size after {number(float(run.x[k]))} s; --seconds ends the run before that."
         )
     allowed, free = dict[str, float](), error or 0.0
     ranges = {
@@ -561,9 +561,9 @@ def with_fine_solution(
         allowed[name] = most * size
     return replace(monitored, bound=Bound(run, allowed, fine)), (
         f"Options are compared with the fine solution of the same model, with steps of "
-        f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, over the "
-        f"first {number(float(run.x[-1]))} s: the error of a channel may be 1.1 times its error "
-        f"with the model's own options, {number(ROUNDING)} of its size"
+        f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, "
+        f"over the first {number(float(run.x[-1]))} s: the error of a channel may be 1.1 times "
+        f"its error with the model's own options, {number(ROUNDING)} of its size"
         + (
             f" or {number(free)} of its range, whichever is most."
             if free

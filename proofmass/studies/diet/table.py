@@ -26,9 +26,9 @@ NO_GAIN = "no gain"
 WHOLE = "all of these"
 """The kind of the last entry: all harmless changes together."""
 COLUMNS = {
-    "kind": f"kind of the feature that was removed; option: an option that was changed; {SAID}: "
-    f"the message is a sentence on what is monitored; the last rows, {WHOLE}: all harmless changes "
-    "at once",
+    "kind": "kind of the feature that was removed; option: an option that was changed; "
+    f"{SAID}: the message is a sentence on what is monitored; the last rows, "
+    f"{WHOLE}: all harmless changes at once",
     "feature": "name of the feature",
     "outcome": "harmless: it is removed; drawn: it is not needed, but drawn, and kept; no gain: "
     "the change is harmless, and saves no measurable time; matters: it changes a channel; needed: "

@@ -139,8 +139,9 @@ def bisect(
 
     The values are geometrically spaced, so all of them are positive.  The first boundary that a
     stride crosses is found.  Failing values between two strides that hold are not seen, and only
-    one of several boundaries is found: see `find_several`.  The bisection ends at the relative
-    distance `within`, or at `coarse` if that is larger and nothing is known beyond `holds`.
+    one of several boundaries is found: see `find_several`.  The bisection ends at the
+    relative distance `within`, or at `coarse` if that is larger and nothing is known
+    beyond `holds`.
 
     Returns
     -------
@@ -193,8 +194,9 @@ def find_several(
 
     A run through a singular pose fails if one of its steps comes near that pose, and an error that
     goes up and down with the parameter exceeds its limit several times.  In such cases the first
-    and the last boundary are searched for, until the values at all factors of `BESIDE` before the
-    first one hold, and those beyond the last one fail.  Values are rounded to the printed digits.
+    and the last boundary are searched for, until the values at all factors of `BESIDE`
+    before the first one hold, and those beyond the last one fail.  Values are rounded to the
+    printed digits.
 
     Parameters
     ----------
@@ -251,8 +253,8 @@ def find_last(
 ) -> float:
     """The furthest value from an edge towards an end that meets a condition; the edge if none does.
 
-    The value `near` is tried first.  Then the values at all factors of `BESIDE` from the furthest
-    one that meets the condition are tried, until none of them meets it.
+    The value `near` is tried first.  Then the values at all factors of `BESIDE`
+    from the furthest one that meets the condition are tried, until none of them meets it.
     """
     found = near if near != edge and meets(near) else edge
     while True:
@@ -295,8 +297,8 @@ def beside(value: float, factor: float, end: float, up: bool) -> float:
 class StressedCase:
     """A case in one engine, and the kind of run in which its limits are searched for.
 
-    Runs are made by `measure_once`, with a limit of wall time `timeout` [s], and kept in the store;
-    if `runner` is given, it makes them instead.
+    Runs are made by `measure_once`, with a limit of wall time `timeout` [s], and kept in the
+    store; if `runner` is given, it makes them instead.
     """
 
     case: Case

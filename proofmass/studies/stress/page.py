@@ -127,7 +127,7 @@ def labels(reach: float) -> list[tuple[float, str]]:
 
 
 def place_ratio(ratio: float) -> float:
-    """Place of measured over theory on its axis [%]; half way to an end if it is off by `NEAR`."""
+    """Place of measured over theory on its axis [%]; `NEAR` is half way to an end."""
     return min(max(50 + 25 * (ratio - 1) / NEAR, 0.0), 100.0)
 
 

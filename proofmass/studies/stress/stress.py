@@ -115,7 +115,8 @@ def reached(one: Boundary) -> str:
     '2.01 s'
     >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
     'none to 10 s'
-    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=BoundaryKind.OURS))
+    >>> ours = BoundaryKind.OURS
+    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=ours))
     'not known beyond 2 s'
     """
     unit = "" if one.unit == "1" else f" {one.unit}"

@@ -45,7 +45,8 @@ def off_after(scheme: Scheme, z: float, share: float = 0.1) -> float:
 
     >>> from proofmass.engines import engine_of
     >>> lead, (scheme,) = 2 * np.arcsin(0.1), engine_of("pymunk").schemes
-    >>> bool(np.isclose(off_after(scheme, 0.05), lead * 24 / 0.05**2 / (2 * np.pi), rtol=1e-3))
+    >>> periods = off_after(scheme, 0.05)
+    >>> bool(np.isclose(periods, lead * 24 / 0.05**2 / (2 * np.pi), rtol=1e-3))
     True
     """
     values, vectors = np.linalg.eig(scheme.step(z, 0.0))
@@ -70,7 +71,8 @@ def faded_after(scheme: Scheme, z: float, left: float = 0.9) -> float:
 
     >>> from proofmass.engines import engine_of
     >>> schemes = {one.name: one for one in engine_of("mujoco").schemes}
-    >>> bool(np.isclose(faded_after(schemes["RK4"], 0.1), -np.log(0.9) * 72 / 0.1**6, rtol=2e-3))
+    >>> steps = faded_after(schemes["RK4"], 0.1)
+    >>> bool(np.isclose(steps, -np.log(0.9) * 72 / 0.1**6, rtol=2e-3))
     True
     >>> faded_after(schemes["Euler"], 0.1)
     inf

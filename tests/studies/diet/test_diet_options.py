@@ -177,7 +177,7 @@ def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_
       <geom size=".1" solref="-20000 0"/></body></worldbody></mujoco>""")
     scene = scene_of(file, 1.0)
     assert scene.monitored_runs[0].bound is None
-    assert "Options may move a channel by no more than a feature may" in scene.said[-1]
+    assert "Options may change a channel by no more than a feature may" in scene.said[-1]
     found = DietSearch(scene, rounds=0).run()
     assert found.reduced.compiled().opt.timestep == 0.004
     assert found.reduced.compiled().opt.tolerance == 1e-8
