@@ -131,7 +131,7 @@ class MonitoredRun:
 
     @property
     def brief(self) -> Run:
-        """The first samples, with `FEW` steps or `BRIEF` of wall time, two at least."""
+        """The first samples, `FEW` steps or `BRIEF` of wall time, two at least."""
         return self.shortened(self.run)
 
     def shortened(self, run: Run, few: int = FEW) -> Run:
