@@ -1,10 +1,10 @@
-"""How accurate, how fast, how far: all cases that are stepped in time, or have rods.
+"""Errors, wall times and limits of all cases that are stepped in time or have rods.
 
     python -m benchmarks.accuracy [folder] [--quick]
 
-Writes docs/accuracy.md and docs/accuracy.png from the study of `proofmass trade models` in the
-folder (reports/trade); what that lacks is run, half an hour if it is all.  How far engines go is
-told if `python -m benchmarks.stress` was run before.
+Writes docs/accuracy.md and docs/accuracy.png from the study that `proofmass trade models` keeps in
+the folder (reports/trade).  Runs that the study lacks are made; a whole study takes half an hour.
+The section on limits is written only if `python -m benchmarks.stress` was run before.
 """
 
 import os
@@ -40,35 +40,37 @@ from proofmass.studies.trade.words import format_setting_briefly
 from proofmass.wording import format_solver, number
 
 ENGINES = ("mujoco", "pymunk")
-WANTED = (1e-4, 1e-6)  # of the range of the positions
+WANTED_ERRORS = (1e-4, 1e-6)  # shares of the range of the positions
 BUDGET = 120.0
-"""Of each search [s]: more than `proofmass choose` takes by itself, in which a person waits."""
+"""Wall time [s] of each search: more than the default of `proofmass choose`, since nobody waits."""
 HEAD = """# How accurate, how fast, how far
 
-`python -m benchmarks.accuracy` made this from `proofmass trade models`: {settings} settings of
-{cases} cases, {runs} timed runs, on {machine}. Errors are the largest
-of all positions and angles over a run, as shares of their ranges. Seconds are of this machine;
-ratios travel better.
+`python -m benchmarks.accuracy` made this page from `proofmass trade models`: {settings} settings of
+{cases} cases, {runs} timed runs, on {machine}. An error is the largest
+error of all positions and angles over a run, as a share of their ranges. Wall times in seconds are
+those of this machine; ratios of wall times differ less between machines.
 
 ![Wall time over error, of all cases](accuracy.png)
 
-*The band holds the middle half of all cases, the line is their median: wall time of the cheapest
-setting that is so close, over the time that it simulates. A line ends where half of the cases
-cannot go on.*
+*The vertical axis is the wall time of the cheapest setting that reaches an error, divided by the
+simulated time. The line is the median of all cases, and the band contains the middle half of them.
+A line ends at the error that half of the cases do not reach.*
 """
 CHOSEN = """## How accurate, how fast
 
-What `proofmass choose CASE --error 1e-4` and `--error 1e-6` find with `--budget {budget}`, by
-engine: the cheapest setting whose measured error is half of that and which is as good when it is
-run again as pasted, and from a shifted start. × is how many times as long the engine's defaults
-take when only their step is refined to the same error, by their measured order where no measured
-step gets there; “never” where their error floor is above it.
+The tables show what `proofmass choose CASE --error 1e-4` and `--error 1e-6` find with
+`--budget {budget}` in each engine: the cheapest setting whose measured error is at most half of the
+wanted error, and whose error is at most the wanted one when the setting is run again as it would be
+pasted, and from a shifted start. The column × is a ratio of wall times: the engine's defaults, with
+only their step refined until they reach the same error, over the setting. Where no measured step
+reaches it, the time of the defaults is extrapolated with their measured order; “never” means that
+their error floor is above the wanted error. “cannot” means that no setting was found.
 """
 
 
 @dataclass(frozen=True)
 class Pick:
-    """What was chosen for an error of a case in an engine, or why nothing was."""
+    """The setting that `choose` found for an error of a case in an engine, or why it found none."""
 
     case: str
     engine: str
@@ -78,7 +80,7 @@ class Pick:
 
     @property
     def never(self) -> bool:
-        """Whether the defaults never get there."""
+        """Whether the engine's defaults cannot reach the error with any step."""
         return self.choice is not None and "never get there" in self.choice.beside
 
 
@@ -98,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         write_study(study, folder)
         cases = study.cases
         stepped = [case for case in cases if "dynamics" in case.run]
-        wanted = (1e-2,) if given.quick else WANTED
+        wanted = (1e-2,) if given.quick else WANTED_ERRORS
         rows = refined_rows(stepped, study, folder, wanted)
         found = picks(stepped, rows, study.verdicts, wanted)
         with rc_context(RC):
@@ -112,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             CHOSEN.format(budget=number(BUDGET)),
             *summary(found),
             *table(found),
-            *whys(found),
+            *reasons(found),
             *far(ROOT / "reports" / "stress" / "stress.csv"),
             *orders(study, cases),
             *causes(study),
@@ -121,14 +123,14 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def time_of(case: Case) -> float:
-    """How much time a dynamics run simulates [s]."""
+    """Simulated time of a dynamics run [s]."""
     return float(np.ptp(grid(case, "dynamics")))
 
 
 def refined_rows(
     cases: Sequence[Case], study: Trade, folder: Path, errors: Sequence[float]
 ) -> dict[str, list[StudyRow]]:
-    """Settings of each case, with those that `choose` searches."""
+    """Settings of each case that the study measured, and those that the search of `choose` adds."""
     found = {case.name: [row for row in study.rows if row.case == case.name] for case in cases}
     store, jobs = Store(folder / "runs"), os.cpu_count() or 1
 
@@ -148,7 +150,7 @@ def refined_rows(
             )
         ]
 
-    # more searches than processors, the longest first, so that no processor waits for one of them
+    # More searches than processors run at once, the longest first, so that no processor is idle.
     with pool() as workers, ThreadPoolExecutor(2 * jobs) as searches:
         asked = sorted(
             product(cases, ENGINES),
@@ -160,7 +162,7 @@ def refined_rows(
 
 
 def expected(rows: Sequence[StudyRow], engine: str, wanted: float) -> float:
-    """Wall time [s] of a run that is so close, if errors fall with the square of its step."""
+    """Wall time [s] of a run with the wanted error, if errors fall with the square of the step."""
     return min(
         (
             row.seconds * max(row.reached("position") / wanted, 1.0) ** 0.5
@@ -174,11 +176,11 @@ def expected(rows: Sequence[StudyRow], engine: str, wanted: float) -> float:
 def picks(
     cases: Sequence[Case],
     rows: Mapping[str, list[StudyRow]],
-    told: Sequence[Verdict],
+    verdicts: Sequence[Verdict],
     errors: Sequence[float],
 ) -> list[Pick]:
-    """What `choose` finds of each case, in each engine, for each error."""
-    verdicts = {case.name: [v for v in told if v.case == case.name] for case in cases}
+    """The result of `choose` for each case, engine and error."""
+    own = {case.name: [v for v in verdicts if v.case == case.name] for case in cases}
     asked = [
         (case, engine, wanted)
         for case in cases
@@ -200,13 +202,13 @@ def picks(
                     wanted,
                     "position",
                     engine,
-                    verdicts[case.name],
+                    own[case.name],
                 ),
             )
         except Cannot as why:
             return Pick(case.name, engine, wanted, None, str(why))
 
-    # the longest first; told in the order of the cases
+    # The longest run first; the results are returned in the order of the cases.
     costs = [expected(rows[case.name], engine, wanted / MARGIN) for case, engine, wanted in asked]
     order = sorted(range(len(asked)), key=lambda k: -costs[k])
     with ThreadPoolExecutor(os.cpu_count()) as threads:
@@ -215,7 +217,7 @@ def picks(
 
 
 def head(study: Trade) -> str:
-    """What was run."""
+    """The first paragraphs of the page, with the numbers of settings, cases and runs."""
     machines = dict.fromkeys(row.machine for row in study.rows if row.machine)
     return HEAD.format(
         settings=len(study.rows),
@@ -226,10 +228,10 @@ def head(study: Trade) -> str:
 
 
 def summary(found: Sequence[Pick]) -> Iterator[str]:
-    """How often, and how much cheaper, engine by engine."""
+    """The table of each engine: how many settings were found, and how much cheaper they are."""
     yield (
-        "| engine | error | found | dearest | cheapest | defaults never get there | "
-        "median × | least × | median × where they do |"
+        "| engine | error | found | longest time | shortest time | defaults never reach it | "
+        "median × | smallest × | median × where they reach it |"
     )
     yield "|---|---|---|---|---|---|---|---|---|"
     errors = dict.fromkeys(pick.wanted for pick in found)
@@ -260,7 +262,7 @@ def summary(found: Sequence[Pick]) -> Iterator[str]:
 
 
 def table(found: Sequence[Pick]) -> Iterator[str]:
-    """A row a case and engine."""
+    """The table of settings, a row for each case and engine."""
     errors = dict.fromkeys(pick.wanted for pick in found)
     asked = " | ".join(f"setting for {number(wanted)} | s | ×" for wanted in errors)
     yield f"| case | engine | {asked} |"
@@ -271,14 +273,14 @@ def table(found: Sequence[Pick]) -> Iterator[str]:
             cell
             for pick in found
             if (pick.case, pick.engine) == (case, engine)
-            for cell in told(pick)
+            for cell in pick_cells(pick)
         ]
         yield f"| {case if case != last else ''} | {format_solver(engine)} | {' | '.join(cells)} |"
         last = case
 
 
-def told(pick: Pick) -> tuple[str, str, str]:
-    """Setting, seconds, and how much longer the defaults take."""
+def pick_cells(pick: Pick) -> tuple[str, str, str]:
+    """The setting, its wall time in seconds, and the ratio of the defaults' time to it."""
     if not pick.choice:
         return "cannot", "", ""
     row, ratio = pick.choice.row, pick.choice.ratio
@@ -289,11 +291,11 @@ def told(pick: Pick) -> tuple[str, str, str]:
     )
 
 
-def whys(found: Sequence[Pick]) -> Iterator[str]:
-    """Why there is no setting, case by case."""
+def reasons(found: Sequence[Pick]) -> Iterator[str]:
+    """The reasons why `choose` found no setting, case by case."""
     failed = [pick for pick in found if not pick.choice]
     if failed:
-        yield "\nCannot, and why:\n"
+        yield "\nCases without a setting, with the reason:\n"
         for pick in failed:
             yield f"- {pick.case}, {format_solver(pick.engine)}, {number(pick.wanted)}: {pick.why}."
 

@@ -1,4 +1,4 @@
-"""How far: the boundaries of `benchmarks.stress` in short, parameter by parameter."""
+"""A summary of the boundaries that `benchmarks.stress` found, parameter by parameter."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,45 +10,45 @@ from proofmass.wording import format_solver, number
 FAR = """
 ## How far
 
-From [Where it breaks](stress.md), which `python -m benchmarks.stress` made: each parameter is
-increased or decreased until the run fails. Of {known} boundaries that theory knows, {near} are
-within {within:.0%} of it. In {cases}:
+This is a summary of [Where it breaks](stress.md), which `python -m benchmarks.stress` made. Each
+parameter is increased or decreased until the run fails. Of {known} boundaries that theory predicts,
+{near} are within {within:.0%} of the prediction. The other boundaries were found in {cases}:
 """
 
 
 def far(file: Path) -> Iterator[str]:
-    """A row for each parameter and engine; nothing if the study was not made."""
+    """The section with a row for each parameter and engine; nothing if the study was not made."""
     if not file.is_file():
         return
     found = read_boundaries(file)
     known = [one for one in found if one.theory == one.theory]
-    turned = [one for one in found if subject(one) != THEORY]
+    of_cases = [one for one in found if subject(one) != THEORY]
     yield FAR.format(
         known=len(known),
         near=sum(abs(one.ratio - 1) <= NEAR for one in known),
         within=NEAR,
-        cases=", ".join(dict.fromkeys(one.what for one in turned)),
+        cases=", ".join(dict.fromkeys(one.what for one in of_cases)),
     )
     yield (
-        "| parameter | engine | settings | least | greatest | hold to the end | failed in silence "
+        "| parameter | engine | settings | smallest | largest | no boundary | failed in silence "
         "| not known beyond |"
     )
     yield "|---|---|---|---|---|---|---|---|"
-    for parameter, engine in dict.fromkeys((parameter_of(one), one.engine) for one in turned):
+    for parameter, engine in dict.fromkeys((parameter_of(one), one.engine) for one in of_cases):
         yield row(
             parameter,
             engine,
-            [one for one in turned if (parameter_of(one), one.engine) == (parameter, engine)],
+            [one for one in of_cases if (parameter_of(one), one.engine) == (parameter, engine)],
         )
 
 
 def parameter_of(one: Boundary) -> str:
-    """The parameter, without the name of a joint."""
+    """The parameter of a boundary, without the name of a joint."""
     return "spring in a joint" if one.parameter.startswith("spring in ") else one.parameter
 
 
 def row(parameter: str, engine: str, own: Sequence[Boundary]) -> str:
-    """Where the boundaries of a parameter are."""
+    """The row of a parameter in an engine: its boundaries, and how many there are of each kind."""
     ends = sorted(one.measured for one in own if one.found)
     unit = {"times": " ×", "1": "", "share": ""}.get(own[0].unit, f" {own[0].unit}")
     cells = [f"{number(end)}{unit}" for end in (ends[0], ends[-1])] if ends else ["—", "—"]

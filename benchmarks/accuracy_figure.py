@@ -1,4 +1,4 @@
-"""Wall time over error of all cases at once: chosen settings beside the engines' defaults."""
+"""The figure of wall time over error of all cases: all settings and the engines' defaults."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,7 +11,7 @@ from proofmass.report.style import KNOWN
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.choose import is_default
 
-ERRORS = np.geomspace(1e-2, 1e-9, 57)  # shares of range that are asked for
+ERRORS = np.geomspace(1e-2, 1e-9, 57)  # wanted errors, as shares of the range
 NAMES = {
     "mujoco": "MuJoCo, cheapest of all settings",
     "mujoco:default": "MuJoCo, defaults refined",
@@ -21,7 +21,7 @@ NAMES = {
 
 
 def accuracy_figure(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Figure:
-    """One panel an engine: medians over cases, and bands of their middle half."""
+    """A panel for each engine: the median over cases, and a band of their middle half."""
     figure = Figure(figsize=(7.2, 3.3))
     axes = figure.subplots(1, 2, sharey=True, sharex=True)
     for ax, engine in zip(axes, ("mujoco", "pymunk"), strict=True):
@@ -52,7 +52,7 @@ def accuracy_figure(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Fig
         ax.set_ylim(1e-4, 30.0)
         ax.legend(loc="upper left", frameon=False, fontsize=7)
         ax.annotate(
-            "as long as what it simulates",
+            "as long as the simulated time",
             (ERRORS[0], 1.0),
             xytext=(0, -3),
             fontsize=7,
@@ -67,7 +67,7 @@ def accuracy_figure(rows: Sequence[StudyRow], times: Mapping[str, float]) -> Fig
 
 
 def cheapest(rows: Sequence[StudyRow], time: float) -> Array:
-    """Wall time of the cheapest row that is so close, per simulated time; infinite if none is."""
+    """Wall time per simulated time of the cheapest row for each of `ERRORS`; infinite if none."""
     errors = np.array([row.errors.get("position", np.inf) for row in rows])
     seconds = np.array([row.seconds for row in rows]) / time
     able = np.where(errors[:, None] <= ERRORS, seconds[:, None], np.inf)
@@ -75,17 +75,17 @@ def cheapest(rows: Sequence[StudyRow], time: float) -> Array:
 
 
 def curve(ax: Axes, costs: Array, name: str) -> None:
-    """Median and quartiles over cases (cases, errors); what half of them cannot do is left out."""
+    """Draw median and quartiles of costs (cases, errors), as far as half of the cases have one."""
     look = KNOWN[name]
     low, middle, high = np.quantile(costs, (0.25, 0.5, 0.75), axis=0, method="higher")
-    there = np.isfinite(middle)
+    known = np.isfinite(middle)
     top = np.where(np.isfinite(high), high, np.nan)
     ax.fill_between(
-        ERRORS[there], low[there], top[there], color=look.colour, alpha=0.18, linewidth=0
+        ERRORS[known], low[known], top[known], color=look.colour, alpha=0.18, linewidth=0
     )
     ax.plot(
-        ERRORS[there],
-        middle[there],
+        ERRORS[known],
+        middle[known],
         color=look.colour,
         linewidth=1.6,
         linestyle=look.dash,

@@ -1,7 +1,7 @@
-"""Orders at all places of a run, beside that of its largest error.
+"""Orders of convergence at all samples of a run, to be compared with that of its largest error.
 
-The largest shows another order than theory where it is now here and now there, as after a jolt, or
-is the sum of two terms that fall in different orders.
+The order of the largest error differs from the theory where the largest error moves from sample to
+sample, as after an impact, or where it is the sum of two terms of different orders.
 """
 
 from collections.abc import Sequence
@@ -18,35 +18,35 @@ from proofmass.studies.trade.series import MeasuredSeries, clear
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 
-COUNTS = 0.01
-"""Share of the largest error from which on a place counts: elsewhere it may be rounding."""
+SMALLEST_SHARE = 0.01
+"""Smallest error that is evaluated, as a share of the largest: less may be rounding."""
 
 
 def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[StudyRow]) -> list[float]:
-    """Median of the orders at all places, from each setting before a floor to the next one.
+    """Medians of the orders at all places, from each setting before an error floor to the next.
 
     Parameters
     ----------
     case : Case
     verdict : Verdict
-        Of a convergence series of it, in one kind of error.
-    rows : sequence of Row
-        Those of that series.
+        Verdict of a convergence series of the case, in one kind of error.
+    rows : sequence of StudyRow
+        The measured settings of that series.
     """
     series = next(one for one in list_series(case, verdict.run) if one.name == verdict.series)
     measured = MeasuredSeries(series, list(rows))
     errors = [
-        (size, everywhere(case, verdict, series.settings[measured.place(size)]))
+        (size, errors_at_all_places(case, verdict, series.settings[measured.place(size)]))
         for size, _ in clear(measured.points(verdict.kind))
     ]
     return [
         float(np.median(np.log(a[both] / b[both]))) / log(coarse / fine)
         for (coarse, a), (fine, b) in pairwise(errors)
-        for both in ((a > COUNTS * a.max()) & (b > COUNTS * b.max()),)
+        for both in ((a > SMALLEST_SHARE * a.max()) & (b > SMALLEST_SHARE * b.max()),)
     ]
 
 
-def everywhere(case: Case, verdict: Verdict, setting: Setting) -> Array:
+def errors_at_all_places(case: Case, verdict: Verdict, setting: Setting) -> Array:
     """Errors of one kind at all samples of all channels, as shares of the channels' ranges."""
     model, run = setting.applied(case, verdict.run)
     curves = simulate(setting.engine, model.model_path, run)

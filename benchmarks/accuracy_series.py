@@ -1,4 +1,4 @@
-"""Orders and error floors of all series of a study, in tables, and what does not fit."""
+"""Tables of the orders and error floors of all series of a study, and of the exceptions."""
 
 import re
 from collections import Counter
@@ -15,29 +15,31 @@ from proofmass.wording import number
 ORDERS = """
 ## Orders
 
-A convergence series varies one parameter, usually the step, from coarse to fine. Its order is that
-with which its error falls before an error floor, where two refinements show the same. Of {count}
-series that show an order, {near} are within {within} of the one that theory expects
-(`proofmass/studies/trade/orders.py`). {mute} more show none: they come to a floor, or to an end,
-in fewer refinements, or still bend.
+A convergence series varies one parameter, usually the step, from coarse to fine. Its order is the
+power of the parameter with which the error falls before an error floor, where two refinements show
+the same power. Of {count} series that show an order, {near} are within {within} of the order that
+theory expects (`proofmass/studies/trade/orders.py`). {mute} more show none: they reach a floor or
+end after fewer refinements, or their order still changes from one refinement to the next.
 """
 ODD = """
-The others, and what their error follows where they end: each possible cause was changed there
-separately. The order is that of the largest error of a run. Where that is now here and now there,
-or a sum of two terms, no power of the step is to be seen in it: beside it are the medians of the
-orders at all places, those that are off by a hundredth of it, from each refinement to the next.
+The table lists the other series, and the cause that their error follows at the end of the series,
+where each possible cause was changed separately. The observed order is that of the largest error of
+a run. If the largest error occurs at changing samples, or is a sum of two terms, it is no power of
+the step. Therefore the column *at all places* has, from each refinement to the next, the median of
+the orders at all samples whose error is at least a hundredth of the largest.
 """
 FLOORS = """
 ## Error floors
 
-Where two halvings of the step each change an error of less than 1e-2 of the range by less than 5 %,
-each possible cause was changed separately; the error follows what it is made of.
-{without} more verdicts show none: they tell how far their series came.
+An error of less than 1e-2 of the range is at a floor if two halvings of the step each change it by
+less than 5 %. Each possible cause was then changed separately; the cause of the floor is the one
+that the error follows.
+{without} more verdicts state no floor, but the smallest error that their series reached.
 """
 
 
 def family(series: str) -> str:
-    """A series' name without the step that it is taken at, which differs from case to case.
+    """The name of a series without its time step, which differs from case to case.
 
     >>> family("MuJoCo RK4 at 1 ms, solref")
     'MuJoCo RK4, solref'
@@ -46,12 +48,12 @@ def family(series: str) -> str:
 
 
 def orders(study: Trade, cases: Sequence[Case]) -> Iterator[str]:
-    """Observed orders by series and kind of error, and every exception with what moves it."""
+    """Observed orders by series and kind of error, and every exception with its cause."""
     known = [v for v in study.verdicts if v.expected == v.expected and v.observed == v.observed]
     odd = [v for v in known if off(v.observed, v.expected)]
     mute = sum(v.expected == v.expected and v.observed != v.observed for v in study.verdicts)
     yield ORDERS.format(count=len(known), near=len(known) - len(odd), within=WITHIN, mute=mute)
-    yield "| series | error of | number | expected | least | median | greatest | off |"
+    yield "| series | error of | number | expected | smallest | median | largest | other order |"
     yield "|---|---|---|---|---|---|---|---|"
     groups: dict[tuple[str, str, float], list[Verdict]] = {}
     for v in known:
@@ -78,9 +80,9 @@ def orders(study: Trade, cases: Sequence[Case]) -> Iterator[str]:
 
 
 def causes(study: Trade) -> Iterator[str]:
-    """How often an error floor of a series is what, and how high."""
+    """How often an error floor of each series has each cause, and how high it is."""
     yield FLOORS.format(without=sum(bool(v.reached) for v in study.verdicts))
-    yield "| series | error of | it is | number | lowest | median | highest |"
+    yield "| series | error of | cause | number | lowest | median | highest |"
     yield "|---|---|---|---|---|---|---|"
     groups: dict[tuple[str, str, str], list[float]] = {}
     for v in study.verdicts:
@@ -91,5 +93,6 @@ def causes(study: Trade) -> Iterator[str]:
             f"| {series} | {kind} | {cause} | {len(floors)} | {number(min(floors), 2)} "
             f"| {number(median(floors), 2)} | {number(max(floors), 2)} |"
         )
-    told = Counter(v.cause for v in study.verdicts if v.floor > 0)
-    yield "\nAll together: " + ", ".join(f"{cause} {n}" for cause, n in told.most_common()) + "."
+    counts = Counter(v.cause for v in study.verdicts if v.floor > 0)
+    told = ", ".join(f"{cause} {count}" for cause, count in counts.most_common())
+    yield f"\nNumber of floors by cause: {told}."
