@@ -2,9 +2,9 @@
 
     python -m benchmarks.contacts [--quick]
 
-Runs the cases of models/contacts that have a closed form at the step of their models and at 1/2,
-1/4, ... of it, and five touching balls in bare MuJoCo with finer steps and stiffer contacts, and
-looks for contacts of a flat cylinder that hangs above a floor.
+The cases of models/contacts that have a closed form are run with the step of their models and with
+1/2, 1/4, ... of it.  Five touching balls are run in bare MuJoCo with finer steps and stiffer
+contacts.  The contacts that MuJoCo finds for a flat cylinder that hangs above a floor are counted.
 Writes docs/contacts.md.
 """
 
@@ -48,11 +48,11 @@ CASES = {
     "balls_in_row": ("x1.x", "x5.x"),
 }
 """Channels in the table, by case."""
-PLACES = ("m", "rad")
-"""Units of places, whose largest errors are told; of velocities, which jump, the root mean squares.
-"""
+POSITION_UNITS = ("m", "rad")
+"""Units of channels whose largest errors are listed.  For velocities, which jump, it is the root mean
+square of the errors."""
 ROUNDING = 1e-10
-"""Errors [SI] below this are rounding that 10,000 steps collect, and no order is told of them."""
+"""Errors [SI] below this are rounding errors of 10,000 steps, and no order is stated for them."""
 CREEPS: dict[str, dict[str, Any]] = {
     "default softness, impedance 0.9": {},
     "`impratio` 10": {"impratio": 10.0},
@@ -61,11 +61,11 @@ CREEPS: dict[str, dict[str, Any]] = {
     "stiffness 2000, damping 80": {"solref": (-2000.0, -80.0)},
 }
 """Settings of contacts on which a box creeps."""
-SLOPE, RUB = 0.3, 0.6
-"""Angle of their slope [rad] and their friction [1], twice of what is needed."""
+SLOPE, FRICTION = 0.3, 0.6
+"""Angle of the slope [rad] and the coefficient of friction [1], twice the one that is needed."""
 HEAD = (
-    "| case | channel | engine | step [ms] | errors with it, and with 1/2, 1/4, 1/8, 1/16 of it |"
-    " fall with the step |\n|---|---|---|---|---|---|"
+    "| case | channel | engine | step [ms] | errors with this step, and with 1/2, 1/4, 1/8, 1/16 "
+    "of it | errors fall with the step |\n|---|---|---|---|---|---|"
 )
 
 
@@ -105,7 +105,7 @@ def own_step(case: Case) -> float:
 
 
 def errors(case: Case, engine: str, halved: int) -> dict[str, float]:
-    """Largest errors [SI] by channel, with a step that is halved so often."""
+    """Errors [SI] of each channel, with the step halved `halved` times."""
     run = plan(case, "dynamics", engine)
     settings = {**run.settings, "timestep": own_step(case) / 2**halved}
     try:
@@ -113,11 +113,11 @@ def errors(case: Case, engine: str, halved: int) -> dict[str, float]:
     except Diverged:
         return dict.fromkeys(case.channels, np.nan)
     compared = compare(case, "dynamics", engine, curves, detectable=False)
-    return {c.channel: c.error_max if c.unit in PLACES else c.error_rms for c in compared}
+    return {c.channel: c.error_max if c.unit in POSITION_UNITS else c.error_rms for c in compared}
 
 
 def verdict(curve: Sequence[float]) -> str:
-    """Whether errors fall with the step, by their fit over all of it.
+    """Whether errors fall with the step, by a power law fitted to all of them.
 
     >>> verdict([8.0, 4.0, 2.0, 1.0]), verdict([1.0, 0.9, 1.1, 1.0])
     ('yes, order 1.0', 'no')
@@ -138,9 +138,9 @@ def verdict(curve: Sequence[float]) -> str:
 
 def creep(steps: Sequence[float]) -> Iterator[str]:
     """Speeds of a box that friction should hold on a slope, by the closed form and in MuJoCo."""
-    told = [f"at {number(1e3 * step, 2)} ms" for step in steps]
-    yield f"| contacts | closed form [mm/s] | elliptic cone {' | '.join(told)} | pyramidal cone |"
-    yield f"|---|---{'|---' * len(told)}|---|"
+    heads = [f"at {number(1e3 * step, 2)} ms" for step in steps]
+    yield f"| contacts | closed form [mm/s] | elliptic cone {' | '.join(heads)} | pyramidal cone |"
+    yield f"|---|---{'|---' * len(heads)}|---|"
     for words, settings in CREEPS.items():
         known = creep_rate(pull=9.81 * np.sin(SLOPE), contacts=4, **settings)
         found = [crept(step, "elliptic", **settings) for step in steps]
@@ -165,7 +165,7 @@ def crept(
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{step}" cone="{cone}"
       gravity="{-9.81 * np.sin(SLOPE)} 0 {-9.81 * np.cos(SLOPE)}" impratio="{impratio}"
       tolerance="1e-12"/>
-      <default><geom friction="{RUB} 0 0" solref="{solref[0]} {solref[1]}"
+      <default><geom friction="{FRICTION} 0 0" solref="{solref[0]} {solref[1]}"
       solimp="{impedance} {impedance}"/></default>
       <worldbody><geom type="plane" size="2 2 .1"/>
       <body pos="0 0 0.02">{joints}
@@ -186,7 +186,7 @@ def impacts(steps: int) -> Iterator[str]:
 
 
 def bounced(ratio: float, stiffness: float, steps: int) -> float:
-    """Speed after an impact over that before it, without weight; `steps` of half a period."""
+    """Speed after an impact over that before it, without gravity, with `steps` in half a period."""
     model = mujoco.MjModel.from_xml_string(f"""<mujoco>
       <option timestep="{np.pi / np.sqrt(stiffness) / steps}" gravity="0 0 0"/><worldbody>
       <geom type="plane" size="1 1 1" priority="1"
@@ -200,25 +200,24 @@ def bounced(ratio: float, stiffness: float, steps: int) -> float:
 
 
 def phantom(poses: int) -> Iterator[str]:
-    """Contacts of a cylinder that hangs above a floor without weight, by its tilt."""
-    yield "| floor | tilt [rad] | contacts | deepest [mm] | closed form [mm] | energy [J] |"
+    """Contacts of a cylinder that hangs above a floor without gravity, by its tilt."""
+    yield "| floor | tilt [rad] | contacts | deepest one [mm] | closed form [mm] | energy [J] |"
     yield "|---|---|---|---|---|---|"
     for words, floor in {"level": "0 0 0", "tilted": "10 20 0"}.items():
         for tilt in (1e-16, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11):
             hits, deepest, energy = hanging(tilt, floor, poses)
-            told = number(1e3 * deepest, 4), number(energy, 2)
+            depth, joules = number(1e3 * deepest, 4), number(energy, 2)
             known = number(1e3 * phantom_depth(tilt), 4) if floor == "0 0 0" else ""
-            yield (
-                f"| {words} | {tilt:.0e} | {hits} of {poses} | {told[0]} | {known} | {told[1]} |"
-            )
+            yield f"| {words} | {tilt:.0e} | {hits} of {poses} | {depth} | {known} | {joules} |"
 
 
 def phantom_depth(tilt: float) -> float:
-    """The depth [m] that MuJoCo finds on a level floor, where it rounds by `TWO_ULPS`.
+    """Depth [m] of the contact that MuJoCo finds on a level floor, with a rounding of `TWO_ULPS`.
 
-    With its axis a and the floor's normal n it goes from the centre of a face by the radius along
-    (n . a) a - n, which is as long as the tilt and lies in the face, but for rounding of n's part;
-    below 1e-15, `mjMINVAL`, along another direction of the face.
+    With the cylinder's axis a and the floor's normal n, MuJoCo goes from the centre of a face by
+    the radius along (n . a) a - n.  This vector is as long as the tilt and lies in the face, except
+    for the rounding of its component along n.  Where it is shorter than 1e-15, `mjMINVAL`, MuJoCo
+    takes another direction in the face.
 
     >>> f"{phantom_depth(1e-14):.4g}", phantom_depth(1e-12)
     ('0.001798', 0.0)
@@ -229,7 +228,7 @@ def phantom_depth(tilt: float) -> float:
 
 
 def hanging(tilt: float, floor: str, poses: int) -> tuple[int, float, float]:
-    """Contacts of a cylinder above a floor, the deepest [m], and most energy after a step [J]."""
+    """Poses of a cylinder above a floor with contacts, deepest contact [m], most energy [J]."""
     model = mujoco.MjModel.from_xml_string(f"""<mujoco>
       <option timestep="1e-3" gravity="0 0 0"/><worldbody>
       <geom type="plane" size="1 1 1" euler="{floor}" priority="1" solref="-1e6 -200"/>
@@ -253,7 +252,7 @@ def hanging(tilt: float, floor: str, poses: int) -> tuple[int, float, float]:
 
 
 def touching(steps: Sequence[float], impedances: Sequence[float]) -> Iterator[str]:
-    """Velocities of five touching balls after the impact in both engines, and theories of it."""
+    """Velocities of five touching balls after the impact, in both engines and by three theories."""
     yield "| | steps in a contact | impedance | v1 | v2 | v3 | v4 | v5 | energy |"
     yield "|---|---|---|---|---|---|---|---|---|"
     for impedance in impedances:
@@ -269,19 +268,19 @@ def touching(steps: Sequence[float], impedances: Sequence[float]) -> Iterator[st
         "pymunk, gaps of 1 nm": 1e-9,
     }.items():
         yield line(words, struck_rigidly(1e-4, gap))
-    yield line("the first one hits one body of four", [-0.6, 0.4, 0.4, 0.4, 0.4])
-    yield line("linear springs between the balls", springs())
-    yield line("one after the other: the reference", [0.0, 0.0, 0.0, 0.0, 1.0])
+    yield line("theory: the first ball hits four that move as one body", [-0.6, 0.4, 0.4, 0.4, 0.4])
+    yield line("theory: linear springs between the balls", springs())
+    yield line("the reference: impacts one after the other", [0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 def line(words: str, speeds: Sequence[float], steps: str = "", impedance: str = "") -> str:
     """A row of the table of touching balls."""
-    told = [steps, impedance, *(f"{v:.4f}" for v in speeds)]
-    return f"| {words} | {' | '.join(told)} | {sum(v * v for v in speeds):.4f} |"
+    cells = [steps, impedance, *(f"{v:.4f}" for v in speeds)]
+    return f"| {words} | {' | '.join(cells)} | {sum(v * v for v in speeds):.4f} |"
 
 
 def struck(step: float, stiffness: float, impedance: float) -> list[float]:
-    """Velocities [m/s] of the balls of `balls_touching` when all have parted, in bare MuJoCo."""
+    """Velocities [m/s] of the balls of `balls_touching` after the impact, in bare MuJoCo."""
     file = ROOT / "models" / "contacts" / "balls_touching.xml"
     model = mujoco.MjModel.from_xml_path(str(file))
     model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_EULER
@@ -295,7 +294,7 @@ def struck(step: float, stiffness: float, impedance: float) -> list[float]:
 
 
 def struck_rigidly(step: float, gap: float) -> list[float]:
-    """The same in pymunk, where the balls are so far apart [m]."""
+    """Velocities [m/s] of the balls after the impact in pymunk, with gaps [m] between them."""
     file = ROOT / "models" / "contacts" / "balls_touching.xml"
     tree = ElementTree.parse(file)
     for k, body in enumerate(tree.findall(".//body")):
@@ -310,7 +309,7 @@ def struck_rigidly(step: float, gap: float) -> list[float]:
 
 
 def springs() -> list[float]:
-    """Velocities [m/s] of a row of masses with springs between them that only push."""
+    """Velocities [m/s] of a row of masses with springs between them that can only push."""
     from scipy.integrate import solve_ivp
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
@@ -327,85 +326,88 @@ PAGE = """# Contacts and friction
 `python -m benchmarks.contacts` made this page.
 
 The cases in `models/contacts/` have closed forms (see [Sidecar](sidecar.md#references)) and run
-in both engines. How the engines model a contact differs: MuJoCo's is a spring and a damper that
-push, with a regularized friction; pymunk's is rigid, with Coulomb's friction and a coefficient of
-restitution, see [Engines](engines.md#contacts-in-pymunk).
+in both engines. The engines have different models of a contact. In MuJoCo it is a spring and a
+damper that push, with a regularized friction. In pymunk it is rigid, with Coulomb's friction and a
+coefficient of restitution, see [Engines](engines.md#contacts-in-pymunk).
 
 ## Does the error fall with the step?
 
-Largest errors of places, in m or rad, and root mean squares of the errors of velocities, which
-jump in an impact. The step is that of the model.
+The table lists the largest errors of positions, in m or rad, and the root mean squares of the
+errors of velocities, because velocities jump in an impact. The step is that of the model.
 
 {series}
 
-Where MuJoCo's error does not fall, its softness decides: an impact lasts pi over the root of the
-contact's stiffness, 1 ms for the ball that bounces and 0.3 ms in the row, at every step. While a
-body slides, MuJoCo's errors are of first order with large factors, because the body hops on its
-soft contacts. pymunk's are of second order in places while a contact lasts, and of first order at
-impacts, each of which is up to a step late.
+Where MuJoCo's error does not fall, the softness of its contacts limits it. With every step an
+impact lasts pi divided by the square root of the contact's stiffness: 1 ms for the ball that
+bounces and 0.3 ms in the row. While a body slides, MuJoCo's errors are of first order with large
+factors, because the body hops on its soft contacts. pymunk's errors of positions are of second
+order while a contact lasts, and of first order at impacts, each of which is up to a step late.
 
-## What friction should hold creeps
+## Creep of bodies that friction should hold
 
-In MuJoCo a body that friction should hold slides. With the elliptic cone and an impedance d that
-is the same for every depth, n contacts creep with
+In MuJoCo a body that friction should hold slides slowly. With the elliptic cone and an impedance d
+that is the same for every depth, n contacts creep with the speed
 
     v = (1 - d) / d  m A a / (b n impratio),      b = 2 / (d timeconst)  or  damping / d,
 
-`proofmass.sim.mujoco.contacts.creep_rate`; a is the acceleration that the body would have without
-friction, m A MuJoCo's `body_invweight0` times the mass, 1 for a free body. The step, the weight
-and the coefficient of friction do not matter, as long as no contact holds all that its friction
-can. A box with two slides on a slope of 0.3 rad, friction 0.6:
+as `proofmass.sim.mujoco.contacts.creep_rate` computes it. Here a is the acceleration that the body
+would have without friction, m is its mass and A is MuJoCo's `body_invweight0`, so that m A is 1 for
+a free body. The step, the weight and the coefficient of friction do not matter, as long as no
+contact transmits the largest force that its friction allows. The table is that of a box with two
+slides on a slope of 0.3 rad, with a coefficient of friction of 0.6:
 
 {creep}
 
-pymunk holds the box: its speed is rounding.
+In pymunk friction holds the box: its speed is a rounding error.
 
-`proofmass choose CASE --creep 1e-6` proposes the `impratio` with which MuJoCo creeps with no more
-than 1e-6 m/s, and runs it as a program by itself. The block of `models/contacts/block_sticks`
-creeps with 2.09e-4 m/s as it is, with 9.5e-7 m/s at 220 and with 9.5e-10 m/s at 220,000; at 2.2
-million it creeps faster, with 7.8e-4 m/s.
+`proofmass choose CASE --creep 1e-6` proposes the `impratio` with which a body creeps in MuJoCo with
+no more than 1e-6 m/s, and runs it as a separate program. The block of
+`models/contacts/block_sticks` creeps with 2.09e-4 m/s with the default `impratio`, with
+9.5e-7 m/s at 220 and with 9.5e-10 m/s at 220,000; at 2.2 million it creeps faster, with 7.8e-4 m/s.
 
-## What an impact leaves
+## Speed after an impact
 
-A damped spring that only pushes leaves the share exp(-2 z acos(z) / (1 - z²)^(1/2)) of the speed.
-MuJoCo's contact comes to it with its stiffness, because its impedance changes with the depth;
-without weight, 10,000 steps of half a period:
+After an impact on a damped spring that can only push, a body has the share
+exp(-2 z acos(z) / (1 - z²)^(1/2)) of its speed, with the damping ratio z. MuJoCo's contact
+approaches this limit only as its stiffness grows, because its impedance changes with the depth. The
+table is computed without gravity, with 10,000 steps in half a period:
 
 {impacts}
 
 ## Five balls that touch
 
-The first of five equal balls that touch comes with 1 m/s, elastic. Impacts one after the other,
-the limit of gaps that go to zero, give all of its speed to the last one. MuJoCo converges to
-another motion: a contact prescribes the relative *acceleration* of its two balls, -k r - b v, and
-not a force. Balls that touch and do not overlap yet have an acceleration of zero prescribed
-between them, so that four of them move as one body: -3/5 and 2/5 for an impedance of 1. The
-stiffness makes no difference, for the same number of steps in a contact, and finer steps lead to
-this limit. In pymunk all pairs that touch at an instant act at once, which gives -3/5 and 2/5 as
-well; but rounding decides which pairs touch: 1 nm of overlap and gaps of 1 nm lead to two
-different motions, and places that touch to the last digit to a third. Linear springs between the
-balls are a limit of their own.
+Five equal elastic balls touch in a row, and the first one has a velocity of 1 m/s. Impacts one
+after the other, which are the limit of gaps that go to zero, give all of this velocity to the last
+ball. MuJoCo converges to another motion, because a contact prescribes the relative *acceleration*
+of its two balls, -k r - b v, and not a force. The prescribed acceleration is zero between balls
+that touch and do not overlap yet, so that four of them move as one body: the velocities are -3/5
+and 2/5 for an impedance of 1. The stiffness makes no difference with the same number of steps in a
+contact, and finer steps lead to this limit. In pymunk all pairs that touch at an instant act at
+once, which gives -3/5 and 2/5 as well; but rounding decides which pairs touch. Overlaps of 1 nm and
+gaps of 1 nm lead to two different motions, and positions that touch to the last digit lead to a
+third. Linear springs between the balls have another limit.
 
 {touching}
 
 ## A flat cylinder that hangs above a floor
 
-MuJoCo finds contacts up to a radius deep between a plane and a cylinder above it whose axis is off
-the plane's normal by 1e-15 to 1e-12 rad, as an axis is that was turned there. From the centre of a
-face it goes by the radius along (n · a) a - n to the lowest point of the edge, with the axis a and
-the normal n. That vector is as long as the tilt. Rounding leaves a part d of it across the face,
-so that the point lies r d / (tilt² + d²)^(1/2) too deep. Below 1e-15 MuJoCo takes another vector.
+MuJoCo finds contacts up to a radius deep between a plane and a cylinder above it, if the axis of
+the cylinder differs from the plane's normal by 1e-15 to 1e-12 rad, as it does after a rotation into
+this direction. To find the lowest point of the edge, MuJoCo goes from the centre of a face by the
+radius along the vector (n · a) a - n, with the axis a and the normal n. This vector is as long as
+the tilt. Rounding leaves it a component d normal to the face, so that the point lies
+r d / (tilt² + d²)^(1/2) too deep. Below 1e-15 MuJoCo takes another vector.
 
-A cylinder of 10 g, 41 mm in radius, at rest and without weight, hangs 0.021 mm above a floor, in
-poses that are turned by chance. It should have no contact and no energy. The closed form has
-d = 4.4e-16, the most on a level floor; the energy is that after a step of 1 ms with contacts of
-1e6/s². MuJoCo 3.3.7 and 3.6.0 have the same contacts on the level floor.
+A cylinder of 10 g, 41 mm in radius, hangs 0.021 mm above a floor, at rest and without gravity, in
+poses that are rotated at random. It should have no contact and no energy. The closed form is
+computed with d = 4.4e-16, the largest value on a level floor. The energy is that after a step of
+1 ms with contacts of 1e6/s². MuJoCo 3.3.7 and 3.6.0 have the same contacts on the level floor.
 
 {phantom}
 
 `proofmass stress` finds the tilt below which one of 400 such cylinders begins to move: [Where it
-breaks](stress.md). The closed form says {tilt} rad, and `tests/studies/stress/bare/with_mujoco.py`,
-which needs MuJoCo and NumPy alone, is within 2 % of it.
+breaks](stress.md). The closed form gives {tilt} rad. `tests/studies/stress/bare/with_mujoco.py`,
+which needs MuJoCo and NumPy alone, finds a value within 2 % of it.
 """
 
 if __name__ == "__main__":
