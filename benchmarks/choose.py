@@ -1,8 +1,8 @@
-"""Are the programs that `proofmass choose` writes as accurate as it says, and is nothing cheaper?
+"""Errors of the programs that `proofmass choose` writes, and a search for cheaper settings.
 
     python -m benchmarks.choose [folder] [--quick]
 
-Writes docs/choose.md.  Runs are kept in the folder (reports/choose), so that a call goes on where
+Writes docs/choose.md.  Runs are kept in the folder (reports/choose), so that a call continues where
 another was interrupted.
 """
 
@@ -32,29 +32,31 @@ from proofmass.studies.trade.verify import verify
 from proofmass.studies.trade.words import format_setting
 from proofmass.wording import number
 
-RIVALS = 200  # random settings beside each chosen one
-LONGEST = 30.0  # s
+RIVALS = 200  # random settings that are compared with each chosen one
+BUDGET = 30.0  # wall time [s] of a search, and of a program
 OWN = "examples/chosen/models"
 HEAD = """# Programs that choose writes
 
-`python -m benchmarks.choose` made this. Each line is a setting that `proofmass choose CASE --error
-ASKED --solver ENGINE --drive DRIVE -o run.py` found. *Printed* is the error that it prints, *bare*
-that of the CSV file that the program writes with `python -I`, in which there is no proofmass, held
-against formulas of each mechanism and scipy's DOP853 (`examples/chosen/truths.py`) that share no
-code with it; both are shares of the range. *Ratio* is bare over printed, *seconds* the wall time of
-the program's steps.
+`python -m benchmarks.choose` made this page. Each row is a setting that `proofmass choose CASE
+--error ASKED --solver ENGINE --drive DRIVE -o run.py` found. *Printed* is the error that this
+command prints. *Bare* is the error of the CSV file that the program writes when it is run with
+`python -I`, in which proofmass cannot be imported. Its references are formulas of each mechanism
+and scipy's DOP853 (`examples/chosen/truths.py`), which share no code with proofmass. Both errors
+are shares of the range. *Ratio* is bare over printed, *seconds* the wall time of the program's
+steps.
 
 | case | engine | drive | asked | printed | bare | ratio | seconds | setting |
 |---|---|---|---|---|---|---|---|---|"""
-BESIDE = """
+RIVALS_HEAD = """
 ## Is anything cheaper?
 
-Beside the chosen setting {count} random ones of the same engine and drive: half of them drawn from
-all integrators, steps, `solref`, `solimp`, solvers, iterations and tolerances of MuJoCo, or steps,
-iterations and `error_bias` of pymunk; half with one to three of these parameters different from
-the chosen ones. *As good* are those whose program is no more off than the chosen one's. They are
-timed in turn, {rounds} times. The four with the least times are then timed in {pairs} pairs with
-the chosen one, each first in every other pair; *cheapest* is the least of their four median ratios.
+Each chosen setting is compared with {count} random settings of the same engine and drive. Half of
+them are drawn from all integrators, steps, `solref`, `solimp`, solvers, iterations and tolerances
+of MuJoCo, or from all steps, iterations and `error_bias` of pymunk; the other half differ from the
+chosen setting in one to three of these parameters. *As good* is the number of settings whose
+program has an error no larger than that of the chosen one. These are timed in turn, {rounds} times.
+The four with the shortest times are then timed in {pairs} pairs with the chosen setting, each of
+the two first in every other pair. *Cheapest* is the smallest of the four median ratios.
 
 | case | engine | drive | error | settings | ran in time | as good | cheapest | its setting |
 |---|---|---|---|---|---|---|---|---|"""
@@ -62,7 +64,7 @@ the chosen one, each first in every other pair; *cheapest* is the least of their
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of `choose`; `truth` is a name of `examples.chosen.truths`."""
+    """The arguments of `choose`; `truth` is the name of a reference in `examples.chosen.truths`."""
 
     path: str
     truth: str
@@ -128,7 +130,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "choose")
     given = parser.parse_args(argv)
     with folders(given.quick, given.folder) as (folder, docs):
-        store, lines, beside = Store(folder / "runs"), [HEAD], list[str]()
+        store, lines, duels = Store(folder / "runs"), [HEAD], list[str]()
         count, rounds = (4, 1) if given.quick else (RIVALS, 7)
         for asked in QUICK if given.quick else ASKED:
             case = load_case(ROOT / asked.path)
@@ -140,14 +142,14 @@ def main(argv: Sequence[str] | None = None) -> None:
             print(lines[-1], f"({time.perf_counter() - began:.0f} s)", flush=True)
             if asked.rivals:
                 found = duel(case, asked.truth, asked.of, used, drive, count, 1, rounds)
-                beside.append(rival_line(case, asked, drive, found))
-                print(beside[-1], flush=True)
-        lines += [BESIDE.format(count=count, rounds=rounds, pairs=3 * rounds), *beside]
+                duels.append(rival_line(case, asked, drive, found))
+                print(duels[-1], flush=True)
+        lines += [RIVALS_HEAD.format(count=count, rounds=rounds, pairs=3 * rounds), *duels]
         (docs / "choose.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def chosen(case: Case, asked: Asked, store: Store) -> Choice:
-    """What `proofmass choose` chooses."""
+    """The setting that `proofmass choose` finds."""
     with pool() as workers:
         rows = search(
             case,
@@ -156,10 +158,10 @@ def chosen(case: Case, asked: Asked, store: Store) -> Choice:
             store,
             workers,
             asked.engine,
-            limits=Limits(LONGEST),
+            limits=Limits(BUDGET),
             slack=slack_for(case, asked.drive),
         )
-    check = partial(verify, store=store, longest=LONGEST, drive=asked.drive)
+    check = partial(verify, store=store, longest=BUDGET, drive=asked.drive)
     return choose_with_drive(
         case,
         "dynamics",
@@ -170,12 +172,12 @@ def chosen(case: Case, asked: Asked, store: Store) -> Choice:
         [],
         check,
         store,
-        Limits(LONGEST),
+        Limits(BUDGET),
     )
 
 
 def bare(text: str, asked: Asked, folder: Path) -> float:
-    """The error of a program in a bare interpreter, against a truth without proofmass."""
+    """The error of a program in a bare interpreter, by a reference without proofmass."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "run.py").write_text(text, encoding="utf-8")
     subprocess.run([sys.executable, "-I", "run.py"], cwd=folder, check=True, capture_output=True)
@@ -183,7 +185,7 @@ def bare(text: str, asked: Asked, folder: Path) -> float:
 
 
 def line(case: Case, asked: Asked, choice: Choice, drive: Imposed, off: float) -> str:
-    """A setting in the table."""
+    """The row of a chosen setting in the first table."""
     ran, fresh = choice.check.ran, choice.check.fresh
     assert ran
     return (
@@ -194,12 +196,12 @@ def line(case: Case, asked: Asked, choice: Choice, drive: Imposed, off: float) -
 
 
 def moved(case: Case, drive: Imposed) -> str:
-    """How a case is driven, in a table."""
+    """How a case is driven, in words for a table."""
     return drive_words(drive) if case.drive else "free"
 
 
 def rival_line(case: Case, asked: Asked, drive: Imposed, found: Duel) -> str:
-    """The random settings beside one, in the table."""
+    """The row of a chosen setting in the table of random settings."""
     best = found.best
     ratio, setting = (number(best.ratio, 2), parameters(best.setting)) if best else ("none", "")
     return (

@@ -1,10 +1,10 @@
-"""How long does `proofmass choose` take, the first time and the next?
+"""Wall times of `proofmass choose`, with an empty store and with a store that has its runs.
 
     python -m benchmarks.choose_waits [folder] [--only CASE ...] [--quick]
 
-Writes docs/choose_waits.md.  For each case that is stepped in time the command is given twice, with
-a store that is empty before the first time.  What it printed is kept in the folder
-(reports/choose_waits).  With --only the rows of these cases are made again, and all others stay.
+Writes docs/choose_waits.md.  For each case that is stepped in time the command is run twice, with a
+store that is empty before the first run.  The output of the command is kept in the folder
+(reports/choose_waits).  With --only the rows of these cases are made again, and all others kept.
 """
 
 import re
@@ -24,16 +24,17 @@ from proofmass.studies.measure import machine
 from proofmass.wording import number
 
 ERROR = 1e-4  # of the range of the positions
-FIRST, NEXT = 30.0, 3.0  # s, that a person waits for
+FIRST_LIMIT, NEXT_LIMIT = 30.0, 3.0  # wall times [s] that a user accepts
 HEAD = """# How long choose takes
 
-`python -m benchmarks.choose_waits` made this on {machine}. For each of the {count} cases that are
-stepped in time, `proofmass choose CASE --error {error}` was given twice: *first* with an empty
-store, *next* when the store had its runs. Both are wall times of the whole command, with its start;
-no other work was done meanwhile. *Settings* is how many were measured the first time, in the
-engines that the case has. *Found* is the engine of the cheapest setting.
+`python -m benchmarks.choose_waits` made this page on {machine}. For each of the {count} cases that
+are stepped in time, `proofmass choose CASE --error {error}` was run twice: *first* with an empty
+store, *next* with a store that has the runs of the first time. Both are wall times of the whole
+command with its start; the machine had no other work. *Settings* is the number of settings that
+were measured the first time, in all engines of the case. *Found* is the engine of the cheapest
+setting.
 
-| | least | median | largest | cases within {first} s | within {next} s |
+| | shortest | median | longest | cases within {first} s | within {next} s |
 |---|---|---|---|---|---|
 {summary}
 
@@ -66,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         found = []
         for case in cases:
-            found.append(waited(case, 0.1 if given.quick else ERROR, folder))
+            found.append(time_command(case, 0.1 if given.quick else ERROR, folder))
             print(row(found[-1]), flush=True)
         file = docs / "choose_waits.md"
         if given.only and file.is_file():
@@ -89,9 +90,9 @@ def rows_of(text: str) -> list[Waited]:
     ]
 
 
-def waited(case: Case, error: float, folder: Path) -> Waited:
-    """Give the command twice."""
-    took, told = list[float](), list[str]()
+def time_command(case: Case, error: float, folder: Path) -> Waited:
+    """Run the command twice."""
+    took, printed = list[float](), list[str]()
     with TemporaryDirectory() as store:
         asked = ["choose", str(case.file), "--error", f"{error:g}", "--store", store]
         for _ in range(2):
@@ -100,14 +101,15 @@ def waited(case: Case, error: float, folder: Path) -> Waited:
                 [sys.executable, "-m", "proofmass", *asked], capture_output=True, text=True
             )
             took.append(time.perf_counter() - began)
-            told += [ran.stdout, ran.stderr]
-    (folder / f"{case.name}.txt").write_text("\n".join(told), encoding="utf-8")
-    measured = re.search(r"(\d+) settings\s+measured", told[1])
-    return Waited(case.name, (took[0], took[1]), measured[1] if measured else "", words(told[0]))
+            printed += [ran.stdout, ran.stderr]
+    (folder / f"{case.name}.txt").write_text("\n".join(printed), encoding="utf-8")
+    match = re.search(r"(\d+) settings\s+measured", printed[1])
+    settings = match[1] if match else ""
+    return Waited(case.name, (took[0], took[1]), settings, found_engine(printed[0]))
 
 
-def words(printed: str) -> str:
-    """The engine of the setting that a call printed, whose line is the first with one; or none."""
+def found_engine(printed: str) -> str:
+    """The engine of the setting that a call printed, from the first line with one; or "none"."""
     found = re.search(r"^\W*(MuJoCo|pymunk)\b", printed, re.MULTILINE)
     return found[1] if found else "none"
 
@@ -124,14 +126,14 @@ def page(found: Sequence[Waited]) -> str:
     for k, name in enumerate(("first", "next")):
         took = [each.seconds[k] for each in found]
         cells = [number(value, 2) + " s" for value in (min(took), median(took), max(took))]
-        within = [f"{sum(value <= most for value in took)}" for most in (FIRST, NEXT)]
+        within = [f"{sum(value <= most for value in took)}" for most in (FIRST_LIMIT, NEXT_LIMIT)]
         lines.append(f"| {name} | {' | '.join([*cells, *within])} |")
     return HEAD.format(
         machine=machine(),
         count=len(found),
         error=number(ERROR),
-        first=number(FIRST),
-        next=number(NEXT),
+        first=number(FIRST_LIMIT),
+        next=number(NEXT_LIMIT),
         summary="\n".join(lines),
         rows="\n".join(map(row, sorted(found, key=lambda each: -each.seconds[0]))),
     )

@@ -1,9 +1,9 @@
-"""What scenes need: the diet of all own models, without their options, and of a fat one.
+"""The diet of all own models, without their options, and of a model with needless features.
 
     python -m benchmarks.diet [folder] [--quick]
 
 Writes docs/diet.md and docs/diet.png.  Runs are kept in the folder (reports/diet), so that a call
-goes on where another was interrupted.
+continues where another was interrupted.
 """
 
 from collections.abc import Sequence
@@ -23,59 +23,63 @@ from proofmass.studies.run import pool
 from proofmass.wording import number
 
 FAT = ROOT / "docs" / "fourbar_fat.xml"
-SECONDS = 5.0  # that a model without a sidecar is followed
+SECONDS = 5.0  # simulated time of a model without a sidecar
 HEAD = """# What scenes need
 
-`python -m benchmarks.diet` made this; `proofmass diet MODEL.xml` does it for any MJCF. Each feature
-is taken out by itself, and every run is done again: those of the sidecars in MuJoCo, where a
-channel may move by a tenth of what its error leaves of its tolerance, or else the motion from the
-key, where it may move by rounding. What is harmless goes, all of it together. `--watch NAME`, with
-a joint, body, site or sensor, says what alone matters; without it and without a sidecar all sensors
-are monitored, or all that moves, and bodies that do not act on each other are named in groups.
+`python -m benchmarks.diet` made this page; `proofmass diet MODEL.xml` does the same for any MJCF.
+Each feature of a model is removed by itself, and every run is repeated. With a sidecar these are
+its runs in MuJoCo, and the removal may change a channel by a tenth of the difference between its
+tolerance and its error. Without a sidecar it is the motion from the key, and the removal may change
+a channel by rounding only. All harmless features are then removed together. `--watch NAME`, with a
+joint, body, site or sensor, names what alone matters. Without it and without a sidecar all sensors
+are monitored, or everything that moves, and bodies that do not act on each other are listed in
+groups.
 
 Then options of the engine are made cheaper, one after the other: solver tolerance, iterations, time
-step, integrator, friction cone, solver and Jacobian. These change every run, so what is measured is
-held against what is true. With a sidecar that is its reference, whose error may grow by a tenth of
-what it leaves of its tolerance. Without one it is the fine solution of the same model, with 8 times
-shorter steps, of which a channel may be off by 1.1 times what it is with the options as they are;
-`--error SHARE` allows so much of its range, `--keep-options` leaves all options alone. Where the
-model leaves its fine solution by a tenth before the run ends, as after an impact, an option may
-move a channel by no more than a feature may.
+step, integrator, friction cone, solver and Jacobian. These options change every run, so that its
+error is measured against a reference. With a sidecar this is its reference, and the error may grow
+by a tenth of the difference between the tolerance and the error. Without a sidecar it is the fine
+solution of the same model, with 8 times shorter steps, and the error of a channel may be 1.1 times
+the error with the options as they are; `--error SHARE` allows an error of this share of the
+channel's range instead. `--keep-options` leaves all options alone. If the motion of the model
+differs from its fine solution by a tenth before the run ends, as after an impact, an option may
+change a channel by no more than the removal of a feature may.
 
-Times are of pairs of runs, with and without, in an order drawn by lot. What is saved is the median
-of their ratios, and the interval in brackets holds it with a probability of 99 % (sign test, if the
-noise of one pair does not depend on that of others). Where 0 is within there is no measurable
-change. `tests/studies/diet/diet_bare.py` holds what was written against the model as it was in bare
-MuJoCo.
+Times are measured in pairs of runs, with and without a feature, in random order. The saving is the
+median of the ratios of their times, and the interval in brackets contains it with a probability of
+99 % (sign test, if the noise of one pair does not depend on that of others). If the interval
+contains 0, there is no measurable change. `tests/studies/diet/diet_bare.py` compares the written
+model with the original one in bare MuJoCo.
 
-## A fat model
+## A model with needless features
 
-[`fourbar_fat.xml`](fourbar_fat.xml) is a four-bar let go, and a nut that has come off it, with much
-of what a scene collects over the years.
+[`fourbar_fat.xml`](fourbar_fat.xml) is a four-bar that is released and a nut that has come off it,
+with many features of the kinds that a scene collects over the years.
 
 ![What each feature of the fat model changes, and what its removal saves](diet.png)
 
-*Left: the channel that moves most; right: what a step would save. Filled: goes; ring: drawn, kept
-for the eye; cross: matters. The last row is all that goes, at once.*
+*Left: the largest change of a channel; right: the time that a step would save. A filled marker is a
+feature that is removed, a ring one that is only drawn and kept for the viewer, a cross one that
+matters. The last row is the removal of all harmless features at once.*
 """
 OWN = """## proofmass's own models
 
-Of {all} models {clean} have no feature left to remove; their options were left alone, which
-[`trade` and `choose`](accuracy.md) are for. Drawn geoms could go, for no run needs them, and stay
-for the eye; what they cost together is the time and the memory of the table, on {machine}.
-Steps of a sweep or an equilibrium run are its poses.
+Of {all} models {clean} have no feature left to remove. Their options were left alone, because
+[`trade` and `choose`](accuracy.md) find them. No run needs the drawn geoms; they are kept for the
+viewer, and the table has the time and the memory with and without them, on {machine}.
+The steps of a sweep or an equilibrium run are its poses.
 """
 COLUMNS = (
     "model",
     "features",
-    "goes",
+    "harmless",
     "only drawn",
-    "moves a channel",
+    "change a channel",
     "needed to run",
-    "ms a step",
-    "without drawn",
+    "ms per step",
+    "ms without drawn",
     "KB",
-    "without drawn",
+    "KB without drawn",
 )
 
 
@@ -87,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         (ROOT / "models").rglob("pendulum.xml" if given.quick else "*.xml"),
         key=lambda file: file.name,
     )
-    rounds = 1 if given.quick else ROUNDS  # pairs of runs
+    rounds = 1 if given.quick else ROUNDS  # number of pairs of runs
     with folders(given.quick, given.folder) as (folder, docs):
         own = {file.stem: searched(file, folder, rounds, tune=False) for file in files}
         fat = own[files[0].stem] if given.quick else searched(FAT, folder, rounds)
@@ -95,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         with rc_context(RC):
             save(diet_figure([e for e in ranked(fat) if e.outcome in LOOKS]), docs / "diet")
         (docs / "diet.svg").unlink()
-        clean = sum(not named(entries, "harmless") for entries in own.values())
+        clean = sum(not titles(entries, "harmless") for entries in own.values())
         lines = [
             HEAD,
             *sentences(fat),
@@ -109,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[Entry]:
-    """The diet of a model, with its options or without; table and reduced model in the folder."""
+    """The diet of a model, with its options or without; writes table and reduced model."""
     print(model.stem, flush=True)
     file = folder / model.name
     scene = scene_of(model, SECONDS)
@@ -121,23 +125,23 @@ def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[
     return read_entries(file.with_suffix(".csv"))
 
 
-def named(entries: Sequence[Entry], outcome: str) -> list[str]:
-    """Features with an outcome."""
+def titles(entries: Sequence[Entry], outcome: str) -> list[str]:
+    """Titles of the features with an outcome."""
     return [e.title for e in entries if e.outcome == outcome and e.kind != WHOLE]
 
 
 def row(name: str, entries: Sequence[Entry]) -> str:
     """A model's row of the table: features by outcome, and the cost of what is only drawn."""
-    gone, drawn, matters = (named(entries, o) for o in ("harmless", "drawn", "matters"))
+    gone, drawn, matters = (titles(entries, o) for o in ("harmless", "drawn", "matters"))
     single = sum(e.kind not in (WHOLE, SAID) for e in entries)
     needed = single - len(gone) - len(drawn) - len(matters)
     costs = next((e.costs for e in entries if e.outcome == "drawn"), entries[-1].costs)
     cells = [number(1e3 * c.seconds, 2) for c in costs] + [number(c.size / 1024) for c in costs]
     geoms = sum(name.count(",") + 1 for name in drawn)
-    told = [f"{geoms} geom{'s' * (geoms > 1)}" if geoms else "nothing", len(matters), needed]
+    counts = [f"{geoms} geom{'s' * (geoms > 1)}" if geoms else "nothing", len(matters), needed]
     return (
         "| "
-        + " | ".join(map(str, (name, single, "; ".join(gone) or "nothing", *told, *cells)))
+        + " | ".join(map(str, (name, single, "; ".join(gone) or "nothing", *counts, *cells)))
         + " |"
     )
 

@@ -1,12 +1,12 @@
-"""Is every error floor that `proofmass trade` states one in a bare engine?
+"""Comparison of the error floors that `proofmass trade` states with programs in bare engines.
 
     python -m benchmarks.floors [folder] [--only CASE ...] [--quick]
 
 Writes docs/floors.md from the study that `python -m benchmarks.accuracy` keeps in the folder
-(reports/trade).  The setting of each floor of a dynamics run is written as a program, with the step
-that was measured, half and a quarter of it; the programs run in interpreters without proofmass.
-With --only it measures these cases where the folder lacks them, prints the page of them alone, and
-writes no document.
+(reports/trade).  The setting of each floor of a dynamics run is written as programs with the
+measured step, half and a quarter of it; the programs run in interpreters without proofmass.
+With --only these cases are measured if the folder lacks them, and the page of these cases is
+printed and not written.
 """
 
 from collections import Counter
@@ -32,22 +32,22 @@ from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import as_used
 from proofmass.wording import number
 
-LONGEST = 120.0
-"""Wall time after which a program is ended [s]: a quarter of the step of the longest runs."""
+TIMEOUT = 120.0
+"""Wall time after which a program is ended [s]; the longest has a quarter of the step."""
 JOBS = 2
 HEAD = """# Error floors in bare engines
 
-`python -m benchmarks.floors` made this. `proofmass trade` states {count} error floors in dynamics
-runs, in {settings} settings of {cases} cases. Each setting was written as a program, with the step
-that was measured, half and a quarter of it, and run with `python -I`, in which there is no
-proofmass. Errors are those of the CSV files that the programs wrote, as shares of the range, at the
-motion that the drives really had: `trade` states floors so, and the files have columns of it. Where
-a drive changes its speed, its own error is added at the motion that was asked for; `trade` tells it
-beside the floor.
+`python -m benchmarks.floors` made this page. `proofmass trade` states {count} error floors in
+dynamics runs, in {settings} settings of {cases} cases. Each setting was written as three programs,
+with the measured step, half and a quarter of it, and these were run with `python -I`, in which
+proofmass cannot be imported. The errors are those of the CSV files that the programs wrote, as
+shares of the range. They are evaluated at the actual motion of the drives, for which the files have
+columns, because `trade` states floors in this way. At the prescribed motion the error of the drive
+is added if the drive changes its speed; `trade` states it in addition to the floor.
 
-A floor is *confirmed* where the two halvings each change the program's error by less than 5 %, and
-the error is within 5 % of the stated one. Of a floor by rounding, finer steps must be worse, or as
-before.
+A floor is *confirmed* if the two halvings each change the program's error by less than 5 %, and
+the error is within 5 % of the stated one. For a floor that is caused by rounding, the errors with
+finer steps must be larger or the same.
 
 | result | floors |
 |---|---|
@@ -63,9 +63,9 @@ TABLE = """
 
 @dataclass(frozen=True)
 class BareFloor:
-    """A floor that a study states, and what programs gave with the step, half and a quarter of it.
+    """A floor that a study states, and runs of programs with the step, half and a quarter of it.
 
-    `why` says why there are no programs.
+    `why` is the reason if there are no programs.
     """
 
     verdict: Verdict
@@ -74,12 +74,12 @@ class BareFloor:
 
     @property
     def errors(self) -> list[float]:
-        """Of the programs [share of range]; NaN where one failed, or has no such curves."""
+        """Errors of the programs [share of range]; NaN for one that failed or has no curves."""
         return [run.driven.get(self.verdict.kind, NAN) for run in self.runs]
 
     @property
     def result(self) -> str:
-        """What became of the floor, in words."""
+        """Whether the floor was confirmed, or why it was not, in words."""
         if self.why:
             return f"no program: {self.why}"
         if failed := next((run.failure for run in self.runs if run.failure), ""):
@@ -148,14 +148,14 @@ def row_of(study: Trade, verdict: Verdict) -> StudyRow:
 
 
 def run_programs(case: Case, row: StudyRow, store: Store) -> tuple[tuple[ProgramRun, ...], str]:
-    """What programs give with the step of a setting, half and a quarter of it, or why none can."""
+    """Runs of programs with the step of a setting, half and a quarter of it, or why none exist."""
     series = next(one for one in list_series(case, "dynamics") if one.name == row.series)
     setting = Setting(row.engine, row.parameters)
     drive = imposed(case, row.engine)[0]
     finer = halvings("dynamics", series, setting, float(compiled(case).opt.timestep))
     try:
         return tuple(
-            tried(case, as_used(case, one), drive, store, LONGEST) for one in (setting, *finer)
+            tried(case, as_used(case, one), drive, store, TIMEOUT) for one in (setting, *finer)
         ), ""
     except Unsupported as error:
         return (), str(error)

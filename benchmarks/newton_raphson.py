@@ -1,9 +1,9 @@
-"""Newton-Raphson as two documents teach it: iterations, and one system of nine against three.
+"""Newton-Raphson as two documents teach it: iterations, and one system of nine or three of three.
 
     python -m benchmarks.newton_raphson [-o docs/newton_raphson.md] [--quick]
 
-Work is counted; times are CPU seconds of this process, of both forms in turn, so that a load of the
-machine meets both. Each pose of a sweep starts from the last one.
+The work is counted.  Times are CPU seconds of this process, of all forms in turn, so that other
+loads of the machine affect all of them.  Each pose of a sweep starts from the pose before it.
 """
 
 import time
@@ -26,10 +26,11 @@ POSES, ROUNDS = 1000, 9
 PAGE = """# Newton-Raphson as taught
 
 `python -m benchmarks.newton_raphson -o docs/newton_raphson.md` made this page. Two of the source
-documents solve their mechanisms by Newton-Raphson: B. Díaz Lozano four linkages in natural
-coordinates, the power hacksaw report its offset slider-crank, position, velocity and acceleration
-one after the other or all at once. Both are here to be read, printed and drawn. They do not judge
-engines: closed forms do, and are held against them in the tests.
+documents solve their mechanisms by Newton-Raphson. B. Díaz Lozano solves four linkages in natural
+coordinates. The power hacksaw report solves its offset slider-crank for position, velocity and
+acceleration, one after the other or all at once. Both methods are implemented here so that they can
+be read, printed and drawn. They are no references of engines; the closed forms are, and tests
+compare the closed forms with these methods.
 
 ## The log
 
@@ -50,11 +51,11 @@ print(log)
 ```
 
 `log.root` is the last q; `steps`, `residuals`, `ranks` and `conditions` are arrays over the
-iterations, `iterates`, `values` and `jacobians` all that was there. A linkage that cannot be
-assembled raises `NotConverged`, which has its `log` as well. `velocities` and `accelerations`
-solve one linear system each, `sweep` goes through many poses.
+iterations; `iterates`, `values` and `jacobians` are q, Phi and J of every iteration. For a linkage
+that cannot be assembled, `NotConverged` is raised, which has the `log` as well. `velocities` and
+`accelerations` solve one linear system each, and `sweep` solves many poses.
 
-| linkage | iterations from the document's guess | poses a second |
+| linkage | iterations from the document's guess | poses per second |
 |---|---|---|
 {linkages}
 
@@ -64,41 +65,42 @@ solve one linear system each, `sweep` goes through many poses.
 |---|---|---|
 | `distance` | a rigid bar: \\|12\\|² = L² | 39 |
 | `collinear` | a slider on a bar: 13 × 12 = 0 | 41 |
-| `constant_angle` | a slider that does not turn on it: 12 · 3D = k | 41 |
+| `constant_angle` | a slider that does not rotate on its bar: 12 · 3D = k | 41 |
 | `relative_angle` | an angle between links: 12 · 13 = L L' cos φ, 12 × 13 = L L' sin φ | 42 |
 | `turned` | an angle to the ground: 13 = L' (cos φ, sin φ) | 43 |
 
-`relative_angle` has both rows, as the document advises; `turned` has both, or with a threshold
-one of them, as the document's programs have it. With one row a second pose fulfils the
+`relative_angle` has both rows, as the document advises. `turned` has both rows, or one of them if
+it is given a threshold, as in the document's programs. With one row a second pose fulfils the
 constraints (`tests/analytic/linkages/test_natural_coordinates.py`).
 
 ## Convergence
 
 The page of `models/linkages/hacksaw` has the report's figures as charts: the unknowns and their
 errors over the iterations, the last step of each pose of a sweep, and the nine errors against the
-closed form. From the report's first guess positions take {position} iterations, rates and
-accelerations {rate} each, and all nine at once {whole}.
+closed form. From the report's first guess the positions take {position} iterations, the rates and
+the accelerations {rate} each, and all nine unknowns at once {whole}.
 
 ## One system of nine, or three of three
 
-{poses} poses of the report's motor, to a last step of 1e-6. The report finds that the simultaneous
-form takes 12 % less time, in MATLAB with symbolic substitution; neither its times nor its machine
-are in the text.
+The table is for {poses} poses of the report's motor, with a last step of at most 1e-6. The report
+finds that the simultaneous form takes 12 % less time, in MATLAB with symbolic substitution; its
+text has neither the times nor the machine.
 
 | form | systems solved | equations evaluated | entries of Jacobians | \
-multiplications of the solutions | CPU s | of the first |
+multiplications of the solutions | CPU s | share of the first |
 |---|---|---|---|---|---|---|
 {forms}
 
-CPU times are the least of {rounds} rounds in turn, of one thread, on a machine that others used as
-well; shares are medians over the rounds, with the least and the largest. Systems, equations and
-entries are counted, multiplications estimated from their sizes. The sequential form has less to
-compute in all of these except for the number of its systems: those of rates and of accelerations
-are linear, and take a step and one more to confirm it, where the simultaneous form does both in the
-steps that the positions need. Here the calls of an iteration cost more than its arithmetic, so that
-the fewer systems are a little cheaper, or as cheap; a sequential form that evaluates all nine
-equations and takes three of them, as a program does that has only these, costs twice as much. So
-no such share is a property of the method: it tells what an iteration costs in a language.
+CPU times are the shortest of {rounds} rounds, in which the forms take turns, in one thread on a
+machine that others used as well. Shares are medians over the rounds, with the smallest and the
+largest. Systems, equations and entries are counted; multiplications are estimated from the sizes of
+the systems. The sequential form has less to compute in all of these, but more systems: those of
+rates and of accelerations are linear, and take one step and another to confirm it, while the
+simultaneous form solves both in the steps that the positions need. Here the calls of an iteration
+cost more than its arithmetic, so that the form with fewer systems is a little cheaper, or as cheap.
+A sequential form that evaluates all nine equations and uses three of them, as a program must that
+has only the nine, costs twice as much. Therefore such a share is no property of the method: it
+shows what an iteration costs in a language.
 
 ## Functions
 
@@ -121,7 +123,7 @@ no such share is a property of the method: it tells what an iteration costs in a
 
 
 def linkages(poses: int) -> list[str]:
-    """A row for each linkage in natural coordinates."""
+    """A row for each linkage in natural coordinates, with its iterations and its speed."""
     rows = []
     for name, (linkage, start) in EXAMPLES.items():
         found = assemble(linkage, start)
@@ -134,7 +136,7 @@ def linkages(poses: int) -> list[str]:
 
 
 def whole_blocks(law: tuple[Array, ...]) -> dict[str, Array]:
-    """The sequential sweep of a program that evaluates all nine equations for three of them."""
+    """The sequential sweep of a program that evaluates all nine equations to use three of them."""
     x, count = np.array(hacksaw.SWEEP_GUESS), []
     for pose in np.transpose(law):
         solved = 0
@@ -152,7 +154,7 @@ def whole_blocks(law: tuple[Array, ...]) -> dict[str, Array]:
     return {"iterations": np.array(count)}
 
 
-def in_turn(works: Sequence[Callable[[], object]], rounds: int) -> Array:
+def time_in_turn(works: Sequence[Callable[[], object]], rounds: int) -> Array:
     """CPU times of some functions [s] (rounds, works), each round in another order."""
     times = np.empty((rounds, len(works)))
     for k in range(rounds):
@@ -164,7 +166,7 @@ def in_turn(works: Sequence[Callable[[], object]], rounds: int) -> Array:
 
 
 def forms(poses: int, rounds: int) -> list[str]:
-    """Rows of what each form solves and takes."""
+    """A row for each form, with its counts and its CPU time."""
     law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), poses))
     works = {
         "sequential, three of its equations at a time": (
@@ -174,7 +176,7 @@ def forms(poses: int, rounds: int) -> list[str]:
         "sequential, three of all nine taken": (partial(whole_blocks, law), (9, 3)),
         "simultaneous": (partial(hacksaw.newton_sweep, *law, **LINK), (9, 9)),
     }
-    taken = in_turn([work for work, _ in works.values()], rounds)
+    taken = time_in_turn([work for work, _ in works.values()], rounds)
     rows = []
     for k, (name, (work, (evaluated, size))) in enumerate(works.items()):
         systems = int(np.sum(work()["iterations"]))
