@@ -1,4 +1,4 @@
-"""Rods as MuJoCo's one-dimensional flex, beside chains of links, against the elastica.
+"""Errors of rods as MuJoCo's one-dimensional flex and as chains of links, by the elastica.
 
     python -m benchmarks.rod_flex [--quick]
 
@@ -37,31 +37,38 @@ CASES: dict[str, tuple[float, Shape]] = {
 LINKS = 10, 20, 40, 80
 HEAD = """# Rods as MuJoCo's own flex
 
-`python -m benchmarks.rod_flex` made this. Since version 3.17 a `<flex>` of dimension 1 bends: a
-discrete elastic rod with three sliding joints a point, its edges held by a soft equality and its
-bending stiffness by the integrator `discrete`, which lets a step last longer than the fast modes.
-Setting `flex = true` in a run `equilibrium` builds it in place of the chain of links
-(`proofmass/sim/mujoco/flex.py`): the clamp is an edge on the ground with half of it behind the
-clamp, so that all is of second order.
+`python -m benchmarks.rod_flex` made this page. Since version 3.17 a `<flex>` of dimension 1 bends.
+It is a discrete elastic rod with three sliding joints for each point. A soft equality constrains
+its edges, and the integrator `discrete` handles its bending stiffness, so that a step may be longer
+than the fast modes. Setting `flex = true` in a run `equilibrium` builds a flex instead of the chain
+of links (`proofmass/sim/mujoco/flex.py`). The clamp is an edge on the ground, half of which is
+behind the clamp, so that all errors are of second order.
 
-Error: largest distance from the elastica at 21 places, over L. Order: in the length h of an edge.
-Chain: the error of as many links with springs, at rest by Newton's method. Stretch: of the worst
-edge. Gap: of the pin, over L.
+*Error* is the largest distance from the elastica at 21 places, over L. *Order* is the power of the
+length h of an edge with which the error falls. *Chain* is the error of a chain of as many links
+with springs, whose equilibrium is found by Newton's method. *Stretch* is that of the worst edge.
+*Violation* is the constraint violation of the pin, over L.
 
-| rod | edges | error | order | chain | stretch | gap | steps | CPU s |
+| rod | edges | error | order | chain | stretch | violation | steps | CPU s |
 |---|---|---|---|---|---|---|---|---|
 """
 TAIL = """
-What a flex cannot do, and `mujoco:flex` refuses by name: begin on a body that moves, so no motor
-turns or slides its clamp; be clamped at its far end; take a moment at a point, since points do not
-turn; be at rest by Newton's method, as there are no joint springs to read: it steps until nothing
-moves. MuJoCo counts no energy of a flex that bends, so the energy is not shown. A bend b costs
-EI/(2h) (2 tan b/2)^2 where a chain's costs EI/(2h) b^2, and edges are softer than links.
+A flex has these limits, and `mujoco:flex` refuses by name what it cannot do:
+
+- Its clamp cannot be on a body that moves, so that no motor rotates or slides the clamp.
+- It cannot be clamped at its far end.
+- No moment can act at a point, because points do not rotate.
+- Newton's method cannot find its equilibrium, because there are no joint springs to read. The
+  engine steps until nothing moves.
+
+MuJoCo computes no energy of a flex that bends, so that the energy is not shown. A bend b has the
+energy EI/(2h) (2 tan b/2)^2, while that of a chain has EI/(2h) b^2. The edges of a flex are softer
+than links.
 """
 
 
-def at_rest(load: float, links: int, flex: bool) -> Curves:
-    """The rod at rest in MuJoCo; without a load it is pinned."""
+def solve_rod(load: float, links: int, flex: bool) -> Curves:
+    """The equilibrium of the rod in MuJoCo; without a load the rod is pinned."""
     ends, turn = (("clamped", "free"), 0.0) if load else (("clamped", "pinned"), 1.25)
     rod = Rod("rod", "clamp", None if load else "pin", 1.0, 1.0, links, ends, turn=turn)
     with tempfile.TemporaryDirectory() as folder:
@@ -87,16 +94,16 @@ def error(curves: Curves, truth: dict[str, Array]) -> float:
 
 
 def rows(counts: Sequence[int]) -> Iterator[str]:
-    """The table's, one for each rod and number of edges."""
+    """Rows of the table, one for each rod and number of edges."""
     for name, (load, shape) in CASES.items():
         last: Any = None
         for links in counts:
             began = time.process_time()
-            found, truth = at_rest(load, links, True), shape(ARC)
+            found, truth = solve_rod(load, links, True), shape(ARC)
             used, off = time.process_time() - began, error(found, truth)
             h = points(Rod("rod", "clamp", None, 1.0, 1.0, links, ("clamped", "free"))).lengths[-1]
             order = f"{np.log(last[0] / off) / np.log(last[1] / h):.2f}" if last else ""
-            chain = error(at_rest(load, links, False), truth)
+            chain = error(solve_rod(load, links, False), truth)
             last = off, h
             yield (
                 f"| {name} | {links} | {off:.2e} | {order} | {chain:.2e} | "

@@ -1,7 +1,7 @@
-"""The grids in which Pérez Gámiz 2018 looks for equilibria of two and of three rods.
+"""The grids in which Pérez Gámiz 2018 searches for equilibria of two and of three rods.
 
-Newton's method is ours, which closes platforms by their pose: it keeps no mirrored ones, unless a
-mirrored platform is asked for as well.
+Newton's method is that of proofmass, which closes platforms by their pose.  It finds no mirrored
+platforms, unless the equilibria of a mirrored platform are asked for as well.
 """
 
 from collections.abc import Iterator
@@ -16,16 +16,16 @@ from proofmass.analytic.rods.all_equilibria import solve
 from proofmass.analytic.rods.elastica import rods
 from proofmass.analytic.rods.equilibrium import RodState, clamps
 
-CAP = 20.0  # alpha of the equilibria that are counted
-RISE = np.log(0.0966498)  # B of its spacing of k_rel with the end slope 0.25
-FINE = 400  # values of k_rel of each sign in which a load is looked up
+MAX_ALPHA = 20.0  # of the equilibria that are counted
+SPACING = np.log(0.0966498)  # B of the document's spacing of k_rel, with the end slope 0.25
+LOOKUP_POINTS = 400  # values of k_rel of each sign in which a load is looked up
 
 
 @dataclass(frozen=True)
 class Grid:
-    """What a grid was and led to: nodes, starts of Newton's method, distinct equilibria.
+    """Numbers of a grid: nodes, starts of Newton's method, and distinct equilibria.
 
-    `mirrored` are those of a mirrored platform, where it was asked for.
+    `mirrored` is the number of equilibria of a mirrored platform, if it was asked for.
     """
 
     nodes: int
@@ -36,7 +36,7 @@ class Grid:
 
 def moduli(count: int = 21) -> Array:
     """Values of k_rel of both signs, clustered at 1 as in the document (text line 5660)."""
-    half = np.expm1(RISE * np.linspace(0.0, 1.0, count)) / np.expm1(RISE)
+    half = np.expm1(SPACING * np.linspace(0.0, 1.0, count)) / np.expm1(SPACING)
     half = np.clip(half, 1e-6, 1.0 - 1e-6)
     return np.concatenate([-half[::-1], half])
 
@@ -46,11 +46,12 @@ def directions(nodes: int) -> Array:
     return np.clip(np.linspace(0.0, TURN, nodes), 1e-3, TURN - 1e-3)
 
 
-def two(s: RodState, nodes: int) -> Grid:
-    """(psi1, k_rel1, k_rel2): a start is a cell in which all three residuals change their sign.
+def search_two_rods(s: RodState, nodes: int) -> Grid:
+    """Search the grid of (psi1, k_rel1, k_rel2).
 
-    The second rod's load follows from balance.  There the document's program intersects two curves
-    of isosurfaces.
+    A start is a cell in which all three residuals change their sign.  The load of the second rod
+    follows from the balance of forces.  In place of these cells, the document's program intersects
+    two curves of isosurfaces.
     """
     theta, clamp, _ = clamps(s)
     unit, k_rel = s.assembly.stiffness[0], moduli()
@@ -64,20 +65,21 @@ def two(s: RodState, nodes: int) -> Grid:
         for c, rod, angle in zip(clamp, (first, second), theta, strict=True)
     ]
     gap = place[0][..., None] - place[1]
-    change = [turned(part) for part in (gap.real, gap.imag, np.abs(rest)[..., None] - second["R"])]
+    off = np.abs(rest)[..., None] - second["R"]
+    change = [has_sign_change(part) for part in (gap.real, gap.imag, off)]
     cells = np.nonzero(change[0] & change[1] & change[2])
     chart = np.stack(
         [
-            charted(first["R"][cells[:2]] / unit, first["k"][cells[:2]]),
-            charted(second["R"][cells] / unit, second["k"][cells]),
+            chart_of(first["R"][cells[:2]] / unit, first["k"][cells[:2]]),
+            chart_of(second["R"][cells] / unit, second["k"][cells]),
         ]
     )
     at = place[1][cells]
-    forces = arrived(s, chart, np.stack([at.real, at.imag, 0.0 * at.real]))
+    forces = solve_from(s, chart, np.stack([at.real, at.imag, 0.0 * at.real]))
     return Grid(gap.size, at.size, distinct(forces))
 
 
-def turned(residual: Array) -> NDArray[np.bool_]:
+def has_sign_change(residual: Array) -> NDArray[np.bool_]:
     """Cells of a grid at whose corners a residual has both signs."""
     positive = residual > 0.0
     some = every = positive
@@ -89,70 +91,75 @@ def turned(residual: Array) -> NDArray[np.bool_]:
     return np.asarray(some & ~every)
 
 
-def three(
+def search_three_rods(
     s: RodState, nodes: int, gap: float, moment: float, mirror: RodState | None = None
 ) -> Grid:
-    """(k_rel1, psi1, psi2, psi3): starts are nodes whose sides and moment are off by less.
+    """Search the grid of (k_rel1, psi1, psi2, psi3).
 
-    Balance of forces gives the loads of rods 2 and 3, the inverse of R(k_rel) up to four shapes of
-    each, 16 together (eqs 113-115).
+    A start is a node whose sides and moment are within tolerances.  The balance of forces gives the
+    loads of rods 2 and 3, and the inverse of R(k_rel) gives up to four shapes of each of these
+    rods, which are 16 in all (eqs 113-115).
 
     Parameters
     ----------
-    s : inputs and load
-    nodes : n of each psi; 42 n^3 in all
-    gap, moment : tolL [m], tolM [N m]
-    mirror : the same with a mirrored platform, which has the same sides
+    s : RodState
+        Inputs and load.
+    nodes : int
+        Number n of values of each psi; the grid has 42 n^3 nodes.
+    gap, moment : float
+        Tolerances tolL [m] and tolM [N m].
+    mirror : RodState, optional
+        The same with a mirrored platform, which has the same sides.
     """
     k_rel, starts = moduli(), 0
     both = [s] if mirror is None else [s, mirror]
     found: list[list[Array]] = [[] for _ in both]
     table = [Inverse(psi, s.assembly.stiffness[0]) for psi in directions(nodes)]
     for psi1 in directions(nodes):
-        for shapes in shaped(s, psi1, k_rel, table):
-            chart, pose = near(s, shapes, gap, moment)
+        for shapes in shapes_of_nodes(s, psi1, k_rel, table):
+            chart, pose = nearly_closed(s, shapes, gap, moment)
             starts += pose.shape[1]
             for some, one in zip(found, both, strict=True):
-                some.append(arrived(one, chart, pose))
+                some.append(solve_from(one, chart, pose))
     counts = [distinct(np.concatenate(some)) for some in found]
     return Grid(k_rel.size * nodes**3, starts, *counts)
 
 
 class Inverse:
-    """k_rel of given loads for one psi, mode 1: monotone pieces of R(k_rel), four at most."""
+    """The inverse of R(k_rel) for one psi and mode 1: at most four monotone pieces."""
 
     def __init__(self, psi: float, stiffness: float) -> None:
-        self.psi, k_rel = psi, moduli(FINE)
+        self.psi, k_rel = psi, moduli(LOOKUP_POINTS)
         self.pieces: list[tuple[Array, Array]] = []
         load = np.log(tip(psi, k_rel, stiffness=stiffness)["R"])
-        for half in (slice(0, FINE), slice(FINE, None)):
+        for half in (slice(0, LOOKUP_POINTS), slice(LOOKUP_POINTS, None)):
             level, k = load[half], k_rel[half]
             turns = np.flatnonzero(np.diff(np.sign(np.diff(level)))) + 1
-            for piece in np.split(np.arange(FINE), turns):
+            for piece in np.split(np.arange(LOOKUP_POINTS), turns):
                 rising = piece[np.argsort(level[piece])]
                 self.pieces.append((level[rising], k[rising]))
         self.pieces = sorted(self.pieces, key=lambda piece: -piece[0].size)[:4]
 
     def __call__(self, load: Array) -> Array:
-        """k_rel (4, ...), NaN where there are fewer."""
+        """Values of k_rel (4, ...) with these loads; NaN where there are fewer."""
         out = np.full((4, *load.shape), np.nan)
-        with np.errstate(invalid="ignore", divide="ignore"):  # a push where a pull is asked for
+        with np.errstate(invalid="ignore", divide="ignore"):  # loads of the wrong sign
             level = np.log(load)
         for i, (known, k) in enumerate(self.pieces):
             out[i] = np.interp(level, known, k, left=np.nan, right=np.nan)
         return out
 
 
-def shaped(
+def shapes_of_nodes(
     s: RodState, psi1: float, k_rel: Array, table: list[Inverse]
 ) -> Iterator[list[tuple[Array, Array, Complex, Complex]]]:
-    """Rods 1 to 3 at all nodes of one psi1, for each k_rel1: R, k, tips and forces of each."""
+    """R, k, tips and forces of rods 1 to 3 at all nodes of one psi1, for each k_rel1."""
     theta = clamps(s)[0]
     psi = np.array([inverse.psi for inverse in table])
     two_way, three_way = np.exp(1j * (theta[1] + psi))[:, None], np.exp(1j * (theta[2] + psi))
     across = (two_way.conj() * three_way).imag
     for k in k_rel:
-        first = turned_tip(s, 0, np.array([psi1]), np.array([k]))
+        first = rotated_tip(s, 0, np.array([psi1]), np.array([k]))
         rest = complex(*s.load[:2]) - first[3][0]
         with np.errstate(divide="ignore", invalid="ignore"):  # parallel loads
             loads = (
@@ -165,12 +172,12 @@ def shaped(
         j2, j3 = np.nonzero(good)
         yield [
             first,
-            turned_tip(s, 1, psi[j2], second[:, j2, j3]),
-            turned_tip(s, 2, psi[j3], third[:, j2, j3]),
+            rotated_tip(s, 1, psi[j2], second[:, j2, j3]),
+            rotated_tip(s, 2, psi[j3], third[:, j2, j3]),
         ]
 
 
-def turned_tip(
+def rotated_tip(
     s: RodState, i: int, psi: Array, k_rel: Array
 ) -> tuple[Array, Array, Complex, Complex]:
     """R/EI, k, tip and force in the frame of rod i; NaN where k_rel is."""
@@ -189,10 +196,10 @@ def turned_tip(
     return out[0].real, out[1].real, out[2], out[3]
 
 
-def near(
+def nearly_closed(
     s: RodState, shapes: list[tuple[Array, Array, Complex, Complex]], gap: float, moment: float
 ) -> tuple[Array, Array]:
-    """Charts (3, 2, m) and poses (3, m) of combinations that nearly close."""
+    """Charts (3, 2, m) and poses (3, m) of the combinations that close within tolerances."""
     one, second, third = shapes
     side = abs(s.assembly.arm[0] - s.assembly.arm[1])
     pin = [np.broadcast_to(one[2], (4, 4, second[2].shape[1])), second[2][:, None], third[2][None]]
@@ -206,30 +213,30 @@ def near(
     at = np.nonzero(good)
     picks = [(np.zeros_like(at[0]),), (at[0], at[2]), (at[1], at[2])]
     chart = np.stack(
-        [charted(rod[0][pick], rod[1][pick]) for rod, pick in zip(shapes, picks, strict=True)]
+        [chart_of(rod[0][pick], rod[1][pick]) for rod, pick in zip(shapes, picks, strict=True)]
     )
     turn = np.angle(np.broadcast_to(pin[1], good.shape)[at] - pin[0][at])
     return chart, np.stack([centre[at].real, centre[at].imag, turn])
 
 
-def charted(load: Array, k: Array) -> Array:
+def chart_of(load: Array, k: Array) -> Array:
     """alpha and q of rods of mode 1, 1 m long, under R/EI."""
     return np.stack([np.sqrt(load), -np.arctanh(k)])
 
 
-def arrived(s: RodState, chart: Array, pose: Array) -> Array:
+def solve_from(s: RodState, chart: Array, pose: Array) -> Array:
     """Forces (n, 2 k) in the clamps' frames, over EI, of the equilibria that starts lead to.
 
-    Of mode 1, and with loads up to those of the search.
+    Only equilibria of mode 1 with alpha up to `MAX_ALPHA` are returned.
     """
     if not pose.size:
         return np.empty((0, 2 * s.assembly.rods))
     there = solve(s, chart, pose)[0]
     found = rods(*np.moveaxis(there, 1, 0))
-    force = found.force[:, ((found.waves < 1.0) & (there[:, 0] < CAP)).all(axis=0)].T
+    force = found.force[:, ((found.waves < 1.0) & (there[:, 0] < MAX_ALPHA)).all(axis=0)].T
     return np.concatenate([force.real, force.imag], axis=1)
 
 
 def distinct(forces: Array) -> int:
-    """How many there are, to four decimals."""
+    """Number of different forces, to four decimals."""
     return int(np.unique(forces.round(4) + 0.0, axis=0).shape[0])

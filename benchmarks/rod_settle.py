@@ -1,4 +1,4 @@
-"""Rods in both engines, let go in any shape: where their steps come to rest."""
+"""Rods that are released in any shape in both engines, and the poses in which they settle."""
 
 import copy
 from collections.abc import Sequence
@@ -35,15 +35,15 @@ PLATFORM = f"""<body><joint name="x" type="slide" axis="1 0 0"/>{CARRIER}
   <body><joint name="y" type="slide" axis="0 1 0"/>{CARRIER}
   <body name="platform"><joint name="phi"/>{CARRIER}
   <site name="hand"/>{{pins}}</body></body></body>"""
-PACE = 0.05  # [rad] phase in a step of a spring on its own
-LIGHT = 1e-6  # [kg] of a rod: its joints have armature instead
-BLOCK, MOST = 100, 100_000  # MuJoCo's steps between two looks at the speed, and at most
-STILL = 1e-6  # [rad/s] the fastest joint at rest: 1e-9 rad in a step
-SWEEPS = 100  # iterations of Chipmunk in a step
-TURN, NOISE = 2.0 * np.pi, 0.25  # [rad] of random starts: a rod's largest turn, each joint's spread
-FAR = 0.05  # [m, rad] between the poses of a rod's equilibrium and of its chain's
-LARGEST = 20.0  # alpha = L sqrt(R/EI): more takes loops that chains of 20 links do not have
-SAME = 1e-4  # [rad] of all links: what is nearer is one equilibrium
+PHASE_OF_STEP = 0.05  # [rad] phase of the swing of a single spring in a step
+ROD_MASS = 1e-6  # [kg] small, because the joints have armature instead
+STEPS_OF_BLOCK, MAX_STEPS = 100, 100_000  # steps between two checks of the speed, and in all
+REST_SPEED = 1e-6  # [rad/s] of the fastest joint at rest: 1e-9 rad in a step
+ITERATIONS = 100  # of Chipmunk in a step
+MAX_TURN, JOINT_NOISE = 2.0 * np.pi, 0.25  # [rad] of random starts: turn of a rod, spread of joints
+MAX_POSE_DISTANCE = 0.05  # [m, rad] between the equilibria of a rod and of its chain
+MAX_ALPHA = 20.0  # L sqrt(R/EI): larger loads need loops that chains of 20 links do not have
+SAME_ANGLE = 1e-4  # [rad] largest difference of all links of one equilibrium
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class Scene:
     Attributes
     ----------
     found : Solutions
-        Of the rods, the lowest first.
+        Equilibria of the rods, the lowest energy first.
     standing : Standing (equilibria,)
-        The chains' own, next to them; NaN where there is none.
+        Equilibria of the chains near them; NaN where there is none.
     """
 
     a: Assembly
@@ -81,7 +81,7 @@ class Scene:
                     float(self.a.stiffness[i]),
                     self.n,
                     ("clamped", "pinned" if end else "free"),
-                    mass=LIGHT,
+                    mass=ROD_MASS,
                     turn=float(turn[i]),
                 )
             )
@@ -114,9 +114,9 @@ class Scene:
 
     @cached_property
     def weighed(self) -> mujoco.MjModel:
-        """MuJoCo's: every spring swings equally fast on its own, and is critically damped."""
+        """MuJoCo's model: every spring by itself swings equally fast and is critically damped."""
         model = copy.copy(self.model)
-        pace = PACE / model.opt.timestep
+        pace = PHASE_OF_STEP / model.opt.timestep
         own = np.where(model.jnt_stiffness > 0, model.jnt_stiffness, self.a.stiffness.mean())
         model.dof_armature[:] = own / pace**2
         model.dof_damping[:] = 2.0 * own / pace
@@ -135,18 +135,18 @@ class Scene:
         return qpos
 
     def random(self, seed: int) -> Array:
-        """Joint values of closed loops: arcs that turn by up to TURN, and noise in every joint."""
+        """Joint values of closed loops: arcs that turn by up to MAX_TURN, with noise in joints."""
         dice, theta = np.random.default_rng(seed), clamps(self.found.state)[0][0]
         while True:
-            bends = dice.uniform(-TURN, TURN, (self.a.rods, 1)) / self.n
-            bends = bends + dice.normal(0.0, NOISE, (self.a.rods, self.n))
+            bends = dice.uniform(-MAX_TURN, MAX_TURN, (self.a.rods, 1)) / self.n
+            bends = bends + dice.normal(0.0, JOINT_NOISE, (self.a.rods, self.n))
             platform = dice.uniform(-1.0, 1.0, 3) * [0.5, 0.5, np.pi]
             closed = self.closed(self.pose(theta[:, None] + np.cumsum(bends, axis=1), platform))
             if closed is not None:
                 return closed
 
     def nudged(self, k: int, seed: int, size: float = 1e-3) -> Array:
-        """Joint values near equilibrium number k: every link turned by that much [rad]."""
+        """Joint values near equilibrium k: every link is rotated by noise of this size [rad]."""
         noise = np.random.default_rng(seed).normal(0.0, size, self.standing.angle[k].shape)
         closed = self.closed(self.pose(self.standing.angle[k] + noise, self.standing.pose[k]))
         if closed is None:
@@ -162,7 +162,7 @@ class Scene:
         return data.qpos.copy() if loop_gap(self.model, data).max() < 1e-9 else None
 
     def angles(self, qpos: Array) -> Array:
-        """Of the links (k, n) [rad]."""
+        """Angles of the links (k, n) [rad]."""
         theta = clamps(self.found.state)[0][0]
         return np.array(
             [
@@ -172,43 +172,44 @@ class Scene:
         )
 
     def which(self, angles: Array) -> tuple[int, Standing, float]:
-        """The equilibrium that links have come to: its number or -1, itself, how far off [rad]."""
+        """The number of the nearest equilibrium or -1, that of the chain, the distance [rad]."""
         inputs, load = self.found.state.inputs[0], np.append(self.found.state.load[0], 0.0)
         own = settle(self.a, inputs, seed=angles, segments=self.n, force=load[:2], moment=load[2])
         if np.isnan(own.energy):
             raise Diverged("no equilibrium of the chain is near")
         off = np.abs(self.standing.angle - own.angle).max(axis=(1, 2))
         k = int(np.nanargmin(off))
-        return k if off[k] < SAME else -1, own, float(np.abs(angles - own.angle).max())
+        return k if off[k] < SAME_ANGLE else -1, own, float(np.abs(angles - own.angle).max())
 
 
 def scene(a: Assembly, given: dict[str, Sequence[float]], modes: int, n: int) -> Scene:
     """A problem with all its equilibria up to a mode, in chains of n links."""
-    found = solutions(a, modes=modes, most_load=LARGEST, **given)
+    found = solutions(a, modes=modes, most_load=MAX_ALPHA, **given)
     load = np.append(given["load"], 0.0)
     inputs = np.broadcast_to(given["inputs"], a.rods)
     angles = found.state.shape(np.arange(1, n + 1) / n)[2]
     standing = settle(a, inputs, seed=angles, segments=n, force=load[:2], moment=load[2])
-    far = ~(np.abs(standing.pose - found.state.pose).max(axis=1) < FAR)
-    standing.angle[far] = standing.energy[far] = np.nan  # too few links for so short waves
+    far = ~(np.abs(standing.pose - found.state.pose).max(axis=1) < MAX_POSE_DISTANCE)
+    # The links of these chains are too long for the waves of the rod.
+    standing.angle[far] = standing.energy[far] = np.nan
     return Scene(a, n, found, standing)
 
 
 def mujoco_rest(scene: Scene, qpos: Array) -> Array:
-    """Links' angles where MuJoCo's steps end."""
+    """The links' angles at which MuJoCo's steps come to rest."""
     model, data = scene.weighed, mujoco.MjData(scene.weighed)
     data.qpos[:], data.ctrl[:] = qpos, 1.0
-    for _ in range(BLOCK, MOST, BLOCK):
-        mujoco.mj_step(model, data, BLOCK)
+    for _ in range(STEPS_OF_BLOCK, MAX_STEPS, STEPS_OF_BLOCK):
+        mujoco.mj_step(model, data, STEPS_OF_BLOCK)
         if failure(data):
             raise Diverged("MuJoCo gave up")
-        if np.abs(data.qvel).max() < STILL:
+        if np.abs(data.qvel).max() < REST_SPEED:
             return scene.angles(data.qpos)
-    raise Diverged(f"not at rest after {MOST} steps")
+    raise Diverged(f"not at rest after {MAX_STEPS} steps")
 
 
 def pymunk_rest(scene: Scene, qpos: Array) -> Array:
-    """Links' angles where Chipmunk's steps end.
+    """The links' angles at which Chipmunk's steps come to rest.
 
     Links have the moments of inertia with which stiff springs swing half a radian in a step, and
     springs the damping in proportion that is critical for the slowest of a rod's swings.
@@ -217,14 +218,14 @@ def pymunk_rest(scene: Scene, qpos: Array) -> Array:
     model.dof_damping[:] = 4.0 * scene.n * dt * model.jnt_stiffness
     model.key_qpos[0] = qpos
     links = read_links(model, "start", ())
-    space = build(links, SWEEPS, 0.0)
+    space = build(links, ITERATIONS, 0.0)
     moving = space.bodies
     for body in moving:
         body.moment = 16.0 * model.jnt_stiffness.max() * dt**2
-    for _ in range(BLOCK, MOST, BLOCK):
-        for _ in range(BLOCK):
+    for _ in range(STEPS_OF_BLOCK, MAX_STEPS, STEPS_OF_BLOCK):
+        for _ in range(STEPS_OF_BLOCK):
             space.step(dt)
-        if max(abs(body.angular_velocity) for body in moving) < STILL:
+        if max(abs(body.angular_velocity) for body in moving) < REST_SPEED:
             pose = np.array([[*body.position, body.angle] for body in moving] + [[0.0] * 3])
             theta = clamps(scene.found.state)[0][0]
             return np.array(
@@ -233,7 +234,7 @@ def pymunk_rest(scene: Scene, qpos: Array) -> Array:
                     for t, one in zip(theta, scene.chains, strict=True)
                 ]
             )
-    raise Diverged(f"not at rest after {MOST} steps")
+    raise Diverged(f"not at rest after {MAX_STEPS} steps")
 
 
 ENGINES = {"mujoco": mujoco_rest, "pymunk": pymunk_rest}

@@ -1,9 +1,9 @@
-"""Into which equilibria two engines settle, from random shapes and from nudged equilibria.
+"""Equilibria that two engines settle into, from random shapes and from disturbed equilibria.
 
     python -m benchmarks.rod_settling [folder] [--quick]
 
-Writes docs/rod_settling.md.  Runs are kept one by one in the folder (reports), so that a call goes
-on where another was interrupted.  Two processes.
+Writes docs/rod_settling.md.  Runs are kept one by one in the folder (reports), so that a call
+continues where another was interrupted.  Two processes are used.
 """
 
 import json
@@ -41,15 +41,15 @@ CASES: dict[str, tuple[Any, dict[str, Any], int]] = {
         1,
     ),
 }
-CASES["2RFR, modes 1"] = *CASES["2RFR, Table 7"][:2], 1  # of --quick
-RANDOM = {  # case, engine, links: random starts
+CASES["2RFR, modes 1"] = *CASES["2RFR, Table 7"][:2], 1  # for --quick
+RANDOM = {  # number of random starts by case, engine and links
     ("2RFR, Table 7", "mujoco", 20): 400,
     ("2RFR, Table 7", "mujoco", 10): 60,
     ("2RFR, Table 7", "pymunk", 10): 60,
     ("3RFR, Table 8", "mujoco", 20): 200,
     ("3PFR, annex", "mujoco", 20): 200,
 }
-NUDGES = 2  # of each equilibrium, in the same scenes
+NUDGES = 2  # number of disturbed starts of each equilibrium, in the same scenes
 QUICK = {("2RFR, modes 1", "mujoco", 10): 1, ("2RFR, modes 1", "pymunk", 10): 1}
 Task = tuple[str, str, int, str, int]
 Row = dict[str, Any]
@@ -58,13 +58,13 @@ Starts = Mapping[tuple[str, str, int], int]
 
 @cache
 def built(case: str, links: int) -> Scene:
-    """A problem in chains of so many links."""
+    """The scene of a case with `links` links in each rod."""
     a, given, modes = CASES[case]
     return scene(a, given, modes, links)
 
 
 def tasks(starts: Starts, equilibria: int | None) -> list[Task]:
-    """Case, engine, links, which start (an equilibrium's number or "random"), and its seed."""
+    """Tasks: case, engine, links, start (the number of an equilibrium or "random") and seed."""
     some = [(*key, "random", seed) for key, count in starts.items() for seed in range(count)]
     for case, engine, links in starts:
         some += [
@@ -77,7 +77,7 @@ def tasks(starts: Starts, equilibria: int | None) -> list[Task]:
 
 
 def run(task: Task) -> Row:
-    """Settle from one start."""
+    """The rest that an engine settles into from one start, as a row."""
     case, engine, links, start, seed = task
     began, s, row = time.process_time(), built(case, links), {"task": list(task)}
     try:
@@ -98,12 +98,12 @@ def run(task: Task) -> Row:
 
 
 def kept(file: Path) -> list[Row]:
-    """Rows of earlier calls."""
+    """The rows that earlier calls wrote."""
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
 
 def document(rows: list[Row], starts: Starts) -> str:
-    """The page that the rows make."""
+    """The text of the page, made of the rows."""
     parts = [HEAD]
     for key in starts:
         own = [row for row in rows if tuple(row["task"][:3]) == key]
@@ -113,12 +113,12 @@ def document(rows: list[Row], starts: Starts) -> str:
 
 
 def table(key: tuple[str, str, int], rows: list[Row]) -> list[str]:
-    """Equilibria with what reached and what left them, and a sentence on the rest."""
+    """The table of the equilibria with the starts that end in them, and a sentence on others."""
     s = built(key[0], key[2])
     loose = [row for row in rows if row["task"][3] == "random"]
     reached = Counter(row.get("to") for row in loose)
     lines = [
-        "| equilibrium | modes | V [J] | directions down | reached | nudged |",
+        "| equilibrium | modes | V [J] | unstable directions | reached | nudged |",
         "|---|---|---|---|---|---|",
     ]
     nudged: dict[int, list[Row]] = {}
@@ -126,38 +126,38 @@ def table(key: tuple[str, str, int], rows: list[Row]) -> list[str]:
         if row["task"][3] != "random":
             nudged.setdefault(int(row["task"][3]), []).append(row)
     for k in range(len(s.found)):
-        ways = "; ".join(whither(k, row) for row in nudged.get(k, [])) or "no chain stands there"
+        ends = "; ".join(end_of_nudge(k, row) for row in nudged.get(k, []))
         lines.append(
             f"| {k + 1} | {', '.join(map(str, s.found.modes[k]))} | "
             f"{s.found.potential[k]:.6f} | {s.found.negative[k]} | "
-            f"{reached[k] or ''} | {ways} |"
+            f"{reached[k] or ''} | {ends or 'no equilibrium of the chain'} |"
         )
     fallen = sum(row.get("least", 1.0) <= 0.0 for row in rows)
     off, failed = [row["off"] for row in rows if "off" in row], sum("failed" in row for row in rows)
     return [
         *lines,
         "",
-        f"{len(loose)} random starts. {others(loose)}{fallen} of all {len(rows)} "
-        f"runs end where energy falls in some direction, {failed} do not come to rest. In the "
-        f"median links are within {np.median(off):.1g} rad of the chain's own equilibrium, "
-        f"{max(off):.1g} at most. CPU {sum(row['cpu'] for row in rows):.0f} s.\n",
+        f"{len(loose)} random starts. {others(loose)}{fallen} of all {len(rows)} runs end "
+        f"where the energy falls in some direction, and {failed} do not come to rest. The links "
+        f"are within {np.median(off):.1g} rad of the chain's own equilibrium in the median, and "
+        f"within {max(off):.1g} rad at most. CPU time {sum(row['cpu'] for row in rows):.0f} s.\n",
     ]
 
 
 def others(loose: list[Row]) -> str:
-    """A sentence on those that end in none of the equilibria."""
+    """A sentence on the random starts that end in none of the equilibria."""
     rows = [row for row in loose if row.get("to") == -1]
     if not rows:
         return ""
     return (
-        f"{len(rows)} of them end in {len({tuple(row['pose']) for row in rows})} other places, "
-        f"stable for the chain; in each of them a joint is bent by "
-        f"{min(row['bend'] for row in rows):.2g} rad or more, a loop too tight for its links. "
+        f"{len(rows)} of them end in {len({tuple(row['pose']) for row in rows})} other poses, "
+        f"which are stable for the chain; in each of them a joint is bent by "
+        f"{min(row['bend'] for row in rows):.2g} rad or more, in a loop too tight for its links. "
     )
 
 
-def whither(k: int, row: Row) -> str:
-    """Where a nudged equilibrium goes."""
+def end_of_nudge(k: int, row: Row) -> str:
+    """Whether a run from disturbed equilibrium k stays there, or where it ends, in words."""
     to = row.get("to")
     return (
         "failed" if to is None else "stays" if to == k else f"to {to + 1}" if to >= 0 else "other"
@@ -165,7 +165,7 @@ def whither(k: int, row: Row) -> str:
 
 
 def agreement(rows: list[Row], starts: Starts) -> str:
-    """From how many of the same starts both engines go to the same rest."""
+    """The section on the number of starts from which both engines settle into the same rest."""
     lines = ["## The same starts in both engines\n"]
     for case, links in dict.fromkeys((key[0], key[2]) for key in starts if key[1] == "pymunk"):
         ends: dict[str, dict[tuple[str, int], Any]] = {}
@@ -181,32 +181,36 @@ def agreement(rows: list[Row], starts: Starts) -> str:
             ):
                 same = sum(ends["mujoco"][t] == ends["pymunk"][t] for t in some)
                 lines.append(
-                    f"{case}, {links} links: the same rest from {same} of {len(some)} {word}."
+                    f"{case}, {links} links: both engines settle into the same rest from "
+                    f"{same} of {len(some)} {word}."
                 )
     return "\n".join(lines)
 
 
 HEAD = """# Where engines settle
 
-`python -m benchmarks.rod_settling` made this. The mechanisms of J. Pérez Gámiz, Resolución del
-problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG, UPV/EHU Bilbao
-2018: all equilibria that `proofmass.analytic.rods.all_equilibria` finds with loads up to R = 400
-EI/L^2, the lowest first, and how many of the random starts of an engine end in each. Larger loads
-take loops tighter than these chains can be bent; two rods have none, three have more
-(`rod_solutions.md`). A start turns every rod by up to a full turn in an arc, bends each joint by
-0.25 rad more (standard deviation), and closes the loops with the least change. The engine then
-steps, with damping, until nothing moves. Nudged: begun in the chain's own equilibrium with links
-turned by 1e-3 rad (standard deviation), twice.
+`python -m benchmarks.rod_settling` made this page. The mechanisms are those of J. Pérez Gámiz,
+Resolución del problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG,
+UPV/EHU Bilbao 2018. The tables have all equilibria that
+`proofmass.analytic.rods.all_equilibria` finds with loads up to R = 400 EI/L^2, the lowest energy
+first. Larger loads need loops that are too tight for these chains; two rods have no such
+equilibria, three rods have more (`rod_solutions.md`).
 
-In every table what begins beside a stable equilibrium stays, and nothing ends in an unstable one.
-Which of the stable ones a shape comes to depends on damping and inertia, which are made up:
-MuJoCo's joints have the armature with which every spring swings equally fast, Chipmunk's links have
-one moment of inertia. From shapes far from rest that hardly matters; at a saddle, where a hair's
-breadth decides, it does. The equilibria of mode one that Table 7 prints are numbers 4 and 10: an
-engine finds the natural one, number 1, most often.
+*Reached* is the number of random starts of an engine that end in an equilibrium. In a random start
+every rod is an arc that turns by up to a full turn, each joint is bent by a random angle of
+0.25 rad (standard deviation) in addition, and the loops are closed with the least change. The
+engine then steps, with damping, until nothing moves. *Nudged* is the end of two runs that start in
+the chain's own equilibrium, with links rotated by random angles of 1e-3 rad (standard deviation).
 
-Chipmunk is left out with three rods: its steps did not come to rest there, in four starts of
-100,000 steps each.
+In every table the runs that start near a stable equilibrium stay there, and no run ends in an
+unstable one. Damping and inertia decide which of the stable equilibria a shape settles into, and
+both are made up: MuJoCo's joints have the armature with which every spring swings equally fast, and
+all of Chipmunk's links have the same moment of inertia. They hardly matter for shapes far from
+rest, but they do at a saddle, where a very small difference decides. The equilibria of mode one
+that Table 7 prints are numbers 4 and 10; an engine finds the natural one, number 1, most often.
+
+There are no tables of pymunk with three rods, because its steps did not come to rest there in four
+starts of 100,000 steps each.
 """
 
 

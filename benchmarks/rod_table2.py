@@ -1,4 +1,4 @@
-"""Table 2 of Pérez Gámiz 2018 cell by cell: what its grids lead to, and in what time.
+"""Table 2 of Pérez Gámiz 2018, cell by cell: solutions of its grids, and CPU times.
 
 python -m benchmarks.rod_table2 [-o docs/rod_table2.md] [--quick]
 """
@@ -8,12 +8,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks import command
-from benchmarks.rod_grid import three
+from benchmarks.rod_grid import search_three_rods
 from benchmarks.rod_solutions import CASES, CORNERS, EI, GUIDES
 from proofmass.analytic.rods.assembly import assembly, triangle
 from proofmass.analytic.rods.equilibrium import state
 
-PRINTED = {  # n, tolL [m], tolM [N m]: solutions, seconds (text lines 1152-1155)
+PRINTED = {  # solutions and seconds by n, tolL [m] and tolM [N m] (text lines 1152-1155)
     (15, 1.0, 1.0): (5, 2030),
     (15, 0.5, 1.0): (5, 1686),
     (15, 0.1, 1.0): (4, 1270),
@@ -37,17 +37,17 @@ HEAD = """# Table 2 of Pérez Gámiz, cell by cell
 
 `python -m benchmarks.rod_table2 -o docs/rod_table2.md` made this page. Table 2 of J. Pérez Gámiz,
 Resolución del problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG,
-UPV/EHU Bilbao 2018 (text lines 1152-1155) has solutions and times of its grids for three rods and
-a platform of 0.5 m: n values of each psi, and the tolerances of sides and moment within which a
-node is a start of Newton's method. The mechanism and the load are those of its 3PFR program (code
-lines 8812-8945); the table does not say whether they are its own. Its fourth heading repeats the
-second, tolL = 0.5 and tolM = 1; it is read as tolL = 1 and tolM = 0.5 here, which completes the
-scheme.
+UPV/EHU Bilbao 2018 (text lines 1152-1155) lists the numbers of solutions and the times of its grids
+for three rods and a platform of 0.5 m. A grid has n values of each psi, and tolerances of sides and
+moment within which a node is a start of Newton's method. The mechanism and the load here are those
+of its 3PFR program (code lines 8812-8945); the table does not say whether they are its own. Its
+fourth heading repeats the second, tolL = 0.5 and tolM = 1. Here it is read as tolL = 1 and
+tolM = 0.5, which completes the scheme.
 
 The document closes a platform by its three sides, so that mirrored platforms count as solutions.
 Here Newton's method runs twice from each start: with the platform as it is, which has {true}
 equilibria of modes 1 with alpha to 20 (`docs/rod_solutions.md`), and with a mirrored one, which
-has {mirrored}. Both columns together are what the printed number counts.
+has {mirrored}. The printed number counts both columns together.
 
 | n | tolL m | tolM N m | nodes | starts | found | mirrored | CPU s | printed: solutions | s | \
 times as long |
@@ -58,23 +58,23 @@ TAIL = """
 
 CPU seconds are those of one thread, on a machine that others used as well; those of the document
 are of MATLAB in 2018, on a machine that it does not name. Of {cells} cells {same} have as many
-solutions here as printed, {more} more and {fewer} fewer. Here the wide tolerances find all on the
-coarsest grid already, where Newton's method comes from further away than the document's own, which
-keeps the sign of k_rel and psi within a turn. Its times go with the nodes, those here with the
-starts.
+solutions here as printed, {more} have more and {fewer} have fewer. With wide tolerances even the
+coarsest grid leads to all solutions here, because this Newton's method converges from further away
+than the document's, which keeps the sign of k_rel, and keeps psi within a turn. The document's
+times grow with the number of nodes, those here with the number of starts.
 """
 
 
 def rows(cells: Sequence[tuple[int, float, float]]) -> Iterator[tuple[str, int]]:
-    """A row for each cell, and by how many solutions it differs from the print."""
+    """A row for each cell, and the number of its solutions minus the printed number."""
     a, given, _ = CASES["3PFR, annex"]
-    turned = assembly(
+    mirrored = assembly(
         CORNERS, stiffness=EI, arm=triangle(0.5) * [1.0, -1.0], angle=GUIDES, guide=GUIDES
     )
-    s, mirror = (state(one, **given) for one in (a, turned))
+    s, mirror = (state(one, **given) for one in (a, mirrored))
     for cell in cells:
         began = time.process_time()
-        grid = three(s, *cell, mirror=mirror)
+        grid = search_three_rods(s, *cell, mirror=mirror)
         seconds = time.process_time() - began
         count, printed = PRINTED.get(cell, (0, 0))
         row = (
@@ -91,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, default=None)
     given = parser.parse_args(argv)
     cells = [(3, 0.5, 1.0)] if given.quick else list(PRINTED)
-    found, apart = zip(*rows(cells), strict=True)
+    found, differences = zip(*rows(cells), strict=True)
     counts = [row.split("|")[6:8] for row in found]
     text = (
         HEAD.format(
@@ -100,9 +100,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         + "\n".join(found)
         + TAIL.format(
             cells=len(cells),
-            same=sum(d == 0 for d in apart),
-            more=sum(d > 0 for d in apart),
-            fewer=sum(d < 0 for d in apart),
+            same=sum(d == 0 for d in differences),
+            more=sum(d > 0 for d in differences),
+            fewer=sum(d < 0 for d in differences),
         )
     )
     if given.output:
