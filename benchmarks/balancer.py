@@ -1,4 +1,4 @@
-"""Moment-angle curves of balancers: followed, alone and in a batch, against the thesis's grid.
+"""CPU times of moment-angle curves of balancers: exact paths, and the thesis's grid.
 
 python -m benchmarks.balancer [rounds] [--quick]
 """
@@ -26,14 +26,14 @@ LINES = {
 
 
 def varied(given: dict[str, float], size: int) -> dict[str, Array]:
-    """A batch of designs around one, each number within 3 percent of its own."""
+    """A batch of designs, each number of which is within 3 percent of the given one."""
     rng = np.random.default_rng(0)
     spread = 1.0 + rng.uniform(-0.03, 0.03, (len(given), size))
     return {name: value * spread[k] for k, (name, value) in enumerate(given.items())}
 
 
-def ways(name: str, line: str, count: int, size: int) -> Iterator[Row]:
-    """The ways to get the curve of one row of the thesis."""
+def methods(name: str, line: str, count: int, size: int) -> Iterator[Row]:
+    """The methods to compute the curve of one row of the thesis."""
     given, angle = parameters(rows()[line]), precision_points(count)
     search = grid if rows()[line]["segments"] == 3 else grid4
     many = varied(given, size)
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     found = [
         row
         for name, (line, count) in LINES.items()
-        for row in ways(name, line, count, 10 if given.quick else BATCH)
+        for row in methods(name, line, count, 10 if given.quick else BATCH)
     ]
     measure(found, rounds, 0.0 if given.quick else SPELL)
     print(f"least of {rounds} interleaved rounds, one thread; milliseconds of CPU a curve")

@@ -1,12 +1,12 @@
-"""Pareto fronts of error and energy spread of balancers, beside figure 7 of van Nes 2022.
+"""Pareto fronts of error and energy spread of balancers, compared with figure 7 of van Nes 2022.
 
     python -m benchmarks.balancer_fronts [SYSTEM ...] [--jobs 1] [--states FOLDER]
     python -m benchmarks.balancer_fronts --redraw
     python -m benchmarks.balancer_fronts --quick
 
-A SYSTEM is a name of the table below, such as "nonlinear preload"; all if left out.  Writes
-docs/balancer_fronts.json, and the .md and .png beside it from that.  With --redraw it searches
-nothing and writes these two again.
+A SYSTEM is a name of the table below, such as "nonlinear preload"; without one all are searched.
+Writes docs/balancer_fronts.json, and from this file the .md and .png of the same name.  With
+--redraw only the .md and .png are written again.
 """
 
 import json
@@ -34,7 +34,7 @@ from proofmass.report.style import RC
 
 PAGE = ROOT / "docs" / "balancer_fronts.json"
 THESIS = ROOT / "tests" / "data" / "balancer.json"
-SYSTEMS = {  # with colour and line; the first three are those of figure 7
+SYSTEMS = {  # variant, colour, line of the thesis; the first three are those of figure 7
     "regular": (Variant("sine"), "#0072B2", "1743"),
     "nonlinear": (Variant("sine", springs="nonlinear"), "#D55E00", "1753"),
     "nonlinear preload": (Variant("sine", springs="nonlinear", preload=(2,)), "#444444", "1755"),
@@ -42,37 +42,39 @@ SYSTEMS = {  # with colour and line; the first three are those of figure 7
     "preload 3": (Variant("sine", preload=(3,)), "#E69F00", ""),
     "rest angle": (Variant("sine", free_angle=True), "#882255", "1766"),
 }
-YIELDS = 2e-4  # of the spread: more than a penalty lets a limit be exceeded by
+LIMIT_MARGIN = 2e-4  # of the spread: more than the penalty allows a limit to be exceeded
 Record = dict[str, Any]
 HEAD = """# Error against evenly shared energy
 
-`python -m benchmarks.balancer_fronts` made this. S. van Nes, The use of a rigid linkage balancer
-with torsion springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft
-2022.074, has two aims for a balancer of three segments and a sine: f1, the root mean square error
-over m g r (eq. 18), and f2, how unevenly the springs share the energy (eq. 19). Its figure 7
-shows Pareto fronts of the first three systems of the table, found by a genetic algorithm. It
-prints no number of them, and the curves are not in its text; what it prints are the balancers of
-least f1, whose f1 and f2 are recomputed here from their parameters.
+`python -m benchmarks.balancer_fronts` made this page. S. van Nes, The use of a rigid linkage
+balancer with torsion springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft
+2022.074, has two objectives for a balancer of three segments and a sine: f1, the root mean square
+error over m g r (eq. 18), and f2, the unevenness of the springs' shares of the energy (eq. 19). Its
+figure 7 shows Pareto fronts of the first three systems of the table, found by a genetic algorithm.
+The thesis prints no number of these fronts, and the curves are not in its text. It prints the
+balancers of least f1, whose f1 and f2 are recomputed here from their parameters.
 
-Each front here is a row of searches for the least f1 under a limit of f2, {limits} limits from
-the least f2 to that of the least f1, up and down again, and one under the f2 of the thesis's
-balancer that begins from it, within the bounds of figures M.1 and M.2. Such searches find points
-that lie above the lower convex hull of the front, which a weighted sum of both aims can never
-find. Every point is a design on a stable path to 90 degrees.
+Each front here is found by a series of searches for the least f1 under a limit of f2, within the
+bounds of figures M.1 and M.2. There are {limits} limits from the least f2 to that of the least f1,
+up and down again, and one search with the f2 of the thesis's balancer as its limit, which starts
+from this balancer. Such searches also find points that lie above the lower convex hull of the
+front, which a weighted sum of both objectives cannot find. Every point is a design on a stable path
+to 90 degrees.
 
 The thesis says of figure 7 that the regular balancers generally have the lowest values, the
-nonlinear ones high ones, and the nonlinear ones with a preload those between. Here that is so below
-f2 = 0.2, but the nonlinear ones reach an error that the regular ones never do, and a preload moves
-their front by little. Linear springs with a preload start from a spread of 2.9, since the energy of
-the preload counts; their limits are far apart below 0.24, where more points can be had.
+nonlinear ones high values, and the nonlinear ones with a preload values between these. Here this is
+true below f2 = 0.2, but the nonlinear balancers reach an error that the regular ones never reach,
+and a preload changes their front only a little. The front of linear springs with a preload starts
+at a spread of 2.9, because the energy of the preload counts; its limits are far apart below 0.24,
+where more points could be found.
 
 ![Fronts of f1 and f2, and the thesis's balancers of least f1](balancer_fronts.png)
 
 """
 
 
-def searched(name: str, states: Path | None, quick: bool) -> Record:
-    """The front of a system, and the processor time it took [s]."""
+def search_front(name: str, states: Path | None, quick: bool) -> Record:
+    """The front of a system, and the processor time of its search [s]."""
     began = time.process_time()
     task = Synthesis(SYSTEMS[name][0], TARGETS["sine"])
     file = states / f"{name.replace(' ', '-')}.npz" if states else None
@@ -83,14 +85,14 @@ def searched(name: str, states: Path | None, quick: bool) -> Record:
     if folder:
         folder.mkdir(exist_ok=True)
     found = front(task, start.found, folder, limits=1 if quick else LIMITS)
-    record = recorded(task, name, found.vectors)
+    record = front_of(task, name, found.vectors)
     if SYSTEMS[name][2] and not quick:
-        record = beside_thesis(record)
+        record = with_search_at_thesis(record)
     return record | {"cpu_seconds": round(time.process_time() - began, 1)}
 
 
-def recorded(task: Synthesis, name: str, vectors: Array) -> Record:
-    """The front of designs (B, d) of a system."""
+def front_of(task: Synthesis, name: str, vectors: Array) -> Record:
+    """The record of a system: the nondominated ones of its designs (B, d)."""
     figures = task.figures(vectors)
     kept = nondominated(np.stack([figures.rmse, figures.spread], axis=-1))
     return {
@@ -103,19 +105,19 @@ def recorded(task: Synthesis, name: str, vectors: Array) -> Record:
     }
 
 
-def beside_thesis(record: Record) -> Record:
-    """The front with a search more, under the f2 of the thesis's balancer of least f1.
+def with_search_at_thesis(record: Record) -> Record:
+    """The front with one more search, under the f2 of the thesis's balancer of least f1.
 
-    It begins from that balancer and from the whole front; the limit is less by what the penalty
-    may give way.
+    The search starts from this balancer and from the whole front.  Its limit is less by
+    `LIMIT_MARGIN`, because the penalty allows a limit to be exceeded a little.
     """
     name, vectors = record["system"], np.array(record["vectors"])
     task = Synthesis(SYSTEMS[name][0], TARGETS["sine"])
     theirs = task.variant.vector(thesis_row(name)["parameters"])[None]
     begin = np.concatenate([theirs, vectors])
-    search = SavedSearch(replace(task, limit=printed(name)[1] - YIELDS), SHORT, start=begin)
+    search = SavedSearch(replace(task, limit=printed(name)[1] - LIMIT_MARGIN), SHORT, start=begin)
     search.run()
-    return record | recorded(task, name, np.concatenate([vectors, search.found[:1]]))
+    return record | front_of(task, name, np.concatenate([vectors, search.found[:1]]))
 
 
 def thesis_row(name: str) -> Record:
@@ -124,7 +126,7 @@ def thesis_row(name: str) -> Record:
 
 
 def printed(name: str) -> tuple[float, float]:
-    """f1 and f2 [1] of the thesis's balancer of least f1, of its parameters as printed."""
+    """f1 and f2 [1] of the thesis's balancer of least f1, recomputed from its parameters."""
     angle = precision_points(90)
     found = solve(angle, **thesis_row(name)["parameters"])
     return (
@@ -134,7 +136,7 @@ def printed(name: str) -> tuple[float, float]:
 
 
 def least_error(record: Record, spread: float) -> float:
-    """f1 of the front where f2 is no more than `spread` [1]."""
+    """The least f1 of the front with an f2 of at most `spread` [1]."""
     f1, f2 = np.array(record["rmse"]), np.array(record["spread"])
     return float(f1[f2 <= spread].min(initial=np.inf))
 
@@ -143,7 +145,7 @@ def table(records: list[Record]) -> Iterator[str]:
     """The fronts as a Markdown table."""
     yield (
         "| system | least f1, with f2 | least f2, with f1 | f1 at f2 ≤ 0.2, 0.1, 0.05 | points | "
-        "above the hull | thesis's line: f1, f2; f1 here | s |"
+        "above the hull | thesis's line: f1, f2; f1 here | CPU s |"
     )
     yield "|---|---|---|---|---|---|---|---|"
     for record in records:
@@ -164,12 +166,12 @@ def table(records: list[Record]) -> Iterator[str]:
 
 
 def page(records: list[Record]) -> str:
-    """docs/balancer_fronts.md."""
+    """The text of docs/balancer_fronts.md."""
     return HEAD.format(limits=LIMITS) + "\n".join(table(records)) + "\n"
 
 
 def draw(records: list[Record]) -> Figure:
-    """All fronts: what a weighted sum could find filled, the rest open; the thesis's as crosses."""
+    """The figure of all fronts: points on the hull filled, others open, the thesis's as crosses."""
     with rc_context(RC):
         figure = Figure((9.5, 4.2), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
@@ -194,7 +196,7 @@ def draw(records: list[Record]) -> Figure:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Search the fronts asked for, or all, and write what is then known of all."""
+    """Search the fronts that are named, or all, and write the page of all known fronts."""
     parser = command(__doc__)
     parser.add_argument("systems", nargs="*", choices=[*SYSTEMS, []])
     parser.add_argument("--jobs", type=int, default=1)
@@ -209,7 +211,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     names = given.systems or (["regular"] if given.quick else list(SYSTEMS))
     if not given.redraw:
         with ProcessPoolExecutor(given.jobs, get_context("spawn")) as pool:
-            futures = [pool.submit(searched, name, given.states, given.quick) for name in names]
+            futures = [pool.submit(search_front, name, given.states, given.quick) for name in names]
             for name, future in zip(names, futures, strict=True):
                 known[name] = future.result()
                 print(list(table([known[name]]))[-1], flush=True)

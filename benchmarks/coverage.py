@@ -1,10 +1,10 @@
-"""Which masses, inertias, stiffnesses and friction of the shipped models no run notices, and why.
+"""Masses, inertias, stiffnesses and friction of the shipped models that no run notices, and why.
 
     python -m benchmarks.coverage [--quick] [--only CASE ...]
 
-Asks every case as `proofmass explain` does, which keeps what it finds, so that a call goes on where
-another was interrupted, and writes the table of docs/coverage.md.  With --only the rows of all
-other cases stay as they are.
+Searches every case as `proofmass explain` does, and writes the table of docs/coverage.md.  The
+search keeps its results, so that a call continues where another was interrupted.  With --only the
+rows of all other cases are kept.
 """
 
 import os
@@ -20,18 +20,19 @@ from proofmass.studies.command import named
 BEGIN = "<!-- python -m benchmarks.coverage writes from here to the next mark -->"
 END = "<!-- to here -->"
 HEAD = """
-`python -m benchmarks.coverage` asked {cases} of {all} cases. Of {numbers} numbers of their models
-{noticed} are noticed, or the run is refused with them. Of {material} masses, inertias, stiffnesses
-and coefficients of dry friction {open} are noticed by no run; {told} of these have a reason that
-`proofmass explain` tells. The last column has all that are not noticed, with the reason.
+`python -m benchmarks.coverage` searched {cases} of {all} cases. Their models have {numbers}
+numbers. A change of {noticed} of them is noticed, or the run is refused. Of {material} masses,
+inertias, stiffnesses and coefficients of dry friction (material numbers) {open} are noticed by no
+run; `proofmass explain` states a reason for {told} of these. The last column has all material
+numbers that are not noticed, with the reason.
 
-| case | numbers | noticed | masses and the like | noticed | no reason | not noticed by any run |
+| case | numbers | noticed | material numbers | noticed | no reason | not noticed by any run |
 |---|---|---|---|---|---|---|"""
 WIDTH = 7  # cells of a row
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Ask the cases, and write the table."""
+    """Search the cases, and write the table."""
     parser = command(__doc__)
     parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
     given = parser.parse_args(argv)
@@ -55,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def page(rows: Sequence[str], count: int) -> str:
-    """The sentences and the table, of the rows of so many cases as there are."""
+    """The paragraph and the table, made of rows and of the number of all cases."""
     numbers, noticed, some, seen, unexplained = (
         sum(int(cells_of(one)[k]) for one in rows) for k in range(1, WIDTH - 1)
     )
@@ -83,7 +84,7 @@ def cells_of(row: str) -> list[str]:
 
 
 def row(case: Case, coverage: Coverage) -> str:
-    """A row of the table."""
+    """The row of a case in the table."""
     some = material(coverage.numbers)
     open_ = [one for one in some if not one.noticed]
     counts = [
@@ -98,7 +99,7 @@ def row(case: Case, coverage: Coverage) -> str:
 
 
 def unnoticed(case: Case, coverage: Coverage) -> Iterable[str]:
-    """Masses and the like that no run notices, by their kinds, with the reasons."""
+    """Material numbers that no run notices, by their kinds, with the reasons."""
     for kind, some in coverage.unnoticed.items():
         if kind in MATERIAL:
             why = reason(case, coverage, kind, some)
@@ -106,7 +107,7 @@ def unnoticed(case: Case, coverage: Coverage) -> Iterable[str]:
 
 
 def material(some: Iterable[Finding]) -> list[Finding]:
-    """Those that are masses and the like."""
+    """The material ones among some numbers: masses, inertias, stiffnesses and friction."""
     return [one for one in some if one.kind in MATERIAL]
 
 

@@ -1,4 +1,4 @@
-"""All 112 balancers of van Nes 2022, designed again, and the 56 + 40 that it has a dash for.
+"""Designs for all 112 balancers of van Nes 2022, and for the 56 + 40 that it has a dash for.
 
     python -m benchmarks.design_balancer [ROW ...] [--effort 1] [--jobs 2] [--states FOLDER]
     python -m benchmarks.design_balancer --redraw
@@ -8,9 +8,9 @@ A ROW is a line of the thesis's text, "left-out" for the 56 dashes of its tables
 "spring-3" for the 40 of its figures, whose preload is that of spring 3, or the words of one of
 these, such as "laevo 3 nonlinear contact".
 
-Prints a row a variant: the thesis's figures as printed, those of its parameters recomputed exactly,
-and ours; puts them into docs/balancer_designs.json and writes the .md and .png beside it from that.
-With --redraw it designs nothing and writes these two again.
+Prints a row for each variant: the thesis's figures as printed, those of its parameters recomputed
+exactly, and ours.  Writes the rows into docs/balancer_designs.json, and from this file the .md and
+.png of the same name.  With --redraw only the .md and .png are written again.
 """
 
 import json
@@ -28,15 +28,15 @@ import numpy as np
 
 from benchmarks import ROOT, command, folders
 from benchmarks.design_table import (
-    HELD,
+    DIGITS,
     KEY,
     Row,
     draw,
     draw_systems,
-    missed,
     page,
     summary,
     table,
+    worse_figures,
 )
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, precision_points, rmse, work_reduction
@@ -55,10 +55,10 @@ THESIS = ROOT / "tests" / "data" / "balancer.json"
 TABLE = ROOT / "docs" / "balancer_designs.json"
 OURS = ("ours", "short", "parameters")
 WITHOUT = {"preload 3": "regular", "nonlinear preload 3": "nonlinear"}
-UNUSED = {"rest_angle": 0.0, "high2": np.pi, "preload3": 0.0}  # options a design does without
+UNUSED = {"rest_angle": 0.0, "high2": np.pi, "preload3": 0.0}  # values of options that are off
 Attempt = tuple[int, float, float, dict[str, tuple[float, float]]]
-# Elbow up or down, power of the error in the aim, times the effort, 0 to go on from what was found
-# last, and narrower bounds; until nothing is missed.
+# Elbow up (1) or down (-1), power of the error in the objective, factor of the effort (0 continues
+# from the last result), and narrower bounds.  Attempts are made until no figure is worse.
 ATTEMPTS: tuple[Attempt, ...] = (
     (1, 2.0, 1.0, {}),
     (1, 1.9, 0.0, {}),
@@ -70,12 +70,12 @@ ATTEMPTS: tuple[Attempt, ...] = (
 SIGNS: tuple[dict[str, tuple[float, float]], ...] = (
     {},
     {"preload3": (-1.0, 0.0)},
-)  # of a preload of spring 3 where both can release
-AGAIN = Effort(((96, 10), (32, 60)))
+)  # narrower bounds of a preload of spring 3 where both signs can release it
+SHORT_EFFORT = Effort(((96, 10), (32, 60)))
 
 
 def variant_of(row: Row) -> Variant:
-    """What is free to choose in a row."""
+    """The variant of a row: what its design may choose."""
     kind, option = row["variant"], row["option"]
     return Variant(
         row["target"],
@@ -89,12 +89,12 @@ def variant_of(row: Row) -> Variant:
 
 
 def preloaded(kind: str, segments: int) -> tuple[int, ...]:
-    """The preloaded joints in the words of a row."""
+    """The preloaded joints that the words of a row name."""
     return (3,) if kind.endswith("3") else tuple(range(2, segments)) if "preload" in kind else ()
 
 
 def dashes() -> list[Row]:
-    """The rows that the thesis has a dash for."""
+    """The rows for which the thesis has a dash."""
     return [
         {
             "line": None,
@@ -116,14 +116,14 @@ def dashes() -> list[Row]:
 
 
 def key(row: Row) -> tuple[str, int, str, str]:
-    """What tells a row from any other."""
+    """The identity of a row: target, segments, variant and option."""
     return row["target"], row["segments"], row["variant"], row["option"]
 
 
 def narrower(row: Row, known: dict[tuple[str, int, str, str], Row]) -> Row | None:
-    """The best of our designs with an option less: what the row's own must not be worse than.
+    """The best of our designs with one option less, which the design of the row must equal.
 
-    With a preload of spring 3 it is the design without.
+    For a preload of spring 3 it is the design without a preload.
     """
     option = row["option"]
     if row["variant"].endswith("3"):
@@ -134,7 +134,7 @@ def narrower(row: Row, known: dict[tuple[str, int, str, str], Row]) -> Row | Non
 
 
 def exact(row: Row) -> tuple[float, float, str]:
-    """Error and work reduction of the thesis's own parameters on the path from rest, or why not."""
+    """Error and work reduction of the thesis's parameters on the path from rest, or why none."""
     angle = precision_points(POINTS[row["segments"]])
     wanted = TARGETS[row["target"]](angle)
     try:
@@ -144,8 +144,8 @@ def exact(row: Row) -> tuple[float, float, str]:
     return float(rmse(moment, wanted)), float(work_reduction(moment, wanted, angle)), ""
 
 
-def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> Row:
-    """A row: the thesis's figures, or those of our design with an option less, beside ours."""
+def design(row: Row, effort: float, states: Path | None, less: Row | None) -> Row:
+    """A row with our figures and the thesis's, or those of our design with one option less."""
     found, start = {k: row[k] for k in ("line", "figure", *KEY)}, dict[int, Array]()
     if row["line"]:
         error, reduction, why = exact(row)
@@ -162,14 +162,14 @@ def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> 
         signs = SIGNS if "rest" in row["option"] else SIGNS[:1]
         attempts = [(mode, 2.0, 1.0, sign) for mode in sorted(modes)[::-1] for sign in signs]
     for mode, power, more, narrowed in attempts:
-        if power < 2.0 and any(word.startswith("rmse") for word in missed(found)):
-            continue  # it trades error for work reduction
+        if power < 2.0 and any(word.startswith("rmse") for word in worse_figures(found)):
+            continue  # this attempt has more error for more work reduction
         variant = replace(variant_of(row), mode=mode, narrowed=narrowed)
         task = Synthesis(variant, TARGETS[row["target"]], power=power)
         name = "_".join(map(str, (*key(row), mode, power, more, *narrowed))).replace(" ", "-")
         search = SavedSearch(
             task,
-            times(effort * more, 1) if more else AGAIN,
+            times(effort * more, 1) if more else SHORT_EFFORT,
             states / f"{name}.npz" if states else None,
             start.get(mode),
         )
@@ -179,7 +179,7 @@ def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> 
             ({k: found[k] for k in OURS if k in found}, best(task, found, search.found)),
             key=lambda it: (it["short"], it["ours"]["rmse"]) if it else (np.inf, np.inf),
         )
-        if not missed(found) and not third:
+        if not worse_figures(found) and not third:
             break
     del found["short"]
     return found | {
@@ -189,9 +189,9 @@ def designed(row: Row, effort: float, states: Path | None, less: Row | None) -> 
 
 
 def best(task: Synthesis, row: Row, vectors: Array) -> Row:
-    """The design of least error, or that which comes nearest to being better in all figures."""
+    """The design of least error, or the one that is nearest to being better in all figures."""
     figures = task.figures(vectors)
-    theirs = [row[k] for k in HELD if k in row and "why" not in row[k]]
+    theirs = [row[k] for k in DIGITS if k in row and "why" not in row[k]]
     aims = np.stack([figures.rmse, 100.0 - figures.work_reduction])
     bars = [
         min((t["rmse"] for t in theirs), default=np.inf),
@@ -230,7 +230,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     rows = [{**row, "line": int(line)} for line, row in thesis.items()] + dashes()
     known = {key(row): row for row in json.loads(TABLE.read_text())}
     third = len(rows) - len(third_preloads())
-    # the dashes begin where others end
+    # The designs of the dashes start from designs of the rows before them.
     for part in (rows[: len(thesis)], rows[len(thesis) : third], rows[third:]):
         chosen = [
             row
@@ -250,17 +250,17 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def row_group(row: Row) -> str:
-    """The line of the thesis's text, or which dashes the row belongs to."""
+    """The line of the thesis's text, or the group of dashes to which the row belongs."""
     return str(row["line"] or ("spring-3" if row["variant"].endswith("3") else "left-out"))
 
 
 def run(rows: list[Row], known: dict[Any, Row], given: Namespace) -> dict[Any, Row]:
-    """Design rows side by side; print and return them."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # a process a row; its threads would wait for the others'
+    """Design rows in parallel processes; print and return them."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # one process per row: threads would only wait
     found = {}
     with ProcessPoolExecutor(given.jobs, get_context("spawn")) as pool:
         futures = [
-            pool.submit(designed, row, given.effort, given.states, narrower(row, known))
+            pool.submit(design, row, given.effort, given.states, narrower(row, known))
             for row in rows
         ]
         for row, future in zip(rows, futures, strict=True):

@@ -1,4 +1,4 @@
-"""What the thesis's balancers and ours are worth: a table, a sentence and a figure."""
+"""The thesis's balancers compared with ours: a table, a summary and figures."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,14 +13,14 @@ from proofmass.report.style import RC
 
 Row = dict[str, Any]
 KEY = ("target", "segments", "variant", "option")
-SAME = 0.01  # of an error: two designs that differ by less are as good
-HELD = {"printed": (4, 2), "recomputed": (15, 15), "narrower": (7, 5)}  # digits that count
+SAME_SHARE = 0.01  # of an error: two designs that differ by less are equally good
+DIGITS = {"printed": (4, 2), "recomputed": (15, 15), "narrower": (7, 5)}  # decimals compared
 
 
-def compared(row: Row) -> dict[str, int]:
-    """Each figure of a design of ours beside the same of others: 1 better, 0 the same, -1 worse."""
+def compare_figures(row: Row) -> dict[str, int]:
+    """Each figure of our design compared with the others': 1 better, 0 the same, -1 worse."""
     found = {}
-    for kind, (fine, coarse) in HELD.items():
+    for kind, (fine, coarse) in DIGITS.items():
         theirs = row.get(kind, {"why": "-"})
         if "ours" in row and "why" not in theirs:
             for name, digits, sign in (("rmse", fine, -1), ("work_reduction", coarse, 1)):
@@ -29,9 +29,9 @@ def compared(row: Row) -> dict[str, int]:
     return found
 
 
-def missed(row: Row) -> list[str]:
-    """What a design of ours is worse in, the print at its own digits."""
-    return [figure for figure, sign in compared(row).items() if sign < 0]
+def worse_figures(row: Row) -> list[str]:
+    """The figures in which our design is worse, printed ones at their own digits."""
+    return [figure for figure, sign in compare_figures(row).items() if sign < 0]
 
 
 def table(rows: list[Row]) -> Iterator[str]:
@@ -42,9 +42,9 @@ def table(rows: list[Row]) -> Iterator[str]:
     )
     yield "|---|---|---|---|---|---|---|---|---|---|---|---|"
     for row in rows:
-        held = {"recomputed": row.get("narrower", {"why": "-"}), "printed": {"why": "-"}, **row}
+        known = {"recomputed": row.get("narrower", {"why": "-"}), "printed": {"why": "-"}, **row}
         pair = {
-            k: held[k].get("why") or f"{held[k]['rmse']:.6f} / {held[k]['work_reduction']:.3f}"
+            k: known[k].get("why") or f"{known[k]['rmse']:.6f} / {known[k]['work_reduction']:.3f}"
             for k in ("printed", "recomputed", "ours")
         }
         yield (
@@ -52,32 +52,38 @@ def table(rows: list[Row]) -> Iterator[str]:
             f"{row['segments']} | {row['variant']} | {row['option']} | {pair['printed']} | "
             f"{pair['recomputed']} | "
             f"{pair['ours']} | {'down' if 'mode' in row['parameters'] else 'up'} | "
-            f"{', '.join(missed(row))} | {row['cpu_seconds']:.0f} |"
+            f"{', '.join(worse_figures(row))} | {row['cpu_seconds']:.0f} |"
         )
 
 
 HEAD = """# Balancers designed again
 
-`python -m benchmarks.design_balancer` made this. The first 112 rows are the variants of S. van Nes,
-The use of a rigid linkage balancer with torsion springs to realize nonlinear moment-angle
-characteristics, MSc thesis TU Delft 2022.074, figures M.1 to M.20: root mean square error over
-m g r and work reduction in percent, as printed, of the printed parameters recomputed on the exact
-path from rest, and of our design within the same bounds at the same points (90 for three segments,
-15 for four). Below them stand the 56 variants that its tables M.1 to M.5 have a dash for, within
-its widest bounds; in place of its figures they have those of our own design with an option less,
-than which a design that may do more must not be worse. The last 40 rows, "preload 3", are the rows
-"3 Seg.: prestress spring 3" of the thesis's figures, all of them dashes, within the bounds of the
-figures; in place of its figures they have those of our own design without a preload. Where the rest
-angle is free, both signs of the preload were tried. The stop keeps joint 3 on one side, so that
-such a design may be worse than one without. Every design of ours reaches 90 degrees on a
-stable path and keeps its elbow bent, which is up, as in all of the thesis's tables, unless nothing
-as good was found that way. "Worse in" compares with the print at its own digits. Parameters
-stand in `balancer_designs.json`.
+`python -m benchmarks.design_balancer` made this page. The first 112 rows of the table are the
+variants in figures M.1 to M.20 of S. van Nes, The use of a rigid linkage balancer with torsion
+springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074. Each row
+has three pairs of root mean square error over m g r and work reduction in percent: as printed; of
+the printed parameters, recomputed on the exact path from rest; and of our design within the same
+bounds at the same points (90 for three segments, 15 for four).
 
-![Errors of the sharpest design of each target beside the thesis's best row](balancer_designs.png)
+The next 56 rows are the variants for which the thesis's tables M.1 to M.5 have a dash, within its
+widest bounds. In place of the thesis's numbers they have those of our own design with one option
+less: a design with more freedom must not be worse. The last 40 rows, "preload 3", are the rows "3
+Seg.: prestress spring 3" of the thesis's figures, all of them dashes, within the bounds of the
+figures.
+In place of the thesis's numbers they have those of our own design without a preload. Where the rest
+angle is free, both signs of the preload were tried. The joint limit of a preload keeps joint 3 on
+one side, so that such a design may be worse than one without a preload.
 
-The thesis's figures 5 and 6 show the work reduction of its balancers of three and of four segments;
-here they are with our designs beside, and with the rows that it left out.
+Every design of ours reaches 90 degrees on a stable path and keeps its elbow bent. The elbow is up,
+as in all of the thesis's tables, unless no design as good was found in this way. "Worse in" lists
+the numbers in which our design is worse; printed numbers are compared at the printed digits. The
+parameters are in `balancer_designs.json`.
+
+![Errors of our best design of each target and of the thesis's best row](balancer_designs.png)
+
+The thesis's figures 5 and 6 show the work reduction of its balancers of three and of four segments.
+The following figures show it together with that of our designs, and with the rows that the thesis
+left out.
 
 ![Work reduction of three segments by target and system: printed, and ours](balancer_designs_3.png)
 
@@ -89,48 +95,49 @@ here they are with our designs beside, and with the rows that it left out.
 
 
 def summary(rows: list[Row]) -> str:
-    """What came out, in a few sentences."""
+    """The result in a few sentences."""
     theirs, dashes = ([row for row in rows if bool(row["line"]) is real] for real in (True, False))
     third = [row for row in dashes if row["variant"].endswith("3")]
     dashes = [row for row in dashes if row not in third]
-    least = {row["line"]: min(compared(row).values()) for row in theirs}
+    least = {row["line"]: min(compare_figures(row).values()) for row in theirs}
     same, worse = ([line for line, sign in least.items() if sign == own] for own in (0, -1))
     up = [row for row in theirs if "mode" not in row["parameters"]]
     ratio = np.median([row["ours"]["rmse"] / row["printed"]["rmse"] for row in theirs])
     used = [row["cpu_seconds"] for row in rows]
     return (
-        f"{len(theirs) - len(same) - len(worse)} of {len(theirs)} are better than the thesis "
-        f"in all figures; {len(same)} are the same at the digits of the print in some figure "
-        f"and worse in none (lines {listed(same)}); {len(worse)} are worse in some figure "
+        f"Of {len(theirs)} designs {len(theirs) - len(same) - len(worse)} are better than the "
+        f"thesis's in all numbers; {len(same)} are the same at the printed digits in some number "
+        f"and worse in none (lines {listed(same)}); {len(worse)} are worse in some number "
         f"(lines {listed(worse)}). {len(theirs) - len(up)} of the {len(theirs)} have their "
         f"elbow down, where the thesis has it up; {sum(least[row['line']] >= 0 for row in up)} "
         f"are as good or better with the elbow up. The median error is {ratio:.2f} of the "
-        f"printed one. Of the {len(dashes)} where the thesis has a dash, "
-        f"{sum(not missed(row) for row in dashes)} are as good as ours with an option less. "
-        f"{on_spring_3(third, rows)}"
+        f"printed one. Of the {len(dashes)} designs where the thesis has a dash, "
+        f"{sum(not worse_figures(row) for row in dashes)} are at least as good as ours with one "
+        f"option less. {gain_of_spring_3(third, rows)}"
         f"CPU time: {sum(used):.0f} s in all, {max(used):.0f} s for the longest."
     )
 
 
-def on_spring_3(third: list[Row], rows: list[Row]) -> str:
-    """What a preload of spring 3 gains, in a sentence."""
+def gain_of_spring_3(third: list[Row], rows: list[Row]) -> str:
+    """A sentence on the gain by a preload of spring 3."""
     if not third:
         return ""
     known = {tuple(row[k] for k in KEY): row["ours"]["rmse"] for row in rows}
-    gain = {"preload 3": "preload", "nonlinear preload 3": "nonlinear preload"}
+    others = {"preload 3": "preload", "nonlinear preload 3": "nonlinear preload"}
     beaten, better = 0, 0
     for row in third:
-        second = known[tuple((row | {"variant": gain[row["variant"]]})[k] for k in KEY)]
-        beaten += row["ours"]["rmse"] < (1 - SAME) * second
-        better += row["ours"]["rmse"] < (1 - SAME) * row["narrower"]["rmse"]
+        second = known[tuple((row | {"variant": others[row["variant"]]})[k] for k in KEY)]
+        beaten += row["ours"]["rmse"] < (1 - SAME_SHARE) * second
+        better += row["ours"]["rmse"] < (1 - SAME_SHARE) * row["narrower"]["rmse"]
     return (
-        f"A preload of spring 3 has an error at least {SAME:.0%} less than none in {better} of "
-        f"{len(third)} rows, and than a preload of spring 2 in {beaten}. "
+        f"With a preload of spring 3 the error is at least {SAME_SHARE:.0%} less than without a "
+        f"preload in {better} of {len(third)} rows, and at least {SAME_SHARE:.0%} less than with "
+        f"a preload of spring 2 in {beaten} rows. "
     )
 
 
 def listed(lines: list[int]) -> str:
-    """Lines of the thesis with commas."""
+    """Line numbers of the thesis, separated by commas."""
     return ", ".join(map(str, lines)) or "none"
 
 
@@ -140,7 +147,7 @@ def page(rows: list[Row]) -> str:
 
 
 def draw(rows: list[Row], thesis: dict[str, Row]) -> Figure:
-    """Curves of the sharpest design of each target beside the thesis's best row."""
+    """The figure of the errors of our best design and the thesis's best row of each target."""
     angle = precision_points(180)
     with rc_context(RC):
         figure = Figure((9.5, 5.6), layout="constrained")
@@ -175,17 +182,17 @@ SYSTEMS = {  # of the thesis's figures 5 and 6, with a preload of spring 3 added
     ("preload", "rest angle"): ("#882255", "preload, rest angle free"),
     ("preload 3", "rest angle"): ("#CC79A7", "preload of spring 3, rest angle free"),
 }
-REDUCTIONS = (40, 60, 80, 90, 95, 98, 99, 99.5, 99.8, 99.9, 99.99)  # [%] that the axis names
+REDUCTIONS = (40, 60, 80, 90, 95, 98, 99, 99.5, 99.8, 99.9, 99.99)  # [%] ticks of the axis
 
 
-def has(rows: list[Row], segments: int, variant: str, option: str) -> bool:
-    """Whether there is such a system."""
+def has_system(rows: list[Row], segments: int, variant: str, option: str) -> bool:
+    """Whether the rows have such a system."""
     wanted = segments, variant, option
     return any((row["segments"], row["variant"], row["option"]) == wanted for row in rows)
 
 
 def draw_systems(rows: list[Row], segments: int) -> Figure:
-    """Work reduction by target and system: printed on the left, ours on the right."""
+    """The figure of work reduction by target and system: printed left, ours right."""
     names = list(dict.fromkeys(row["target"] for row in rows if row["line"]))
     with rc_context(RC):
         figure = Figure((9.5, 4.6), layout="constrained")
@@ -193,7 +200,7 @@ def draw_systems(rows: list[Row], segments: int) -> Figure:
         for axes, kind, title in zip(
             panels, ("printed", "ours"), ("thesis, as printed", "designed again"), strict=True
         ):
-            shown = {s: look for s, look in SYSTEMS.items() if has(rows, segments, *s)}
+            shown = {s: look for s, look in SYSTEMS.items() if has_system(rows, segments, *s)}
             for k, ((variant, option), (colour, label)) in enumerate(shown.items()):
                 for springs, marker in (("", "o"), ("nonlinear ", "s")):
                     word = f"{springs}{variant}".replace("nonlinear regular", "nonlinear")
