@@ -1,7 +1,7 @@
-"""Measurements that are run by hand.  NumPy is held to one thread, before it is loaded.
+"""Measurements that are run by hand.  NumPy is limited to one thread before it is loaded.
 
-Each module that can be run has `--quick`: the same at small sizes, in seconds, with nothing written
-into docs/.  `tests/test_benchmarks.py` runs all of them that way.
+Each module that can be run has the option `--quick`, with which it runs at small sizes in seconds
+and writes nothing into docs/.  `tests/test_benchmarks.py` runs all of them with this option.
 """
 
 import os
@@ -30,7 +30,7 @@ def command(text: str | None) -> ArgumentParser:
 
 @contextmanager
 def folders(quick: bool, runs: Path) -> Iterator[tuple[Path, Path]]:
-    """Where runs are kept and where pages are written; if quick, both are removed afterwards."""
+    """The folders of runs and of pages; if quick, both are temporary."""
     if not quick:
         yield runs, ROOT / "docs"
         return

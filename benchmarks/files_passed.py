@@ -1,8 +1,8 @@
-"""How many files of the package a reader passes who follows what a command does.
+"""The number of files of the package that a reader passes when following a command.
 
     python -m benchmarks.files_passed [--quick]
 
-Counted are the files of proofmass/ in which a function is called, in the command and in all of its
+The files of proofmass/ in which a function is called are counted, in the command and in all of its
 workers.  A file that is only imported does not count.
 """
 
@@ -27,7 +27,7 @@ def called(frame, event, _):
 threading.setprofile(called)
 sys.setprofile(called)
 """
-JOURNEYS = {  # command, and the largest number that is aimed at
+COMMANDS = {  # arguments, and the largest number of files that is intended
     "check of a four-bar": (("-m", "proofmass", "check", "models/linkages/fourbar.toml"), 18),
     "a rod to its chain": (
         (
@@ -56,16 +56,16 @@ JOURNEYS = {  # command, and the largest number that is aimed at
 
 def main(argv: Sequence[str] | None = None) -> None:
     given = command(__doc__).parse_args(argv)
-    for name, (arguments, aim) in JOURNEYS.items():
+    for name, (arguments, aim) in COMMANDS.items():
         if given.quick and name != "a rod to its chain":
             continue
-        files = passed(arguments)
+        files = called_files(arguments)
         print(f"{name}: {len(files)} files, aim {aim}")
         for file in files:
             print(f"    {file}")
 
 
-def passed(arguments: Sequence[str]) -> list[str]:
+def called_files(arguments: Sequence[str]) -> list[str]:
     """The files of the package with a function that a command calls, below proofmass/."""
     with TemporaryDirectory() as folder:
         Path(folder, "sitecustomize.py").write_text(RECORDER.format(folder=folder))

@@ -1,11 +1,11 @@
-"""How far the motions of anybody's models are known: rungs of MJCF files and folders of them.
+"""Verdicts of models without a sidecar, for MJCF files of other projects and folders of them.
 
     python -m benchmarks.foreign PATH ... [-o FILE] [--quick]
 
-For each file that MuJoCo compiles it prints what `proofmass check` says of a model without a
-sidecar, and writes a table of them into FILE.  The time until which a motion is known is tried
-with a method that was not asked for it: RK4 with 1/32 of the model's step, in MuJoCo alone, must
-stay until then within twice what two ways may differ by.
+For each file that MuJoCo compiles, the verdict of `proofmass check` is printed, and a table of all
+files is written into FILE.  The time until which a motion is self-consistent is checked by another
+method: RK4 with 1/32 of the model's step, in MuJoCo alone.  Until this time it must stay within
+twice the distance that is allowed between two ways.
 """
 
 import sys
@@ -26,20 +26,20 @@ from proofmass.sim.protocol import BadModel, OwnMotion
 from proofmass.wording import number
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
 
-FINER = 32
-TRIED = 40.0
+STEP_RATIO = 32  # the model's step over that of the other method
+TIME_LIMIT = 40.0
 """Wall time of the other method [s]."""
 BALL = '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
 COLUMNS = (
-    *("model", "outcome", "known until [s]", "as it is, off by", "known to"),
-    *("a disturbance grows", "stiffer moves it by", "RK4 agrees until [s]", "wall [s]"),
+    *("model", "outcome", "known until [s]", "own error", "uncertainty"),
+    *("growth of a disturbance", "change if stiffer", "RK4 agrees until [s]", "wall [s]"),
 )
 HEAD = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|\n"
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is told of a model: cells of its row, its words, and whether RK4 agrees until T."""
+class Report:
+    """The verdict of a model: cells of its row, a sentence, and whether RK4 agrees until T."""
 
     cells: tuple[str, ...]
     words: str
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         with TemporaryDirectory() as folder:
             file = Path(folder) / "ball.xml"
             file.write_text(BALL)
-            print("".join(table([(file.name, look(file))])))
+            print("".join(table([(file.name, report_in_worker(file))])))
         return
     files = {
         file: str(file.relative_to(path)) if path.is_dir() else file.stem
@@ -66,54 +66,56 @@ def main(argv: Sequence[str] | None = None) -> None:
         parser.error("give MJCF files, or folders of them")
     with ThreadPoolExecutor(2) as pool:
         found = []
-        for file, told in zip(files, pool.map(look, files), strict=True):
-            found.append((files[file], told))
-            print(f"{found[-1][0]}: {' | '.join(told.cells)}\n    {told.words}", file=sys.stderr)
+        for file, report in zip(files, pool.map(report_in_worker, files), strict=True):
+            found.append((files[file], report))
+            line = f"{files[file]}: {' | '.join(report.cells)}"
+            print(f"{line}\n    {report.words}", file=sys.stderr)
     text = "".join(table(found))
     print(text)
     if given.file:
         given.file.write_text(text, encoding="utf-8")
 
 
-def table(found: Sequence[tuple[str, Told]]) -> Iterator[str]:
-    """All rows, and how many there are of each kind."""
-    compiled = [told for _, told in found if told.cells[0] != "does not compile"]
-    asked = [told for told in compiled if told.agrees is not None]
-    known = sum(told.cells[0] == "self-consistent" for told in compiled)
-    yield f"{len(compiled)} of {len(found)} compile, {known} of these are self-consistent for some "
-    yield f"time. RK4 agrees until then in {sum(bool(told.agrees) for told in asked)} of the "
-    yield f"{len(asked)} that it could be asked of.\n\n{HEAD}"
-    for name, told in found:
-        yield f"| {name} | {' | '.join(told.cells)} |\n"
+def table(found: Sequence[tuple[str, Report]]) -> Iterator[str]:
+    """The table with a row for each model, below the numbers of models of each kind."""
+    compiled = [report for _, report in found if report.cells[0] != "does not compile"]
+    answered = [report for report in compiled if report.agrees is not None]
+    known = sum(report.cells[0] == "self-consistent" for report in compiled)
+    agreeing = sum(bool(report.agrees) for report in answered)
+    yield f"{len(compiled)} of {len(found)} files compile, and {known} of these are "
+    yield f"self-consistent for some time. RK4 agrees until then in {agreeing} of the "
+    yield f"{len(answered)} models for which it gave an answer in time.\n\n{HEAD}"
+    for name, report in found:
+        yield f"| {name} | {' | '.join(report.cells)} |\n"
 
 
-def look(file: Path) -> Told:
-    """What is told of a model, in a worker."""
-    from benchmarks.foreign import told_here  # a worker does not know this module as __main__
+def report_in_worker(file: Path) -> Report:
+    """The verdict of a model, computed in a worker."""
+    from benchmarks.foreign import report_here  # a worker does not know this module as __main__
 
     began = time.perf_counter()
     try:
-        return isolated(told_here, file, timeout=OWN_TIMEOUT + 2 * TRIED)
+        return isolated(report_here, file, timeout=OWN_TIMEOUT + 2 * TIME_LIMIT)
     except BadModel as error:
-        return Told(("does not compile", *7 * ("",)), str(error)[:200])
+        return Report(("does not compile", *7 * ("",)), str(error)[:200])
     except (Crashed, TimedOut, OutOfMemory) as error:
         seconds = number(time.perf_counter() - began, 2)
-        return Told((type(error).__name__, *6 * ("",), seconds), str(error))
-    except Exception as error:  # a fault of ours, which must not cost the other models
-        return Told((f"fault: {type(error).__name__}", *7 * ("",)), str(error))
+        return Report((type(error).__name__, *6 * ("",), seconds), str(error))
+    except Exception as error:  # a fault of proofmass must not end the run
+        return Report((f"fault: {type(error).__name__}", *7 * ("",)), str(error))
 
 
-def told_here(file: Path) -> Told:
-    """What is told of a model, in this process."""
+def report_here(file: Path) -> Report:
+    """The verdict of a model, computed in this process."""
     began = time.perf_counter()
     motion = engine_of("mujoco").own_motion(file, FOLLOWED, SAMPLES, PROCESSOR)
     seconds = number(time.perf_counter() - began, 2)
     if failed := why_failed(motion):
-        return Told(("diverged", *6 * ("",), seconds), failed)
+        return Report(("diverged", *6 * ("",), seconds), failed)
     rung = Rung(motion)
     grown = number(rung.growth, 2)
     if not rung.consistent:
-        return Told(("unchecked", *3 * ("",), grown, "", "", seconds), rung.words())
+        return Report(("unchecked", *3 * ("",), grown, "", "", seconds), rung.words())
     agreed = agrees_until(file, motion, rung) if motion.dof else None
     cells = (
         "self-consistent",
@@ -125,13 +127,13 @@ def told_here(file: Path) -> Told:
         "" if agreed is None else number(agreed, 3),
         seconds,
     )
-    return Told(cells, rung.words(), None if agreed is None else agreed >= rung.until)
+    return Report(cells, rung.words(), None if agreed is None else agreed >= rung.until)
 
 
 def agrees_until(file: Path, motion: OwnMotion, rung: Rung) -> float | None:
-    """Until when RK4 with a small step, in MuJoCo alone, is where the best way is [s].
+    """Time [s] until which RK4 with a small step, in MuJoCo alone, agrees with the best way.
 
-    None where it takes too long.
+    None if RK4 takes too long.
     """
     import mujoco
 
@@ -140,16 +142,17 @@ def agrees_until(file: Path, motion: OwnMotion, rung: Rung) -> float | None:
     if model.nkey:
         key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "start")
         mujoco.mj_resetDataKeyframe(model, data, max(0, key))
-    per_sample = round(float(motion.times[1]) / model.opt.timestep) * FINER
-    model.opt.timestep /= FINER
+    per_sample = round(float(motion.times[1]) / model.opt.timestep) * STEP_RATIO
+    model.opt.timestep /= STEP_RATIO
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # which counts steps
+    # Sleep depends on the number of steps.
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     moving = model.body_weldid[: model.nbody] > 0
     began, until = time.perf_counter(), 0.0
     for k in range(rung.last + 1):
         for _ in range(per_sample if k else 0):
             mujoco.mj_step(model, data)
-            if time.perf_counter() - began > TRIED:
+            if time.perf_counter() - began > TIME_LIMIT:
                 return None
         mujoco.mj_kinematics(model, data)
         centres = rung.best.points[k, :, 0]

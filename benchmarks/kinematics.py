@@ -1,11 +1,12 @@
-"""Poses per second of position, velocity and acceleration: one table, ratios from one run.
+"""Poses per second of position, velocity and acceleration, in one table from one run.
 
     uv run --group bench python -m benchmarks.kinematics [rounds] [--quick]
 
-Closed forms, the general solver, the document's own scheme, pylinkage, and quasi-static sweeps of
-the two simulators, on the drives of the sidecars.  Before anything is timed, what comes from
-elsewhere is held against the closed form.  The simulators also load the model and read its sensors.
-pylinkage is left out if it is not installed.
+The table has closed forms, the general solver, the document's own scheme, pylinkage, and
+quasi-static sweeps of the two simulators, with the drives of the sidecars.  Before the timing, the
+results of the document's scheme and of pylinkage are compared with the closed form.  The times of
+the simulators include loading the model and reading its sensors.  pylinkage is left out if it is
+not installed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -48,25 +49,26 @@ CLOSED = {
     "inverted_slider_crank_classic": "swinging block",
     "threeprr": "3PRR",
 }
-GENERAL = {**CLOSED, "peaucellier": "Peaucellier cell", "watt": "Watt six-bar"}
-MOST = {"threeprr": 100_000}  # finds the zeros of a polynomial of degree six at every pose
+GENERAL_SOLVER = {**CLOSED, "peaucellier": "Peaucellier cell", "watt": "Watt six-bar"}
+MAX_POSES = {"threeprr": 100_000}  # it solves a polynomial of degree six at every pose
 BARS: dict[str, Any] = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
 SLIDER: dict[str, Any] = {"crank": 1.0, "coupler": 2.0}
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How many poses a call solves, and which mechanisms the general solver and engines do.
+    """Numbers of poses of a call, and the mechanisms of the general solver and of the engines.
 
     Attributes
     ----------
     most : int
-        Of a closed form, beside the last of `samples`.
+        Poses of a closed form, in addition to the last of `samples`.
     samples : tuple of int
-        Of the general solver; the last one also of the closed forms.
+        Poses of the general solver; the last one also of the closed forms.
     python, few, many : int
-        Of the document's scheme; of pylinkage in Python, and compiled.
+        Poses of the document's scheme; of pylinkage in Python, and compiled.
     general, engines : tuple of str
+        Mechanisms of the general solver, and of the engines.
     """
 
     most: int = 1_000_000
@@ -74,14 +76,14 @@ class Sizes:
     python: int = 500
     few: int = 10_000
     many: int = 100_000
-    general: tuple[str, ...] = tuple(GENERAL)
+    general: tuple[str, ...] = tuple(GENERAL_SOLVER)
     engines: tuple[str, ...] = ("fourbar", "slider_crank", "fivebar")
 
 
 QUICK = Sizes(361, (37,), 10, 100, 1000, ("slider_crank",), ("slider_crank",))
 
 
-def sized(name: str, n: int) -> tuple[Case, Run]:
+def with_samples(name: str, n: int) -> tuple[Case, Run]:
     """A sidecar's sweep with another number of samples."""
     case = load_case(MODELS / f"{name}.toml")
     table = case.run["sweep"].model_copy(update={"n": n})
@@ -90,20 +92,20 @@ def sized(name: str, n: int) -> tuple[Case, Run]:
 
 
 def closed_form(name: str, n: int) -> Callable[[], dict[str, Array]]:
-    """The closed form of a sidecar at all its poses, every curve that it has; each time anew."""
-    case, run = sized(name, n)
+    """A function that evaluates all curves of the closed form of a sidecar, without its cache."""
+    case, run = with_samples(name, n)
     module, state = cast(ModuleType, module_of(case)), run.motion(run.x)
 
     def work() -> dict[str, Array]:
-        with memory_in_use({}, more=False):  # or the answer of the last time would be there again
+        with memory_in_use({}, more=False):  # without the cached result of the last call
             return call(case, "sweep", module, run.x, state, case.parameters)
 
     return work
 
 
 def general(name: str, n: int) -> Callable[[], object]:
-    """The general solver on a sidecar's model: joint values, rates, accelerations."""
-    case, run = sized(name, n)
+    """A function that solves a sidecar's model: joint values, rates, accelerations."""
+    case, run = with_samples(name, n)
     value, rate, acceleration = (part.T for part in run.motion(run.x))
     mechanism, _ = read(compiled(case), case.start)
 
@@ -118,7 +120,7 @@ def general(name: str, n: int) -> Callable[[], object]:
 
 
 def lengths(name: str) -> dict[str, Any]:
-    """The parameters of a sidecar that an inverse closed form has too."""
+    """The parameters of a sidecar that the inverse closed form also has."""
     other = ("mode", "gravity")
     return {
         k: v
@@ -128,7 +130,7 @@ def lengths(name: str) -> dict[str, Any]:
 
 
 def positions(count: int) -> Iterator[Row]:
-    """What pylinkage's compiled loop gives as well: the place of a pin and of a slider, alone."""
+    """Positions of a pin and of a slider alone, as pylinkage's compiled loop computes them."""
     turn = np.linspace(0.0, 2.0 * np.pi, count)
     for name, work in (
         ("four-bar", partial(fourbar.solve, turn, **BARS, only={"pin_x", "pin_y"})),
@@ -138,7 +140,7 @@ def positions(count: int) -> Iterator[Row]:
 
 
 def inverses(count: int) -> Iterator[Row]:
-    """Inverse kinematics, on the way that the direct closed form gives."""
+    """Inverse kinematics, on the path that the direct closed form gives."""
     found = closed_form("fivebar", count)()
     tip = [np.array([found[f"tip_{order}{axis}"] for axis in "xy"]) for order in ("", "v", "a")]
     yield Row(
@@ -163,7 +165,7 @@ def inverses(count: int) -> Iterator[Row]:
 
 
 def document(count: int) -> Iterator[Row]:
-    """The document's linkages by its scheme, and the four-bar with its equations written out."""
+    """The document's linkages by its scheme, and the four-bar with explicit equations."""
     turn, arc = np.linspace(0.0, 2.0 * np.pi, count), np.linspace(0.0, 0.1, count)[:, None]
     for name, (linkage, start) in natural_coordinates.EXAMPLES.items():
         first = natural_coordinates.assemble(linkage, start).root
@@ -263,7 +265,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         Row(word, "closed form", "p v a h", n, closed_form(name, n))
         for name, word in CLOSED.items()
         for n in (last, sizes.most)
-        if n <= MOST.get(name, n)
+        if n <= MAX_POSES.get(name, n)
     ]
     rows += [
         *positions(last),
@@ -273,7 +275,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         *simulators(sizes.engines),
     ]
     rows += [
-        Row(GENERAL[name], "general solver", "p v a", n, general(name, n))
+        Row(GENERAL_SOLVER[name], "general solver", "p v a", n, general(name, n))
         for name in sizes.general
         for n in sizes.samples
     ]

@@ -1,11 +1,11 @@
-"""Modules of the package that exactly one other module uses, and which of them are found by name.
+"""Modules of the package that one other module uses, and those of them that are found by name.
 
     python -m benchmarks.modules_used_once [--quick]
 
-A use is an import, at the top of a module or in a function.  Left out are modules that a table
-names, which users reach by that name: entry points, references of sidecars (`REFERENCES`) and
-names of the package (`PUBLIC`); of packages those count that are more than a docstring.  A module
-is found by name if an example or a benchmark imports it, or a page of the documentation or
+A use is an import, at the top of a module or in a function.  Modules that a table names are left
+out, because users reach them by this name: entry points, references of sidecars (`REFERENCES`) and
+names of the package (`PUBLIC`).  A package counts if it has more than a docstring.  A module is
+found by name if an example or a benchmark imports it, or if a page of the documentation or
 CONTRIBUTING.md names its file.
 """
 
@@ -26,7 +26,7 @@ from proofmass.analytic import REFERENCES
 def main(argv: Sequence[str] | None = None) -> None:
     given = command(__doc__).parse_args(argv)
     users = users_of_modules()
-    once = {name: there[0] for name, there in users.items() if len(there) == 1}
+    once = {name: own[0] for name, own in users.items() if len(own) == 1}
     named = named_elsewhere(once)
     print(f"{len(users)} modules, {len(once)} used by one: {len(once) / len(users):.1%}")
     print(f"{len(once) - len(named)} of these named nowhere else", end="")
@@ -36,18 +36,18 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def users_of_modules() -> dict[str, list[str]]:
-    """What imports each module, without the name of the package; nothing of those in tables."""
+    """The modules that import each module, by short names; none for modules in tables."""
     graph = grimp.build_graph("proofmass", cache_dir=None)
     reached = set(chain.from_iterable(tables()))
     users: dict[str, list[str]] = {}
     for name in sorted(filter(has_code, graph.modules)):
-        there = [] if name in reached else sorted(graph.find_modules_that_directly_import(name))
-        users[name.removeprefix("proofmass.")] = [user.removeprefix("proofmass.") for user in there]
+        own = [] if name in reached else sorted(graph.find_modules_that_directly_import(name))
+        users[name.removeprefix("proofmass.")] = [user.removeprefix("proofmass.") for user in own]
     return users
 
 
 def tables() -> Iterable[Iterable[str]]:
-    """Modules by name: references, names of the package, entry points."""
+    """Names of modules in tables: references, names of the package, entry points."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     yield REFERENCES.values()
     yield (f"proofmass.{module}" for module in set(PUBLIC.values()))
@@ -56,7 +56,7 @@ def tables() -> Iterable[Iterable[str]]:
 
 
 def named_elsewhere(modules: Iterable[str]) -> set[str]:
-    """Those that examples or benchmarks import, or whose file the documentation names."""
+    """The modules that examples or benchmarks import, or whose file the documentation names."""
     scripts = [*ROOT.glob("examples/**/*.py"), *ROOT.glob("benchmarks/*.py")]
     pages = [*ROOT.glob("docs/**/*.md"), ROOT / "CONTRIBUTING.md"]
     code, words = (
@@ -79,12 +79,12 @@ def file_of(name: str) -> Path:
 
 
 def has_code(name: str) -> bool:
-    """Whether a module is more than a docstring."""
+    """Whether a module has more than a docstring."""
     return len(ast.parse(file_of(name).read_text(encoding="utf-8")).body) > 1
 
 
 def lines(name: str) -> int:
-    """How long a module is."""
+    """The number of lines of a module."""
     return len(file_of(f"proofmass.{name}").read_text(encoding="utf-8").splitlines())
 
 

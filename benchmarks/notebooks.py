@@ -1,16 +1,16 @@
-"""How long sliders of the notebooks take to answer, and the notebooks to run.
+"""Response times of the notebooks' sliders, and run times of the notebooks.
 
     python -m benchmarks.notebooks [--quick]
     uv run --group notebooks python -m benchmarks.notebooks --browser
 
-A slider's answer is the CPU time of its callback, the least of some, for which the cells of a
-notebook run in this process: closed form and drawing after a change of a length, drawing alone
-after a change of the pose.  A run is that of a whole notebook in a kernel, with the CPU time of
-the kernel and of its workers; with --quick there is none.
+The response time of a slider is the CPU time of its callback, the shortest of some, with the cells
+of a notebook in this process.  A change of a length evaluates the closed form and draws; a change
+of the pose only draws.  The run time is that of a whole notebook in a kernel, with the CPU time of
+the kernel and of its workers; with --quick no notebook is run.
 
-With --browser it is what a user waits for: in JupyterLab and the Chromium of the system, from a
-key that moves a slider to the first frame after the drawing has changed, with the kernel, the
-server and the browser on this machine.
+With --browser the time is that for which a user waits, in JupyterLab and the Chromium of the
+system: from a key that moves a slider to the first frame after the drawing has changed, with the
+kernel, the server and the browser on this machine.
 """
 
 import json
@@ -35,11 +35,11 @@ import psutil
 me = psutil.Process()
 print(sum(sum(one.cpu_times()[:4]) for one in (me, *me.children(recursive=True))))
 """
-"""CPU time [s] of a kernel, of its workers, and of those that have ended."""
+"""Code that prints the CPU time [s] of a kernel and of its workers, ended ones included."""
 
 
 def cells(name: str) -> dict[str, str]:
-    """The code of a notebook by the names of its cells."""
+    """The code of the cells of a notebook, by the names of the cells."""
     found = json.loads((NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))
     return {c["id"]: "".join(c["source"]) for c in found["cells"] if c["cell_type"] == "code"}
 
@@ -55,7 +55,7 @@ def explored(name: str) -> Explorer:
 
 
 def answers(explorer: Explorer, rounds: int = ROUNDS) -> tuple[float, float]:
-    """CPU time [s] of a change of a length, and of one of the pose."""
+    """CPU times [s] of a change of a length, and of a change of the pose."""
 
     def least(call: Any) -> float:
         took = []
@@ -69,7 +69,7 @@ def answers(explorer: Explorer, rounds: int = ROUNDS) -> tuple[float, float]:
 
 
 def executed(name: str, last: str = "pass") -> Any:
-    """The notebook after it ran in a kernel, with a last cell; a cell that fails raises."""
+    """The notebook after a run in a kernel, with an additional last cell; failures raise."""
     import nbformat
     from nbclient import NotebookClient
 
@@ -85,7 +85,7 @@ def executed(name: str, last: str = "pass") -> Any:
 
 @contextmanager
 def lab() -> Iterator[str]:
-    """The address of a server of the notebooks, which asks for no token."""
+    """Run a server of the notebooks without a token; gives its address."""
     with socket.socket() as free:
         free.bind(("localhost", 0))
         port = free.getsockname()[1]
@@ -123,12 +123,12 @@ WATCH = """() => {
     { childList: true, subtree: true },
   );
 }"""
-"""Notes the time from a key to the frame after the next change of the drawing [ms]."""
-KEYS = 10  # presses for each slider, to and fro
+"""JavaScript that records the time [ms] from a key to the frame after the drawing has changed."""
+KEY_PRESSES = 10  # for each slider, to and fro
 
 
 def waits(browser: Any, address: str, name: str) -> list[list[float]]:
-    """How long each key of each slider of a notebook takes until the drawing has changed [ms]."""
+    """Times [ms] from each key of each slider of a notebook until the drawing has changed."""
     tab = browser.new_page(viewport={"width": 1400, "height": 1000})
     tab.goto(f"{address}/{name}.ipynb?reset")
     tab.wait_for_selector(".jp-Notebook .jp-Cell")
@@ -139,17 +139,17 @@ def waits(browser: Any, address: str, name: str) -> list[list[float]]:
     tab.locator(".jp-Notebook").first.hover()
     drawn = tab.locator(".widget-html-content svg")
     while not (drawn.count() and "Idle" in tab.locator("#jp-main-statusbar").inner_text()):
-        tab.mouse.wheel(0, -3000)  # cells out of sight are not there
+        tab.mouse.wheel(0, -3000)  # JupyterLab renders only visible cells
         tab.wait_for_timeout(500)
     handles = tab.locator(".noUi-handle")
     handles.first.scroll_into_view_if_needed()
     tab.evaluate(WATCH)
-    tab.wait_for_timeout(3000)  # until what came into sight is there
+    tab.wait_for_timeout(3000)  # until the visible cells are rendered
     found = []
     for number in range(handles.count()):
         handles.nth(number).focus()
         tab.evaluate("window.waits = []")
-        for turn in range(KEYS):
+        for turn in range(KEY_PRESSES):
             tab.keyboard.press("ArrowRight" if turn % 2 else "ArrowLeft")
             tab.wait_for_timeout(300)
         found.append(tab.evaluate("window.waits"))
@@ -158,16 +158,16 @@ def waits(browser: Any, address: str, name: str) -> list[list[float]]:
 
 
 def in_browser() -> None:
-    """Print how long sliders take in a browser."""
+    """Print the response times of sliders in a browser."""
     from benchmarks.pictures import chromium  # loads the report, which is slow
 
     print(f"{'notebook':24}{'sliders':>9}{'medians ms':>14}{'longest ms':>12}")
     with lab() as address, chromium() as browser:
         for name in NAMES:
-            there = [some for some in waits(browser, address, name) if some]
-            middle = sorted(median(some) for some in there)
+            times = [some for some in waits(browser, address, name) if some]
+            middle = sorted(median(some) for some in times)
             span = f"{middle[0]:.0f} to {middle[-1]:.0f}"
-            print(f"{name:24}{len(there):9}{span:>14}{max(map(max, there)):12.0f}", flush=True)
+            print(f"{name:24}{len(times):9}{span:>14}{max(map(max, times)):12.0f}", flush=True)
 
 
 def main() -> None:

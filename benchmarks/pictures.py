@@ -1,11 +1,11 @@
-"""The pictures of a report in docs/: its index, a page of a case that differs, a mechanism playing.
+"""Pictures of a report in docs/: its index, a page of a case that differs, and an animation.
 
     python -m benchmarks.pictures [--quick]
 
-Checks the linkages, of whose four-bar the rocker is made 1 % longer in the model, takes pictures of
-its pages with the Chromium of the system, and animates it.  Writes docs/report_index.png,
-docs/report_case.png and docs/fourbar.webp; with --quick it takes pictures of one case and writes
-nothing.
+Checks the linkages, with a rocker of the four-bar that is made 1 % longer in the model.  Takes
+pictures of pages of the report with the Chromium of the system, and animates the four-bar.  Writes
+docs/report_index.png, docs/report_case.png and docs/fourbar.webp; with --quick it takes pictures of
+one case and writes nothing.
 """
 
 import io
@@ -29,13 +29,13 @@ CHROMIUM = next(
 """The browser of the system; empty if there is none."""
 SCREEN = {"width": 1440, "height": 900}
 LONGER = ('name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
-ACROSS = 1100  # pixels of a picture in docs/
-COLOURS = 256  # of a picture's palette
+PICTURE_WIDTH = 1100  # pixels of a picture in docs/
+COLOURS = 256  # number of colours of a picture's palette
 
 
 @contextmanager
 def chromium() -> Iterator[Any]:
-    """The browser, which stays open for as long as it is asked."""
+    """The browser, which is closed at the end of the context."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
@@ -47,8 +47,8 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
-def opened(browser: Any, page: Path) -> Any:
-    """A page on light paper whose mechanism does not play by itself."""
+def open_page(browser: Any, page: Path) -> Any:
+    """A page in light colours whose mechanism does not play by itself."""
     context = browser.new_context(
         viewport=SCREEN, reduced_motion="reduce", color_scheme="light", device_scale_factor=1
     )
@@ -59,28 +59,28 @@ def opened(browser: Any, page: Path) -> Any:
 
 
 def picture(tab: Any) -> Image.Image:
-    """What the screen shows of a page."""
+    """A picture of a page as the screen shows it."""
     return Image.open(io.BytesIO(tab.screenshot())).convert("RGB")
 
 
 def few_colours(image: Image.Image) -> Image.Image:
-    """The same with a palette."""
+    """The picture with a palette of `COLOURS` colours."""
     return image.quantize(
         COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE
     )
 
 
-def reported(folder: Path, quick: bool) -> Path:
-    """A report of the linkages, or of the four-bar alone, whose model is wrong; its folder."""
+def write_wrong_report(folder: Path, quick: bool) -> Path:
+    """Write a report of the linkages, or of the four-bar alone, with its wrong model."""
     models = folder / "linkages"
     shutil.copytree(ROOT / "models" / "linkages", models)
     model = models / "fourbar.xml"
     text = model.read_text(encoding="utf-8")
     if LONGER[0] not in text:
         raise ValueError(f"{model.name} has no {LONGER[0]}")
-    for sidecar in models.glob("*.toml"):  # other cases of the model keep the right one
-        told = sidecar.read_text(encoding="utf-8")
-        sidecar.write_text(told.replace('"fourbar.xml"', '"fourbar_right.xml"'), encoding="utf-8")
+    for sidecar in models.glob("*.toml"):  # other cases keep the right model
+        toml = sidecar.read_text(encoding="utf-8")
+        sidecar.write_text(toml.replace('"fourbar.xml"', '"fourbar_right.xml"'), encoding="utf-8")
     shutil.copy(model, models / "fourbar_right.xml")
     model.write_text(text.replace(*LONGER), encoding="utf-8")
     result = check([models / "fourbar.toml" if quick else models])
@@ -90,7 +90,7 @@ def reported(folder: Path, quick: bool) -> Path:
 
 def save(image: Image.Image, name: str) -> None:
     """Write a picture into docs/."""
-    smaller = image.resize((ACROSS, round(ACROSS * image.height / image.width)))
+    smaller = image.resize((PICTURE_WIDTH, round(PICTURE_WIDTH * image.height / image.width)))
     few_colours(smaller).save(ROOT / "docs" / name, optimize=True)
 
 
@@ -100,9 +100,9 @@ def main() -> None:
         print("there is no Chromium on this system: no pictures")
         return
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
-        report = reported(Path(folder), quick)
-        index = picture(opened(browser, report / "index.html"))
-        case = picture(opened(browser, report / "fourbar.html"))
+        report = write_wrong_report(Path(folder), quick)
+        index = picture(open_page(browser, report / "index.html"))
+        case = picture(open_page(browser, report / "fourbar.html"))
         wrong = load_case(Path(folder) / "linkages" / "fourbar.toml")
         motion = wrong.animate(solvers=["mujoco"], frames=2 if quick else 60, magnify=10)
     if quick:

@@ -1,7 +1,7 @@
-"""Random settings beside a chosen one: is any of them as good and cheaper?
+"""Random settings that are compared with a chosen one, in search of a cheaper one.
 
-Every setting is written as a program and run in this process, which has the engines loaded; the
-error is that of the curves in its file, against `examples.chosen.truths`.
+Every setting is written as a program and run in this process, which has the engines loaded.  The
+error is that of the curves in the program's file, by the references `examples.chosen.truths`.
 """
 
 import io
@@ -26,11 +26,11 @@ from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import PRINTED, imposed, written
 
-MORE_STEPS = 8.0  # than the chosen setting has, at most: none of them is cheaper
-LONGEST = 2.0  # times the chosen setting's wall time, after which a rival is no rival
-ROUNDS = 7  # interleaved, of which the least counts
-FINALISTS = 4  # the cheapest, timed once more, in pairs
-SPARE = 0.1  # s of a run that are no steps: the model, the file
+MAX_RATIO_OF_STEPS = 8.0  # to those of the chosen setting: none with more steps is cheaper
+MAX_RATIO_OF_TIME = 2.0  # to the wall time of the chosen setting, after which a run is ended
+ROUNDS = 7  # interleaved, of which the shortest time counts
+FINALISTS = 4  # number of cheapest settings that are timed once more, in pairs
+OVERHEAD = 0.1  # time [s] of a run that is not spent in steps: the model, the file
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,16 @@ class Rival:
 
 @dataclass(frozen=True)
 class Duel:
-    """What random settings are beside the chosen one.
+    """The comparison of random settings with the chosen one.
 
     Attributes
     ----------
     error : float
-        Of the chosen one.
+        Error of the chosen setting.
     tried, ran, good : int
-        Settings, those that ran to their end in time, and those that were as good.
+        Numbers of settings: all, those that ran to their end in time, and those as good.
     best : Rival or None
-        The cheapest that was as good.
+        The cheapest one that was as good.
     """
 
     error: float
@@ -65,7 +65,7 @@ class Duel:
 
 
 class Late(BaseException):
-    """A rival takes longer than the chosen setting."""
+    """A random setting takes too long."""
 
 
 def duel(
@@ -78,9 +78,9 @@ def duel(
     seed: int,
     rounds: int = ROUNDS,
 ) -> Duel:
-    """Run random settings of the chosen one's engine beside it.
+    """Compare random settings of the same engine with the chosen one.
 
-    Half of them are drawn from everything, half have one to three parameters that differ.
+    Half of them are drawn from all settings, half differ in one to three parameters.
     """
     dice = random.Random(seed)
     times = grid(case, "dynamics")
@@ -94,7 +94,7 @@ def duel(
         far = randomly(chosen.engine, sample, chosen, dice, None if k % 2 else dice.randint(1, 3))
         way = dice.choice(ways)
         rival = prepared(case, far, way)
-        off, spent = ran(rival, name, of, LONGEST * seconds)
+        off, spent = ran(rival, name, of, MAX_RATIO_OF_TIME * seconds)
         done += spent < inf
         if off <= error:
             good.append((far, way, rival, off))
@@ -104,7 +104,7 @@ def duel(
         for k, (_, _, rival, _) in enumerate(good):
             least[k] = min(least[k], ran(rival, name, of, inf)[1])
     first = sorted(range(len(good)), key=least.__getitem__)[:FINALISTS]
-    # the least of many times is too low: the first are timed anew, in pairs with the chosen one
+    # The least of many times is too low.  Therefore the cheapest are timed again, in pairs.
     ratios = {k: ratio([own, good[k][2]], name, of, 3 * rounds) for k in first}
     if not ratios:
         return Duel(error, count, done, found, None)
@@ -115,8 +115,8 @@ def duel(
 def ratio(codes: Sequence[object], name: str, of: str, rounds: int) -> float:
     """Wall time of the second of two programs over that of the first: the median of pairs.
 
-    Each goes first in every other pair, so that what makes the second run of a pair slower or
-    faster, or the machine for a while, is in both.
+    Each goes first in every other pair, so that both are affected alike by disturbances of the
+    machine and by an advantage of the second run of a pair.
     """
     found = []
     for n in range(rounds):
@@ -128,7 +128,7 @@ def ratio(codes: Sequence[object], name: str, of: str, rounds: int) -> float:
 def randomly(
     engine: str, sample: float, chosen: Setting, dice: random.Random, turn: int | None
 ) -> Setting:
-    """A random setting; or the chosen one with so many parameters changed."""
+    """A random setting; or the chosen one with `turn` parameters changed."""
 
     def logarithmic(low: float, high: float) -> float:
         return float(low * (high / low) ** dice.random())
@@ -136,7 +136,7 @@ def randomly(
     base = dict(chosen.parameters)
     step = float(base["timestep"])  # type: ignore[arg-type]
     count = max(1, round(sample / step))
-    most = MORE_STEPS * count if turn is None else 2 * count
+    most = MAX_RATIO_OF_STEPS * count if turn is None else 2 * count
     step = (
         sample / ceil(logarithmic(0.4 * count, most))
         if count > 1 or turn is None
@@ -167,8 +167,8 @@ def randomly(
     kept = {k: v for k, v in base.items() if k not in ("defaults",)}
     if "timestep" in names and isinstance(solref := kept.get("solref"), tuple):
         kept["solref"] = (float(solref[0]) * step / float(str(kept["timestep"])), *solref[1:])
-    turned = {name: {"timestep": step, **drawn}[name] for name in names}
-    return Setting(engine, {**kept, **turned})
+    changed = {name: {"timestep": step, **drawn}[name] for name in names}
+    return Setting(engine, {**kept, **changed})
 
 
 def prepared(case: Case, setting: Setting, drive: Imposed) -> object:
@@ -177,19 +177,19 @@ def prepared(case: Case, setting: Setting, drive: Imposed) -> object:
 
 
 def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]:
-    """Error and wall time of a program; infinite where it fails or late."""
-    said, space = io.StringIO(), dict[str, object](__name__="rival")
+    """Error and wall time of a program; infinite if it fails or takes too long."""
+    output, space = io.StringIO(), dict[str, object](__name__="rival")
     with tempfile.TemporaryDirectory() as folder:
         file = str(Path(folder) / "curves.csv")
         try:
-            with redirect_stdout(said), alarm(longest + SPARE):
+            with redirect_stdout(output), alarm(longest + OVERHEAD):
                 exec(code, space)  # type: ignore[arg-type]
                 space["main"](file)  # type: ignore[operator]
         except (SystemExit, Late, ValueError, ArithmeticError):
             return inf, inf
         finally:
-            mujoco.set_mjcb_control(None)  # of a servo, in a program that did not come to its end
-        found = PRINTED.search(said.getvalue())
+            mujoco.set_mjcb_control(None)  # set by the servo of a program that was ended
+        found = PRINTED.search(output.getvalue())
         assert found
         error = truths.errors(name, file)[of]
         return (error if error == error else inf), float(found[2])
@@ -197,7 +197,7 @@ def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]
 
 @contextmanager
 def alarm(seconds: float) -> Iterator[None]:
-    """Raise `Late` meanwhile, after a time of this process [s]."""
+    """Raise `Late` if the context takes more than a CPU time [s] of this process."""
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         raise Late

@@ -1,4 +1,4 @@
-"""Elliptic integrals and rods: tip poses, shapes and shooting, against scipy's integrals.
+"""CPU times of elliptic integrals and rods: tip poses, shapes, shooting, and scipy's integrals.
 
 python -m benchmarks.rod [rounds] [--quick]
 """
@@ -20,7 +20,7 @@ PINNED = {"x": 0.8, "y": 0.1, "guess": (0.1, 0.1, 0.1), "stiffness": 0.164933614
 
 
 def by_scipy(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array]:
-    """R, x, y as the document writes them, with scipy's incomplete integrals."""
+    """R, x, y by the document's formulas, with scipy's incomplete integrals."""
     k, _ = modulus(psi, k_rel)
     start = np.arcsin(np.cos(0.5 * psi) / k)
     count, square = 2.0 * mode - 1.0, k * k
@@ -34,8 +34,8 @@ def by_scipy(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array
     )
 
 
-def ways(count: int, batch: int) -> Iterator[Row]:
-    """What is timed: so many tips, and rods that are shot at once."""
+def methods(count: int, batch: int) -> Iterator[Row]:
+    """The timed methods, for `count` tips and `batch` rods at once."""
     rng = np.random.default_rng(0)
     psi, k_rel = rng.uniform(0.05, 6.2, count), rng.uniform(-0.999, 0.999, count)
     mode = rng.integers(1, 4, count).astype(float)
@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("rounds", type=int, nargs="?", default=5)
     given = parser.parse_args(argv)
     rounds = 1 if given.quick else given.rounds
-    found = list(ways(100, 10) if given.quick else ways(COUNT, BATCH))
+    found = list(methods(100, 10) if given.quick else methods(COUNT, BATCH))
     measure(found, rounds, 0.0 if given.quick else SPELL)
     print(f"least of {rounds} interleaved rounds, one thread, CPU time")
     print(f"{'what':16}{'how':34}{'us each':>12}{'a second':>14}")

@@ -1,15 +1,15 @@
-"""Files in the shape of other programs' exports, made from closed forms with a stated disturbance.
+"""Files in the form of other programs' exports, made from closed forms with a known disturbance.
 
     python -m benchmarks.shaped_exports
 
 writes ``models/linkages/hacksaw_inventor_shaped.csv`` and
-``models/balancers/balancer4_sam_shaped.csv``.  They come from neither program: each says in its
-first lines how it was made.  Cases beside them judge them as recorded curves.  Two other files
-drive a case: ``models/linkages/hacksaw_motor.csv``, a velocity profile, and
-``models/balancers/balancer4_sam_angles.csv``, three angles.
+``models/balancers/balancer4_sam_shaped.csv``.  These files do not come from these programs, and
+their first lines say how they were made.  Cases in the same folders compare them as recorded
+curves.  Two other files drive a case: ``models/linkages/hacksaw_motor.csv``, a velocity profile,
+and ``models/balancers/balancer4_sam_angles.csv``, three angles.
 
-The disturbances are those that an export has by itself: values with the digits that a program
-prints, at times of its own, and a joint whose zero was set by hand.
+The disturbances are those of real exports: values have the digits that a program prints, at the
+program's own times, and the zero of a joint was set by hand.
 """
 
 import argparse
@@ -25,12 +25,12 @@ from proofmass.analytic.numerics import Array
 
 MODELS = Path(__file__).parent.parent / "models"
 SHAPED = "MADE UP. Shaped like an export of {}, and not from it.\n"
-STEP, ROWS = 0.004, 972  # [s] of the hacksaw's rows: 3.884 s
-CRANK_ZERO = 0.02  # [deg] that the hacksaw's crank is off
-PENDULUM_ZERO = 0.01  # [deg] that the balancer's pendulum is off
+STEP, ROWS = 0.004, 972  # time step [s] and number of the hacksaw's rows: 3.884 s
+CRANK_ZERO = 0.02  # [deg] error of the zero of the hacksaw's crank
+PENDULUM_ZERO = 0.01  # [deg] error of the zero of the balancer's pendulum
 ANGLES = np.arange(0.0, 90.25, 0.5)  # [deg] of the balancer's rows
 Columns = dict[str, tuple[Array, int]]
-"""By header, values and the decimals that are printed."""
+"""Values, and the number of printed decimals, by header."""
 
 
 def inventor_shaped() -> tuple[str, Columns]:
@@ -76,7 +76,7 @@ Made by python -m benchmarks.shaped_exports from proofmass/analytic/linkages/hac
 
 
 def sam_shaped() -> tuple[str, Columns]:
-    """What the thesis has from SAM: prescribed angles, loads of two nodes, moment, energy."""
+    """The columns that the thesis has from SAM: angles, loads of two nodes, moment, energy."""
     case = load_case(MODELS / "balancers" / "balancer4_sam.toml")
     alpha = np.radians(ANGLES + PENDULUM_ZERO)
     known = balancer(alpha, **case.parameters)
@@ -135,7 +135,7 @@ def text_of(name: str) -> str:
 
 
 def main() -> None:
-    """Write the files below models/; nothing with --quick, which tells their sizes alone."""
+    """Write the files below models/; with --quick only their sizes are printed."""
     parser = argparse.ArgumentParser(description="Make files shaped like exports.")
     parser.add_argument("--quick", action="store_true", help="write nothing")
     quick = parser.parse_args().quick

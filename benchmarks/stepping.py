@@ -1,10 +1,10 @@
-"""What recording costs: a run of proofmass against the bare loop of the same engine and model.
+"""The cost of recording: a run of proofmass compared with the bare loop of the same engine.
 
     python -m benchmarks.stepping [--quick]
 
-Both do the same steps from the same start state with the same drive torque; the bare loop writes
-the torque and steps, the run also reads the sensors at every sample, checks that it did not fail
-and hands over curves.  Interleaved, minimum of the repeats.
+Both do the same steps from the same start state with the same drive torque.  The bare loop writes
+the torque and steps.  The run also reads the sensors at every sample, checks for failures and
+returns curves.  Runs are interleaved, and the shortest of the repeats counts.
 """
 
 import time
@@ -28,7 +28,7 @@ REPEATS = 15
 
 
 def bare(path: Path, run: Run) -> float:
-    """Seconds of the engine alone: torque, step."""
+    """Wall time [s] of the engine alone: torque and step."""
     model, data = load(path, run)
     count, step = run.steps(model.opt.timestep)
     model.opt.timestep = step
@@ -47,7 +47,7 @@ def bare(path: Path, run: Run) -> float:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Print a row a case and setting."""
+    """Print a row for each case and setting."""
     quick = command(__doc__).parse_args(argv).quick
     print(f"{'case':<18}{'solver':<16}{'steps':>8}{'bare [s]':>10}{'run [s]':>10}{'ratio':>8}")
     for name in ("fourbar",) if quick else ("fourbar", "hacksaw", "pendulum"):

@@ -1,4 +1,4 @@
-"""What recording costs: a recorded run against the bare loop (drive, step) of its space.
+"""The cost of recording: a recorded run compared with the bare loop (drive, step) of its space.
 
 python -m benchmarks.stepping_pymunk [samples] [--quick]
 """
@@ -21,7 +21,7 @@ SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Print recorded time over bare time, the least of some repeats each."""
+    """Print recorded time over bare time, each the shortest of some repeats."""
     parser = command(__doc__)
     parser.add_argument("samples", type=int, nargs="?", default=361)
     given = parser.parse_args(argv)

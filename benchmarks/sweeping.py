@@ -1,9 +1,9 @@
-"""How many poses a second quasi-static sweeps do in both engines.
+"""Poses per second of quasi-static sweeps in both engines.
 
     python -m benchmarks.sweeping [--quick]
 
-Interleaved, the least of the repeats.  A sweep reads positions alone, these and rates, or all
-channels of its case, with moments and forces where the case has them.
+Runs are interleaved, and the shortest of the repeats counts.  A sweep reads positions alone,
+positions and rates, or all channels of its case, with moments and forces if the case has them.
 """
 
 from collections.abc import Sequence
@@ -24,11 +24,11 @@ STAGES = {
     "with rates": mujoco.mjtStage.mjSTAGE_VEL,
     "all": mujoco.mjtStage.mjSTAGE_ACC,
 }
-"""Up to which stage of MuJoCo's the sensors are read."""
+"""The last stage of MuJoCo whose sensors are read."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Print a row for each case and what is read of it."""
+    """Print a row for each case and each of `STAGES`."""
     quick = command(__doc__).parse_args(argv).quick
     print(f"{'poses a second':<28}{'poses':>6}" + "".join(f"{name:>10}" for name in ENGINES))
     for name in CASES[:1] if quick else CASES:

@@ -1,14 +1,15 @@
-"""Timing several pieces of work against each other on a machine that others use as well.
+"""Times of several pieces of work, compared on a machine that others use as well.
 
-The rounds are interleaved and the least of each is kept, since whatever disturbs a measurement
-makes it longer; the time of the process stands beside that on the wall, which counts waiting too.
+The rounds are interleaved and the shortest time of each piece is kept, because every disturbance
+makes a measurement longer.  The time of the process is measured in addition to the wall time, which
+includes waiting.
 """
 
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-SPELL = 0.2  # s, for which a row is timed in each round
+SPELL = 0.2  # time [s] for which a row is timed in each round
 
 
 @dataclass
@@ -19,11 +20,11 @@ class Row:
     ----------
     mechanism, method : str
     gives : str
-        What it finds: p position, v velocity, a acceleration, h holding moments.
+        Results: p position, v velocity, a acceleration, h holding moments.
     poses : int
-        Solved by one call of `work`.
+        Number of poses that one call of `work` solves.
     wall, own : float
-        Shortest time of a call so far, on the wall and of this process alone [s].
+        Shortest wall time and process time of a call so far [s].
     """
 
     mechanism: str
@@ -35,7 +36,7 @@ class Row:
     own: float = float("inf")
 
     def run(self, spell: float) -> None:
-        """Time calls until a spell [s] is over, one at least."""
+        """Time calls for `spell` [s], at least one."""
         end = time.perf_counter() + spell
         while True:
             wall, own = time.perf_counter(), time.process_time()
@@ -47,7 +48,7 @@ class Row:
 
     @property
     def speed(self) -> float:
-        """Poses a second of process time."""
+        """Poses per second of process time."""
         return self.poses / self.own
 
 

@@ -1,7 +1,8 @@
 """pylinkage 1.3, used as its README recommends: components, dyads, `simulation.Linkage`.
 
-It turns a crank by equal steps, and every pose starts from the last.  `step` is its loop in Python,
-`step_fast` the same compiled by numba, each with a variant that gives velocities and accelerations.
+pylinkage rotates a crank by equal steps, and every pose starts from the last one.  `step` is its
+loop in Python, and `step_fast` the same loop compiled by numba.  Both have a variant that gives
+velocities and accelerations.
 """
 
 from collections.abc import Callable
@@ -23,7 +24,7 @@ def fourbar(poses: int) -> Linkage:
     base, far = Ground(0.0, 0.0), Ground(3.0, 0.0)
     crank = Crank(anchor=base, radius=1.0, angular_velocity=2.0 * np.pi / poses)
     rocker = RRRDyad(anchor1=crank.output, anchor2=far, distance1=2.0, distance2=2.5)
-    return turning(Linkage([base, far, crank, rocker]), crank)
+    return set_crank_rate(Linkage([base, far, crank, rocker]), crank)
 
 
 def slider_crank(poses: int) -> Linkage:
@@ -33,22 +34,22 @@ def slider_crank(poses: int) -> Linkage:
     slider = RRPDyad(
         revolute_anchor=crank.output, line_anchor1=near, line_anchor2=far, distance=2.0
     )
-    return turning(Linkage([base, near, far, crank, slider]), crank)
+    return set_crank_rate(Linkage([base, near, far, crank, slider]), crank)
 
 
-def turning(linkage: Linkage, crank: Crank) -> Linkage:
+def set_crank_rate(linkage: Linkage, crank: Crank) -> Linkage:
     """Set the crank's rate for the velocity analysis to 1 rad/s."""
     linkage.set_input_velocity(crank, omega=1.0)
     return linkage
 
 
 def angles(poses: int) -> Array:
-    """Where the poses are: the first is one step behind the start."""
+    """Crank angles of the poses; the first is one step after the start."""
     return np.linspace(0.0, 2.0 * np.pi, poses + 1)[1:]
 
 
 def rows(mechanism: str, build: Callable[[int], Linkage], few: int, many: int) -> list[Row]:
-    """All ways to move one linkage once round, in few poses where Python does it, else in many."""
+    """All methods for one turn of a linkage: with few poses in Python, with many compiled."""
     slow, fast = build(few), build(many)
     return [
         Row(mechanism, "pylinkage step", "p", few, lambda: list(slow.step(few))),
@@ -73,6 +74,6 @@ def rows(mechanism: str, build: Callable[[int], Linkage], few: int, many: int) -
 def difference(
     build: Callable[[int], Linkage], truth: Callable[[Array], Array], many: int
 ) -> float:
-    """Largest error of position, velocity and acceleration of a turn; truth gives (3, n, 2)."""
+    """Largest error of position, velocity and acceleration of a turn, by a reference (3, n, 2)."""
     found = np.array(build(many).step_fast_with_kinematics(many))[:, :, -1]
     return float(np.abs(found - truth(angles(many))).max())
