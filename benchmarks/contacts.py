@@ -49,8 +49,8 @@ CASES = {
 }
 """Channels in the table, by case."""
 POSITION_UNITS = ("m", "rad")
-"""Units of channels whose largest errors are listed.  For velocities, which jump, it is the root mean
-square of the errors."""
+"""Units of channels whose largest errors are listed.  The list has root mean squares of the errors
+of velocities, which jump."""
 ROUNDING = 1e-10
 """Errors [SI] below this are rounding errors of 10,000 steps, and no order is stated for them."""
 CREEPS: dict[str, dict[str, Any]] = {

@@ -1,10 +1,10 @@
-"""Is the first cause that proofmass names the fault that was planted?
+"""Comparison of the first cause that proofmass names with a fault that was planted.
 
     python -m benchmarks.diagnosis [--quick]
 
 Plants faults in two dozen cases, one at a time: wrong lengths, masses, stiffnesses and loads,
-turned signs, wrong units, offsets, shifted samples, exchanged quantities, other assembly modes.
-Writes docs/diagnosis.md; with --quick it plants a few and writes nothing.
+reversed signs, wrong units, offsets, shifted samples, exchanged quantities, other assembly modes.
+Writes docs/diagnosis.md; with --quick it plants a few faults and prints the page.
 """
 
 import sys
@@ -25,7 +25,7 @@ from proofmass.wording import number
 HEAD = """# Why a run differs
 
 When a run differs from its reference, `proofmass check` looks for one change of the case that would
-explain it. Of a four-bar whose rocker was made 1 % longer in the model it says:
+explain the difference. For a four-bar whose rocker was made 1 % longer in the model it prints:
 
 ```
   cause: in fourbar.xml: site of rocker_end x = 2.5 m instead of 2.525 m (-0.9901 %)
@@ -34,33 +34,43 @@ explain it. Of a four-bar whose rocker was made 1 % longer in the model it says:
          2.525 stands in fourbar.xml, line 33
 ```
 
-The centre of mass was left in its place, so that the holding moment does not follow the parameter
-of the reference, and the number of the model explains more. Each
-parameter of the reference is fitted to the curves of the engine alone, and pairs of parameters if
-no single one explains all. Also tried are the sign, unit, factor and offset of each channel, other
-quantities of the reference, shifts by a sample or any step, other assembly modes, and, in a run in
-time that is short, half the time step. A change *explains* a channel if the channel then differs by
-no more than twice its tolerance, or by a thousandth of what it differed by. Changes that the curves
-do not tell apart are listed together. The causes are in `proofmass check --json` under `diagnoses`,
-in Python in `proofmass.check(...).diagnoses`, and in the message of a failed pytest item;
+In this model the centre of mass of the rocker was not moved, so that the holding moment is not that
+of a reference with a longer rocker. Therefore the number of the model explains more channels than
+the parameter of the reference.
+
+The following changes of the case are tried:
+
+- another value of each parameter of the reference, fitted to the curves of the engine, and of pairs
+  of parameters if no single one explains all channels;
+- another sign, unit, factor or offset of each channel, and another quantity of the reference;
+- a shift along x by one or two samples or by any distance;
+- another assembly mode;
+- half the time step, in a dynamics run that takes little time;
+- another value of each number of the model, if no single change of the reference explains all
+  channels and one run is quick. The engine is then run again with changed models. For the four-bar
+  above this names the site of the rocker's end, which the moment follows. It also finds a wrong
+  number where the reference is a recorded curve, or where the reference reads the model itself and
+  a channel is compared with a number.
+
+A change *explains* a channel if the channel then differs by no more than twice its tolerance, or by
+a thousandth of its difference before. Changes that the curves cannot distinguish are listed
+together. The causes are in `proofmass check --json` under `diagnoses`, in Python in
+`proofmass.check(...).diagnoses`, and in the message of a failed pytest item;
 `proofmass.diagnosis.find_causes` describes the method.
 
-Of a failed run the terminal says which channel left its tolerance first, how the constraint
+For a failed run the terminal says which channel left its tolerance first, how the constraint
 violation grew, and with which shorter step the run comes to its end.
 
-Where no single change of the reference explains all, each number of the model is fitted as well, by
-running the engine again with changed models, if one run is quick: of the four-bar above it names
-the site of the rocker's end, which the moment follows. So a wrong number is found too where the
-reference is a recorded curve, or where it reads the model itself and a channel is held to a number.
-
 A cause is a hypothesis: the change makes the reference agree with the curves. Whether the model or
-the sidecar has the wrong number is for people to decide.
+the sidecar has the wrong number is for the user to decide.
 
 ## Planted faults
 
-`python -m benchmarks.diagnosis` planted {count} faults in {cases} cases. The first cause named is
-the planted one in {first}, and it is among the first three in {three}. A search takes {mean} s on
-average, {slowest} s at most. *Left* is the share of the differences that the first cause leaves.
+`python -m benchmarks.diagnosis` planted {count} faults in {cases} cases, one at a time. The planted
+fault is the first cause that is named for {first} of them, and it is among the first three causes
+for {three}. A search takes {mean} s on average, and {slowest} s at most. The column *differing* has
+the channels that differ, *place* the position of the planted fault among the named causes, and
+*left* the share of the differences that the first cause leaves.
 
 | case | run | engine | fault | differing | place | first cause | left | seconds |
 |---|---|---|---|---|---|---|---|---|"""
@@ -79,7 +89,7 @@ class Fault:
 
 
 def parameter(case: str, **changes: float) -> Iterator[Fault]:
-    """Faults of parameters of one case, each by a factor."""
+    """Faults of a case: each named parameter is multiplied by a factor."""
     for name, factor in changes.items():
         yield Fault(case, "parameter", name, factor)
 
@@ -145,7 +155,9 @@ CHANNELS = [
     Fault("double_crank", "mode", "", 0.0),
 ]
 FAULTS = [*PARAMETERS, *RUNS, *CHANNELS]
-"""Sixty and some faults in two dozen cases."""
+"""More than sixty faults in two dozen cases."""
+NOT_NAMED = 99
+"""Place of a fault that is not among the named causes."""
 
 
 def case_of(name: str) -> Case:
@@ -161,8 +173,8 @@ def solved(name: str, run: Kind, solver: str) -> tuple[Case, Curves]:
     return case, solve(case, run, solver)
 
 
-def planted(fault: Fault) -> tuple[Case, Curves]:
-    """The case with the fault, and the solver's curves, of which channels may be at fault."""
+def plant(fault: Fault) -> tuple[Case, Curves]:
+    """The case and the curves of the solver, one of them with the fault."""
     case, curves = solved(fault.case, fault.run, fault.solver)
     channels = dict(curves.channels)
     if fault.kind == "parameter":
@@ -185,8 +197,8 @@ def planted(fault: Fault) -> tuple[Case, Curves]:
     return case, replace(curves, channels=channels)
 
 
-def names(cause: Explanation, fault: Fault, case: Case) -> bool:
-    """Whether a cause, or one that the curves do not tell apart from it, is the planted one."""
+def is_planted(cause: Explanation, fault: Fault, case: Case) -> bool:
+    """Whether a cause is the planted fault, or the curves cannot distinguish it from the fault."""
     words = (cause.words, *cause.same)
     if fault.kind == "parameter":
         true = case.parameters[fault.where] / fault.amount
@@ -202,8 +214,8 @@ def names(cause: Explanation, fault: Fault, case: Case) -> bool:
     if fault.kind == "quantity":
         a, b = fault.where.split()
         return all(f"{name} equal to" in words[0] for name in (a, b))
-    turned = {
-        ("factor", -1.0): "with the opposite sign",
+    phrase = {
+        ("factor", -1.0): "turned in sign",
         ("factor", 180 / np.pi): "in degrees",
         ("factor", np.pi / 180): "in radians",
         ("factor", 1e3): "in thousandths",
@@ -213,19 +225,19 @@ def names(cause: Explanation, fault: Fault, case: Case) -> bool:
         ("offset", -np.pi / 2): "a quarter turn behind",
         ("offset", 0.05): "off by 0.05",
     }[fault.kind, fault.amount]
-    return any(w.startswith(fault.where) and turned in w for w in words)
+    return any(w.startswith(fault.where) and phrase in w for w in words)
 
 
 def search(fault: Fault) -> tuple[int, Diagnosis]:
-    """The place of the planted cause among those that are named, 99 if it is not; and all."""
-    case, curves = planted(fault)
+    """The place of the planted fault among the named causes, or `NOT_NAMED`; and the diagnosis."""
+    case, curves = plant(fault)
     found = find_causes(case, fault.run, fault.solver, curves)
-    there = (k for k, c in enumerate(found.causes, 1) if names(c, fault, case))
-    return next(there, 99), found
+    places = (k for k, c in enumerate(found.causes, 1) if is_planted(c, fault, case))
+    return next(places, NOT_NAMED), found
 
 
 def row(fault: Fault, place: int, found: Diagnosis) -> str:
-    """A row of the table."""
+    """The row of a fault in the table."""
     amount = {"shift": f"{fault.amount:+.0f} samples", "mode": "other", "quantity": "exchanged"}
     what = f"{fault.kind} {fault.where} {amount.get(fault.kind, f'{fault.amount:.6g}')}"
     what = what.replace("  ", " ")
@@ -236,7 +248,7 @@ def row(fault: Fault, place: int, found: Diagnosis) -> str:
         fault.solver,
         what,
         f"{len(found.differing)} of {found.checked}",
-        str(place) if place < 99 else "none",
+        str(place) if place < NOT_NAMED else "none",
         best.words if best else "",
         number(best.left, 2) if best else "",
         f"{found.seconds:.2f}",

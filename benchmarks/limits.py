@@ -1,12 +1,12 @@
-"""Is every limit that docs/stress.md states of a case in time one in a bare engine?
+"""Comparison of the limits of dynamics runs in docs/stress.md with programs in bare engines.
 
     python -m benchmarks.limits [folder] [--only CASE ...] [--changed] [--quick]
 
 Writes docs/limits.md.  For each limit of a dynamics run the case is changed as `proofmass stress`
-changes it, to 2 % before the printed limit and to 2 % beyond it, and both are written as programs
-and run in interpreters without proofmass.  Where a first and a last boundary are printed, both are
-run as well.  With --only the rows of all other cases stay as they are, with --changed all rows that
-confirm a limit as it is printed now.
+changes it, to 2 % before the printed limit and to 2 % beyond it.  Both changed cases are written as
+programs and run in interpreters without proofmass.  Where a first and a last boundary are printed,
+programs at these two values are run as well.  With --only the rows of all other cases are kept,
+with --changed all rows that confirm a limit as it is printed now.
 """
 
 from collections import Counter
@@ -29,9 +29,9 @@ from proofmass.studies.stress.limit_search import LimitSearch, beside
 from proofmass.studies.trade.program import LATE, imposed, tried
 from proofmass.studies.trade.verify import as_used
 
-AGREE = 0.02
-"""Share of a limit by which its two sides are away from it."""
-LONGEST = 120.0
+DISTANCE = 0.02
+"""Distance of the two tried values from a limit, as a share of it."""
+TIMEOUT = 120.0
 """Wall time after which a program is ended [s]."""
 JOBS = 2
 CONFIRMED = "confirmed"
@@ -39,18 +39,19 @@ WIDTH = 7  # cells of a row
 UNSTABLE, INACCURATE = str(BoundaryKind.UNSTABLE), str(BoundaryKind.INACCURATE)
 HEAD = """# Limits in bare engines
 
-`python -m benchmarks.limits` made this. [Where it breaks](stress.md) states {count} limits of cases
-in dynamics runs. Each case was changed as `proofmass stress` changes it, to 2 % before the printed
-limit and to 2 % beyond it, written as two programs, and these were run with `python -I`, in which
-there is no proofmass.
+`python -m benchmarks.limits` made this page. [Where it breaks](stress.md) states {count} limits of
+cases in dynamics runs. Each case was changed as `proofmass stress` changes it, to 2 % before the
+printed limit and to 2 % beyond it. Both changed cases were written as programs and run with
+`python -I`, in which proofmass cannot be imported.
 
-A limit is *confirmed* where the program before it is right to a tenth of the range in all
-positions, and the one beyond it fails, or is further off. Where a first and a last boundary are
-stated, {several} of them, two more programs are run, at these values: the first fails, the last
-holds, 2 % before the first holds, and 2 % beyond the last fails, unless the last is also the last
-value that `stress` tries. Limits of sweeps are not among
-these: a sweep has no time steps, its poses are found by proofmass with what the engine computes.
-Limits of energy are confirmed by scripts (`tests/studies/stress/bare/`).
+A limit is *confirmed* if all positions of the program before it are within a tenth of the range of
+the reference, and the program beyond it fails or has a larger error. Of {several} limits a first
+and a last boundary are stated, and two more programs were run at these values. Such a limit is
+confirmed if the program at the first value fails and the one at the last value holds, if the one
+2 % before the first value holds, and if the one 2 % beyond the last value fails, unless the last
+value is also the last that `stress` tries. The table has no limits of sweeps: a sweep has no time
+steps, and proofmass finds its poses with what the engine computes. Limits of energy are confirmed
+by scripts (`tests/studies/stress/bare/`).
 
 | result | limits |
 |---|---|
@@ -82,7 +83,7 @@ class PrintedLimit:
 
 @dataclass(frozen=True)
 class BareLimit:
-    """A printed limit, and what became of the programs before and beyond it, in words."""
+    """A printed limit, and the results of the programs before and beyond it, in words."""
 
     limit: PrintedLimit
     before: str
@@ -91,7 +92,7 @@ class BareLimit:
 
 
 class NoProgram(Exception):
-    """A run that cannot be written as a program; says why."""
+    """A run cannot be written as a program, for the reason in the message."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -154,12 +155,12 @@ def is_confirmed(one: PrintedLimit, kept: Mapping[tuple[str, ...], list[str]]) -
 
 
 def kept_cells(one: PrintedLimit, kept: Mapping[tuple[str, ...], list[str]]) -> list[str]:
-    """The row of a limit that is not run again, if there is one and it is of the limit as printed.
+    """The cells of a kept row of a limit, if there is one and the limit is still printed the same.
 
     Raises
     ------
     SystemExit
-        Another limit is printed now.
+        The row confirms another value than the one that is printed now.
     """
     cells = kept.get(one.key, [])
     if cells and cells[3] != one.words:
@@ -189,16 +190,16 @@ def confirm(limits: Sequence[PrintedLimit], store: Store) -> list[BareLimit]:
 
 
 def run_program(task: StudyRun, store: Store) -> Measurement:
-    """The errors of a dynamics run as a program, at the motion that its drives really had."""
+    """The errors of a dynamics run as a program, at the actual motion of its drives."""
     if task.run != "dynamics":
         raise NoProgram(f"a program steps through time, and this is the {task.run}")
     drive = imposed(task.case, task.setting.engine)[0]
     try:
         used = as_used(task.case, task.setting)
-    except Diverged:  # the engine tells no number of iterations: as many as proofmass ever takes
+    except Diverged:  # the number of iterations is not known: take the largest
         used = task.setting.but(iterations=MOST)
     try:
-        ran = tried(task.case, used, drive, store, LONGEST)
+        ran = tried(task.case, used, drive, store, TIMEOUT)
     except Unsupported as error:
         raise NoProgram(str(error)) from None
     if ran.failure:
@@ -210,8 +211,8 @@ def run_program(task: StudyRun, store: Store) -> Measurement:
 
 
 def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
-    """Run what is tried before and beyond a limit."""
-    up, away = search.reach > search.start, 1.0 + AGREE
+    """Run the programs before and beyond a limit, and at both of its values if it has two."""
+    up, away = search.reach > search.start, 1.0 + DISTANCE
     last = limit.again if limit.again == limit.again else limit.value
     values = [
         beside(limit.value, away, search.start, not up),
@@ -219,7 +220,7 @@ def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
     ]
     if limit.again == limit.again:
         values += [limit.value, limit.again]
-        if isclose(limit.again, search.reach, rel_tol=AGREE):  # nothing beyond it was tried
+        if isclose(limit.again, search.reach, rel_tol=DISTANCE):  # stress tried no value beyond it
             values[1] = limit.value
     try:
         before, beyond, *ends = (search.trial(value).failure for value in values)
@@ -229,7 +230,7 @@ def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
 
 
 def judge(before: Failure | None, beyond: Failure | None, *ends: Failure | None) -> str:
-    """What two sides say of a limit, and its ends if it has two.
+    """The result for a limit from its runs before and beyond it, and at its first and last value.
 
     >>> failed = Failure("", BoundaryKind.UNSTABLE)
     >>> judge(None, failed), judge(failed, failed), judge(None, None)
@@ -250,7 +251,7 @@ def judge(before: Failure | None, beyond: Failure | None, *ends: Failure | None)
 
 
 def words(failure: Failure | None) -> str:
-    """What became of a program."""
+    """The result of a program in words."""
     return failure.message.replace("|", "¦") if failure else "holds"
 
 

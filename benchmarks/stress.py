@@ -1,12 +1,12 @@
-"""Where engines break: small models beside the limits that theory knows, and extremes of cases.
+"""Limits of engines: small models compared with theory, and extreme parameters of cases.
 
     python -m benchmarks.stress [folder] [--only CASE ...] [--parameter TEXT ...] [--quick]
 
 Writes docs/stress.md and docs/stress.png.  Runs are kept in the folder (reports/stress), so that a
-call goes on where another was interrupted.  With --only the limits of these cases are searched
-again, with --parameter those whose parameter and solver contain a text, such as "time step,
-mujoco", and all other rows of docs/stress.md stay as they are.  --only theory makes the table and
-the figure of the small models again.
+call continues where another was interrupted.  With --only the limits of these cases are searched
+again, with --parameter only those whose parameter and solver contain a text, such as "time step,
+mujoco"; all other rows of docs/stress.md are kept.  --only theory makes the table and the figure of
+the small models again.
 """
 
 from collections.abc import Iterator, Sequence
@@ -44,98 +44,111 @@ CASES = (
 )
 HEAD = """# Where it breaks
 
-`python -m benchmarks.stress` made this; `proofmass stress` and `proofmass stress CASE` do the same
-for the first table and for any case. It increases or decreases one parameter at a time until the
-run fails, and locates each boundary to 1 % by bisection. A run fails when the engine says so, when
-it is not finite, when a loop comes open by a tenth of the mechanism, or when a position or a
-holding moment is off by a tenth of its range. *In silence* means that the engine itself says
-nothing of it. The kinds of limits are:
+`python -m benchmarks.stress` made this page. `proofmass stress` makes the first table, and
+`proofmass stress CASE` makes the table of any case. One parameter at a time is increased or
+decreased until the run fails, and each boundary is located to 1 % by bisection. A run fails if the
+engine reports a failure, if its curves are not finite, if the constraint violation reaches a tenth
+of the size of the mechanism, or if a position or a holding moment has an error of a tenth of its
+range. *In silence* means that the engine itself does not report the failure. The kinds of limits
+are:
 
 {limits}
 
-Two values, such as *2 to 2.5*, are the first and the last of several boundaries. At the first a run
-fails, and 2 % before it none does; the last holds, and 2 % beyond it none does; between them some
-values hold and others fail. Beside each boundary that bisection found, values are tried that are
-1.01 to 1.4 times away, to both sides: where one before it fails, or one beyond it holds, the first
-and the last are looked for. Boundaries that all these values miss are not seen. There are two
-causes. An error goes up and down with the parameter, and passes a tenth several times: that of
-`fivebar` in RK4 is 0.147 of the range in steps of 0.445 s, 0.033 in 0.453 s, 0.144 in 0.46 s. And
-`change_point` goes on, fails or takes the other way at each pass through the pose in which its
-bars are in line, by where its steps fall there: with Euler it holds in steps of 0.06971 s, and is
-failed in 0.069715 s; rounding does not decide there, changes of the step by 1e-9 change nothing. In
-pymunk it decides: with a last body 62 times as heavy `change_point` holds, with 62.00000006 times
-it fails, and with 62.00000025 times it holds; `fivebar` fails with 0.0072 of the length to spare,
-and holds with 0.0072000000144. So these limits are of a machine: the same version found 60.39 to
-65.79 times on one, and 62.06 to 66.89 times on another.
+Two values, such as *2 to 2.5*, are the first and the last of several boundaries. A run fails at the
+first value, and holds 2 % before it. A run holds at the last value, and fails 2 % beyond it.
+Between the two some values hold and others fail. To find such boundaries, values that differ by
+factors of 1.01 to 1.4 from each boundary that bisection found are tried before and beyond it. Where
+one before it fails, or one beyond it holds, the first and the last boundary are searched.
+Boundaries that lie between all these values are not found.
 
-Where nothing is known beyond, the last value that held is given. It depends on the machine where
-time ran out: a run has 60 s.
+There are two causes of several boundaries. The first is an error that rises and falls with the
+parameter, so that it passes a tenth of the range several times: the error of `fivebar` in RK4 is
+0.147 of the range with steps of 0.445 s, 0.033 with 0.453 s, and 0.144 with 0.46 s. The second is
+the pose of `change_point` in which its bars are in line. At each pass through this pose the
+mechanism continues, fails or takes the other assembly mode, depending on where the steps are. With
+Euler it holds with steps of 0.06971 s, and fails with 0.069715 s. Rounding does not decide there:
+changes of the step by 1e-9 change nothing. In pymunk rounding decides: with a last body 62 times as
+heavy `change_point` holds, with 62.00000006 times it fails, and with 62.00000025 times it holds;
+`fivebar` fails with 0.0072 of the length to spare, and holds with 0.0072000000144. Therefore these
+limits depend on the machine: the same version found 60.39 to 65.79 times on one machine, and 62.06
+to 66.89 times on another.
 
-The time step that is asked for is the one that is taken. Whole steps lead from sample to sample, as
-many as fit between two samples of the case, and the end of the run is moved to the nearest sample;
-a drive at constant speed that makes no whole turns, or one by a law, ends at the last sample before
-its end. Faster drives and longer runs are stepped in the same way, down to four steps for the whole
-run. Where another parameter is varied, the samples are those of the sidecar, and the step is the
-longest whole part of a sample up to the step that the model asks for. The step that the engine took
-is a column of `stress.csv`.
+If nothing is known beyond a value, the table has the last value that held. This value depends on
+the machine if the run beyond it exceeded its 60 s.
 
-`tests/studies/stress/test_stress_bare.py` confirms 40 of these boundaries within 2 %, by scripts in
-`tests/studies/stress/bare/` that import an engine and NumPy and nothing of proofmass: time steps of
-the pendulum and of four-bars, gravity, springs, drive speed, energy, and small models.
+Where the time step is varied, the engine takes exactly the step that is tried. As many whole steps
+as fit between two samples of the case lead from one sample to the next, and the end of the run is
+moved to the nearest sample. With a drive at constant speed that makes no whole turns, or with a
+motion profile, the run ends at the last sample before its end. Faster drives and longer runs are
+stepped in the same way, down to four steps for the whole run. Where another parameter is varied,
+the samples are those of the sidecar, and the step is the longest whole fraction of their distance
+up to the step of the model. The step that the engine took is a column of `stress.csv`.
+
+`tests/studies/stress/test_stress_bare.py` confirms 40 of these boundaries within 2 % with scripts
+in `tests/studies/stress/bare/` that import an engine and NumPy and nothing of proofmass. These are
+limits of time steps of the pendulum and of four-bars, gravity, springs, drive speed, energy, and
+small models.
 
 `python -m benchmarks.limits` confirms the limits of cases in dynamics runs by programs in bare
 engines: [Limits in bare engines](limits.md). Limits of sweeps are those of proofmass and an engine
-together: proofmass searches for the poses, with what the engine computes of them.
+together, because proofmass searches for the poses with what the engine computes.
 
-What is said of pymunk holds of Chipmunk as proofmass sets it: pins that close in one step; as many
-iterations as the poses need, up to 3000; a link on the ground that is nearly a point mass as a body
-of twice its mass at half its distance, which swings in the same way. So the pendulum takes steps of
-up to 0.0547 s; built as a point mass, of up to 0.0475 s.
+The limits of pymunk are those of Chipmunk with the settings of proofmass. Pins close in one step.
+There are as many iterations as the poses need, up to 3000. A link on the ground that is nearly a
+point mass is built as a body of twice its mass at half its distance, which swings in the same way.
+With this body the pendulum takes steps of up to 0.0547 s; built as a point mass it takes steps of
+up to 0.0475 s.
 
-The parameters of cases:
+The parameters of cases are:
 
 - *Length to spare where bars come in line*: the last link of the last loop is shortened until the
-  mechanism only just makes its way, by its reference. There bars come in line and two assembly
-  modes meet: a change point of a four-bar, the couplers of a five-bar one on the other. Given is
-  the share of that length that an engine needs beyond it to stay in its mode. *Where an arm is
-  stretched*: the same for both links that the last loop holds together, in line end to end. An
-  open loop turns them by its gap over the root of that share
+  mechanism can only just make its whole way, according to its reference. There bars come in line
+  and two assembly modes meet: a four-bar has a change point, and the couplers of a five-bar lie one
+  on the other. The boundary is the additional length that an engine needs to stay in its mode, as a
+  share of that length. *Where an arm is stretched*: the same for both links that the last loop
+  connects, which come in line end to end. A constraint violation, as a share of the size, rotates
+  the links by this share divided by the square root of the length to spare
   (`tests/studies/stress/test_stress_singular.py`).
-- *Drive's way*: to a limit position, of the reference and of the engine. *Until a rod snaps*: until
-  positions differ on the way back; of chains, beside the fold of the rod.
-- *Spring in a joint*: from one swing in the run to 1e12 times as stiff. Chipmunk's bodies go
-  straight ahead during a step, so that there only small swings have a theory.
-- *All lengths*: gravity goes with them, masses and times stay. By dimensional analysis errors are
-  those of the mechanism's own size; where they are ten times as large the run fails. MuJoCo
-  compiles what is less than 1e-6 m from its body's origin as the origin (`kFrameEps`), and refuses
-  inertias up to 1e-15 kg m² (`mjMINVAL`): that is the theory for MuJoCo. It compiles the model for
-  pymunk as well, of which nothing is known below.
-- *Steps*: the same motion on and on, to and fro where it does not close; *until the energy is off*:
-  of the free motion, whatever its reference.
+- *Drive's way*: the drive moves as far as the limit position of the reference, which is the theory,
+  and of the engine. *Until a rod snaps*: the drive moves until the positions on the way back
+  differ; the boundary of the chain is compared with the fold of the rod.
+- *Spring in a joint*: the stiffness is increased from one swing in the run to 1e12 times as much.
+  Chipmunk's bodies move straight ahead during a step, so that there only small swings have a
+  theory.
+- *All lengths*: gravity is scaled with the lengths; masses and times stay the same. By dimensional
+  analysis the errors, as shares of the range, are those of the mechanism's own size; the run fails
+  if they are ten times as large. MuJoCo compiles a point less than 1e-6 m from its body's origin as
+  the origin (`kFrameEps`), and refuses inertias up to 1e-15 kg m² (`mjMINVAL`). These two limits
+  are the theory for MuJoCo. MuJoCo also compiles the model for pymunk, so that nothing is known of
+  pymunk below them.
+- *Steps*: the same motion is repeated, to and fro if it is not closed. *Until the energy is off*:
+  the free motion continues, whatever its reference.
 """
-KNOWN = """## Beside theory
+KNOWN = """## Comparison with theory
 
 A spring and a damper on one coordinate have ω² = k/I and ζ = c/(2 I ω). With z = dt ω, a step of
 each integrator is a matrix (`proofmass/studies/stress/theory.py`);
-`tests/studies/stress/test_stress_theory.py` holds the engines' own steps to it, to 1e-12. The limit
-is where an eigenvalue leaves the unit circle. {near} of {all} boundaries are within {within:.0%} of
-theory, the furthest at a ratio of {furthest}.
+`tests/studies/stress/test_stress_theory.py` confirms that the engines' own steps agree with this
+matrix to 1e-12. The limit is the value at which an eigenvalue leaves the unit circle. {near} of
+{all} boundaries are within {within:.0%} of theory; the largest deviation is a ratio of {furthest}.
 
 ![Boundaries as bars, theory as ticks, and the ratios](stress.png)
 
-- MuJoCo's Euler, implicit and implicitfast are implicit in the damper, not in the spring:
-  z < 2 (ζ + √(1 + ζ²)); with `eulerdamp="disable"` z < 2 (√(1 + ζ²) − ζ), where damping costs.
-- RK4 is explicit in both, and goes to 2 √2 undamped; `discrete` is implicit in both.
-- Chipmunk takes damping out exactly, after the spring has acted: z² < 2 (1 + exp 2ζz), which always
-  holds from ζ = 0.246 on.
-- A `solref` is an explicit spring with critical damping: `refsafe` keeps it from 2 dt upwards;
-  without, 1.21 dt is the edge with Euler, and 0.36 dt with RK4.
-- A velocity servo is an explicit damper to Euler and RK4, and none to the implicit integrators.
-- Flat cylinders that hang above a floor, at rest and without weight, are moved by contacts that are
-  not there: [Contacts and friction](contacts.md#a-flat-cylinder-that-hangs-above-a-floor).
+- MuJoCo's Euler, implicit and implicitfast are implicit in the damper, but not in the spring: they
+  are stable for z < 2 (ζ + √(1 + ζ²)). With `eulerdamp="disable"` they are stable for
+  z < 2 (√(1 + ζ²) − ζ), so that damping lowers the limit.
+- RK4 is explicit in both, and stable up to z = 2 √2 without damping. `discrete` is implicit in
+  both.
+- Chipmunk applies damping exactly, after the spring has acted: it is stable for
+  z² < 2 (1 + exp 2ζz), which is always satisfied from ζ = 0.246 on.
+- A `solref` is an explicit spring with critical damping. `refsafe` keeps its time constant at 2 dt
+  or more. Without `refsafe` the limit is 1.21 dt with Euler, and 0.36 dt with RK4.
+- A velocity servo is an explicit damper in Euler and RK4, but not in the implicit integrators.
+- Flat cylinders that hang above a floor, at rest and without gravity, are moved by contacts that
+  should not exist: [Contacts and friction](contacts.md#a-flat-cylinder-that-hangs-above-a-floor).
 """
 THEORY = "theory"
-"""With --only: the small models, in place of a case."""
+"""Value of --only that stands for the small models."""
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -147,7 +160,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if given.only:
         renew(given.only, given.parameter, given.folder)
         return
-    most = 1 if given.quick else None  # boundaries, of small models and of each case
+    most = 1 if given.quick else None  # number of boundaries of small models and of each case
     with folders(given.quick, given.folder) as (folder, docs):
         store = Store(folder / "runs")
         with pool() as workers:
@@ -156,24 +169,24 @@ def main(argv: Sequence[str] | None = None) -> None:
                 name: extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
                 for name in (("pendulum",) if given.quick else CASES)
             }
-            turned = stress(
+            found = stress(
                 [one for searches, _ in cases.values() for one in searches[:most]], workers
             )
-        write_boundaries([*known, *turned], folder / "stress.csv")
+        write_boundaries([*known, *found], folder / "stress.csv")
         draw(known, docs)
-        lines = [HEAD.format(limits=kinds()), *beside(known)]
+        lines = [HEAD.format(limits=kinds()), *theory_section(known)]
         for name, (_, skipped) in cases.items():
-            lines += of_case(name, [one for one in turned if one.what == name], skipped)
+            lines += case_section(name, [one for one in found if one.what == name], skipped)
         (docs / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def small_models(store: Store, most: int | None = None) -> list[LimitSearch]:
-    """The first of the small models, all if not told how many, with their trials stored."""
+    """The searches of the first `most` small models, or of all, with their trials stored."""
     return [cache_trials(one, store) for one in islice(list_problems(), most)]
 
 
 def draw(known: Sequence[Boundary], docs: Path) -> None:
-    """The figure of the small models."""
+    """Write the figure of the small models."""
     with rc_context(RC):
         save(stress_figure(known), docs / "stress")
     (docs / "stress.svg").unlink()
@@ -183,14 +196,15 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
     """Search limits of some cases again, and write their rows into docs/stress.md."""
     file, store = ROOT / "docs" / "stress.md", Store(folder / "runs")
     for name in names:
-        _, title, rest = file.read_text(encoding="utf-8").partition("\n## Beside theory")
+        _, title, rest = file.read_text(encoding="utf-8").partition("\n## Comparison with theory")
         head = HEAD.format(limits=kinds())
         if name == THEORY:
             with pool() as workers:
                 known = stress(small_models(store), workers)
             draw(known, file.parent)
             cases = rest[rest.index("\n\n## ") :]
-            file.write_text(head + "\n" + "\n".join(beside(known)) + cases, encoding="utf-8")
+            section = "\n".join(theory_section(known))
+            file.write_text(f"{head}\n{section}{cases}", encoding="utf-8")
             continue
         searches, _ = extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
         asked = [
@@ -229,14 +243,14 @@ def key_of_row(row: str) -> tuple[str, ...]:
 
 
 def kinds() -> str:
-    """What the kinds of limits are, as a list."""
+    """A list of the kinds of limits, with a sentence for each."""
     return "\n".join(
         fill(f"- *{kind}*: {kind.sentence}.", 99, subsequent_indent="  ") for kind in BoundaryKind
     )
 
 
-def beside(known: Sequence[Boundary]) -> Iterator[str]:
-    """The table of what theory knows."""
+def theory_section(known: Sequence[Boundary]) -> Iterator[str]:
+    """The section with the small models whose limits theory predicts."""
     furthest = max(known, key=lambda one: abs(one.ratio - 1) if one.ratio == one.ratio else 9e9)
     yield KNOWN.format(
         near=sum(abs(one.ratio - 1) <= NEAR for one in known),
@@ -244,7 +258,7 @@ def beside(known: Sequence[Boundary]) -> Iterator[str]:
         within=NEAR,
         furthest=number(furthest.ratio, 4),
     )
-    yield "| model | solver | parameter | measured | kind | theory | ratio | law |"
+    yield "| model | solver | parameter | measured | kind | theory | ratio | formula |"
     yield "|---|---|---|---|---|---|---|---|"
     for one in known:
         yield (
@@ -253,13 +267,13 @@ def beside(known: Sequence[Boundary]) -> Iterator[str]:
         )
 
 
-def of_case(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Iterator[str]:
-    """The table of a case."""
+def case_section(name: str, found: Sequence[Boundary], skipped: Sequence[str]) -> Iterator[str]:
+    """The section of a case: its boundaries, and the parameters that were not varied."""
     yield f"\n## {name}\n"
     yield "| parameter | from | solver | boundary | theory | how it breaks |"
     yield "|---|---|---|---|---|---|"
     yield from map(row_of, found)
-    yield f"\nNot turned: {'; '.join(skipped)}."
+    yield f"\nNot varied: {'; '.join(skipped)}."
 
 
 def row_of(one: Boundary) -> str:
